@@ -1,0 +1,53 @@
+"""Riemannian shape analysis of human bodies.
+
+A body registered to a template mesh T is a map f: T → R³. The library sends it to its metric field
+and its normal field, Φ(f) = (g, n), measures distances there in closed form, and finds geodesics and
+means under the metrics pulled back by Φ, after Pierson, Daoudi and Tumpach, "A Riemannian Framework
+for Analysis of Human Body Surface", WACV 2022.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+__version__ = "0.1.0"
+
+_ROOM_OF_NAME = {
+    "AlignedSurfaces": "geometry.aligned_surfaces",
+    "ElasticMetric": "geometry.aligned_surfaces",
+    "EbinMetric": "geometry.metric_fields",
+    "MetricFields": "geometry.metric_fields",
+    "NormalFieldMetric": "geometry.normal_fields",
+    "NormalFields": "geometry.normal_fields",
+    "Manifold": "geometry.manifold",
+    "RiemannianMetric": "geometry.metric",
+    "ProductManifold": "geometry.product",
+    "ProductMetric": "geometry.product",
+    "PullbackMetric": "geometry.pullback",
+    "FlatMetric": "geometry.srnf",
+    "SRNFMetric": "geometry.srnf",
+    "SquareRootNormalFields": "geometry.srnf",
+    "Template": "surfaces.template",
+    "load_mesh": "surfaces.mesh_files",
+    "save_mesh": "surfaces.mesh_files",
+    "generalized_procrustes": "surfaces.procrustes",
+    "procrustes": "surfaces.procrustes",
+    "BodyModel": "bodies.body_model",
+    "RiemhumanError": "errors",
+}
+_ROOMS = ("bodies", "datasets", "errors", "geometry", "kernels", "retrieval", "surfaces")
+
+__all__ = [*_ROOM_OF_NAME, *_ROOMS]
+
+
+def __getattr__(name: str) -> Any:
+    if name in _ROOM_OF_NAME:
+        return getattr(importlib.import_module(f"{__name__}.{_ROOM_OF_NAME[name]}"), name)
+    if name in _ROOMS:
+        return importlib.import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])

@@ -1,0 +1,169 @@
+"""Checks on arguments: each says which argument was wrong, what was found and what was expected.
+
+Arrays traced by autograd pass through unchanged: their values are checked, the tape is kept.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from autograd.tracer import getval
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+
+Rng = int | np.random.Generator
+
+
+def values_of(array: Any) -> np.ndarray:
+    """Return the plain NumPy values of an array, traced by autograd or not."""
+    while array is not (value := getval(array)):
+        array = value
+    return np.asarray(array)
+
+
+def real_array(
+    array: Any,
+    name: str,
+    shape: Sequence[int | str] | None = None,
+    *,
+    batched: bool = True,
+    finite: bool = True,
+) -> Any:
+    """Return `array` as a float64 array after checking its shape and finiteness.
+
+    Parameters
+    ----------
+    array : array_like
+        The argument; an autograd box is returned as it is.
+    name : str
+        Name of the argument, for messages.
+    shape : sequence of int or str, optional
+        Expected trailing shape. A string stands for any length and is used in messages,
+        as in ``("n_points", 3)``. By default any shape will do.
+    batched : bool
+        Whether any number of leading axes may precede `shape`.
+    finite : bool
+        Whether NaN and infinite entries are refused.
+
+    Returns
+    -------
+    array : array, shape (..., *shape)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the argument does not convert to real numbers.
+    ArgumentError
+        If its shape is wrong or it holds NaN or infinite entries.
+    """
+    values = values_of(array)
+    if values.dtype.kind not in "fiub":
+        raise ArgumentTypeError(
+            f"{name} must be an array of real numbers; found {_describe(array, values)}"
+        )
+    if shape is not None:
+        check_shape(values, name, shape, batched=batched)
+    if finite and not np.isfinite(values).all():
+        bad = np.argwhere(~np.isfinite(values))
+        index = tuple(int(i) for i in bad[0])
+        raise ArgumentError(
+            f"{name} holds {len(bad)} NaN or infinite entries, the first at index {index}; "
+            "every entry must be finite"
+        )
+    if values is not array and hasattr(array, "_trace"):
+        return array
+    return np.asarray(values, dtype=np.float64)
+
+
+def check_shape(
+    values: np.ndarray, name: str, shape: Sequence[int | str], *, batched: bool = True
+) -> None:
+    """Refuse an array whose trailing shape is not `shape` (strings stand for any length)."""
+    trailing = values.shape[values.ndim - len(shape) :] if values.ndim >= len(shape) else None
+    fits = trailing is not None and all(
+        isinstance(expected, str) or expected == found
+        for expected, found in zip(shape, trailing, strict=True)
+    )
+    if not fits or (not batched and values.ndim != len(shape)):
+        expected = ", ".join(str(length) for length in (["..."] if batched else []) + list(shape))
+        raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
+
+
+def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:
+    """Return `array` as an int64 array of exactly this shape; whole-numbered floats are accepted."""
+    values = np.asarray(array)
+    if values.dtype.kind not in "iu" and not (
+        values.dtype.kind == "f" and np.isfinite(values).all() and (values == values.round()).all()
+    ):
+        raise ArgumentTypeError(
+            f"{name} must be an array of whole numbers; found {_describe(array, values)}"
+        )
+    check_shape(values, name, shape, batched=False)
+    return values.astype(np.int64)
+
+
+def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool = False) -> float:
+    """Return `value` as a finite float that is at least (if `strict`, above) `minimum`."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError) as error:
+        raise ArgumentTypeError(f"{name} must be a real number; found {value!r}") from error
+    if not np.isfinite(number) or number < minimum or (strict and number == minimum):
+        bound = "" if minimum == -np.inf else f" {'above' if strict else 'of at least'} {minimum:g}"
+        raise ArgumentError(f"{name} must be a finite number{bound}; found {number!r}")
+    return number
+
+
+def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
+    """Return `value` as an int that is at least `minimum`."""
+    try:
+        number = operator.index(value)
+    except TypeError as error:
+        raise ArgumentTypeError(f"{name} must be a whole number; found {value!r}") from error
+    if minimum is not None and number < minimum:
+        raise ArgumentError(f"{name} must be a whole number of at least {minimum}; found {number}")
+    return number
+
+
+def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
+    """Return `value` if it is one of `choices`."""
+    if value not in choices:
+        listed = ", ".join(repr(choice) for choice in choices)
+        raise ArgumentError(f"{name} must be one of {listed}; found {value!r}")
+    return value
+
+
+def generator(rng: Rng) -> np.random.Generator:
+    """Return a NumPy generator: the one given, or a new one with the given seed."""
+    if isinstance(rng, np.random.Generator):
+        return rng
+    return np.random.default_rng(whole_number(rng, "rng", minimum=0))
+
+
+def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None:
+    """Raise an error naming the first bad triangle, its surface if there are several, the count.
+
+    Parameters
+    ----------
+    bad : array of bool, shape (..., F)
+        Triangles to refuse.
+    message : str
+        What was expected.
+    error : type
+        Class of the error.
+    """
+    if not bad.any():
+        return
+    *leading, triangle = (int(i) for i in np.argwhere(bad)[0])
+    where = f" of item {tuple(leading)}" if leading else ""
+    count = int(bad.sum())
+    others = "" if count == 1 else f", the first of {count} such triangles"
+    raise error(f"{message}; found otherwise at triangle {triangle}{where}{others}")
+
+
+def _describe(array: Any, values: np.ndarray) -> str:
+    kind = type(array).__name__
+    return f"{kind} of dtype {values.dtype}" if values.ndim else f"{kind} {array!r}"

@@ -1,0 +1,412 @@
+"""The abstract Riemannian metric: two primitives, and all that follows from them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any, Protocol
+
+import autograd.numpy as np
+from autograd import elementwise_grad
+from numpy import ndarray
+
+from riemhuman.checks import real_array, whole_number
+from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.kernels.scalars import square_root
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.manifold import Manifold
+
+
+class GeodesicSolver(Protocol):
+    """A strategy that finds a path of least energy between two points."""
+
+    def solve(self, metric: Any, start: ndarray, end: ndarray) -> Any:
+        """Return a result with attributes `path` and `energy`."""
+
+
+class RiemannianMetric:
+    r"""A Riemannian metric on a manifold.
+
+    A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
+    norm, distance, energy, length and their gradients by autograd follow. With
+    `squared_dist` alone the inner product is half its second derivative on the diagonal.
+
+    Parameters
+    ----------
+    space : Manifold
+        The manifold.
+    geodesic_solver : object, optional
+        Strategy with a method ``solve(metric, start, end)`` for geodesics and distances that have
+        no closed form, see `riemhuman.solvers`.
+
+    Notes
+    -----
+    A metric gets its parameters at construction and keeps them.
+    """
+
+    def __init__(self, space: Manifold, geodesic_solver: GeodesicSolver | None = None) -> None:
+        self.space = space
+        self.geodesic_solver = geodesic_solver
+
+    @property
+    def has_closed_form_dist(self) -> bool:
+        """Whether the class defines `squared_dist` itself."""
+        return type(self).squared_dist is not RiemannianMetric.squared_dist
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return the inner product of tangent vectors.
+
+        The default, for metrics that define `squared_dist` alone, is
+        :math:`\tfrac12 \partial_\varepsilon \langle \nabla_y d^2(x, x + \varepsilon a), b\rangle`
+        at ε = 0 by central differences of the exact gradient.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        if not self.has_closed_form_dist:
+            raise NotDefinedError(
+                f"{type(self).__name__} defines neither inner_product nor squared_dist; "
+                "one of the two is needed"
+            )
+        slope = elementwise_grad(lambda y: np.sum(self.squared_dist(base_point, y)))
+        axes = self.space._point_axes
+        size = np.max(np.abs(tangent_vec_a), axis=axes, keepdims=True)
+        step = 1e-4 * np.max(np.abs(base_point), axis=axes, keepdims=True)
+        step = np.where(step > 0, step, 1e-4) / np.where(size > 0, size, 1.0)
+        ahead = slope(base_point + step * tangent_vec_a)
+        behind = slope(base_point - step * tangent_vec_a)
+        return np.sum((ahead - behind) / (4.0 * step) * tangent_vec_b, axis=axes)
+
+    def squared_norm(self, vector: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the squared norm of tangent vectors.
+
+        Parameters
+        ----------
+        vector : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return self.inner_product(vector, vector, base_point)
+
+    def norm(self, vector: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the norm of tangent vectors.
+
+        Parameters
+        ----------
+        vector : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return square_root(self.squared_norm(vector, base_point))
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        r"""Return the squared distance of points.
+
+        Where the class has no closed form, it is the energy of the path that `geodesic_solver`
+        finds, for one pair of points.
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        """
+        return self._solve("squared_dist", point_a, point_b).energy
+
+    def dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        r"""Return the distance of points, with gradient 0 where they coincide.
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return square_root(self.squared_dist(point_a, point_b))
+
+    def dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
+        r"""Return all distances within a set of points.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+        """
+        return np.sqrt(self.squared_dist_pairwise(self.check_points(points), n_jobs))
+
+    def squared_dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
+        r"""Return all squared distances within a set of points, see `dist_pairwise`.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one.
+
+        Returns
+        -------
+        array, shape (n, n)
+        """
+        n_points = len(points)
+        squared = np.zeros((n_points, n_points))
+
+        def fill_row(i: int) -> None:
+            if self.has_closed_form_dist:
+                row = self.squared_dist(points[i], points[i + 1 :])
+            else:
+                row = np.array([self.squared_dist(points[i], other) for other in points[i + 1 :]])
+            squared[i, i + 1 :] = squared[i + 1 :, i] = row
+
+        with ThreadPoolExecutor(thread_count(n_jobs)) as pool:
+            list(pool.map(fill_row, range(n_points - 1)))
+        return squared
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the end point of the geodesic with this initial velocity after unit time.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Initial velocities.
+        base_point : array, shape (..., \*shape)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        NotDefinedError
+            If the metric has no closed form for it.
+        """
+        raise self._not_defined("exp")
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            End points.
+        base_point : array, shape (..., \*shape)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        NotDefinedError
+            If the metric has no closed form for it.
+        OutsideManifoldError
+            If no unique minimal geodesic inside the manifold exists.
+        """
+        raise self._not_defined("log")
+
+    def geodesic(
+        self,
+        initial_point: ndarray,
+        end_point: ndarray | None = None,
+        initial_tangent_vec: ndarray | None = None,
+    ) -> Callable[[Any], ndarray]:
+        r"""Return the geodesic between two points, or with an initial velocity.
+
+        Between two points it is the path that `geodesic_solver` finds, interpolated linearly
+        between its times; with an initial velocity it is exp(t v).
+
+        Parameters
+        ----------
+        initial_point : array, shape (..., \*shape)
+            Initial point.
+        end_point : array, shape (..., \*shape), optional
+            End point.
+        initial_tangent_vec : array, shape (..., \*shape), optional
+            Initial velocity; exactly one of the two is given.
+
+        Returns
+        -------
+        callable
+            Takes times in [0, 1], shape (n_times,) or a number, to points, shape
+            (..., n_times, \*shape).
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        """
+        initial_point = self.space.check_point(initial_point, "initial_point")
+        if (end_point is None) == (initial_tangent_vec is None):
+            raise ArgumentError("geodesic needs end_point or initial_tangent_vec, and not both")
+        if end_point is not None:
+            end_point = self.space.check_point(end_point, "end_point")
+            return self._geodesic_between(initial_point, end_point)
+        velocity = real_array(initial_tangent_vec, "initial_tangent_vec", self.space.shape)
+
+        def follow(t: Any) -> ndarray:
+            times = self._times(t)
+            return self.exp(
+                times * self._with_time_axis(velocity), self._with_time_axis(initial_point)
+            )
+
+        return follow
+
+    def energy(self, path: ndarray) -> ndarray:
+        r"""Return the energy of discrete paths with n segments.
+
+        :math:`n \sum_i d^2(x_i, x_{i+1})` where `squared_dist` has a closed form, else the finite
+        differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments
+        (equation 7 of the paper).
+
+        Parameters
+        ----------
+        path : array, shape (..., n_times, \*shape)
+            Paths.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        path = self._check_path(path)
+        n_segments = path.shape[-len(self.space.shape) - 1] - 1
+        return n_segments * np.sum(self._squared_segments(path), axis=-1)
+
+    def length(self, path: ndarray) -> ndarray:
+        r"""Return the length of discrete paths, the sum of the lengths of their segments.
+
+        Parameters
+        ----------
+        path : array, shape (..., n_times, \*shape)
+            Paths.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return np.sum(square_root(self._squared_segments(self._check_path(path))), axis=-1)
+
+    def check_points(self, points: ndarray, name: str = "points") -> ndarray:
+        r"""Return a set of points as a float64 array, or say what is wrong with it.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, \*shape)
+            Points.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+        """
+        return real_array(points, name, ("n_points", *self.space.shape), batched=False)
+
+    def _squared_segments(self, path: ndarray) -> ndarray:
+        before = (slice(None, -1), *self._whole_point)
+        after = (slice(1, None), *self._whole_point)
+        start, end = path[(..., *before)], path[(..., *after)]
+        if self.has_closed_form_dist:
+            return self.squared_dist(start, end)
+        return self.squared_norm(end - start, 0.5 * (start + end))
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        path = self._solve("geodesic", start, end).path
+
+        def follow(t: Any) -> ndarray:
+            position = self._times(t).reshape(-1) * (len(path) - 1)
+            index = np.clip(position.astype(int), 0, len(path) - 2)
+            weight = (position - index).reshape((-1,) + (1,) * len(self.space.shape))
+            return (1 - weight) * path[index] + weight * path[index + 1]
+
+        return follow
+
+    def _solve(self, name: str, start: ndarray, end: ndarray) -> Any:
+        if self.geodesic_solver is None:
+            raise self._not_defined(name)
+        if np.shape(start) != self.space.shape or np.shape(end) != self.space.shape:
+            raise ArgumentError(
+                f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
+                f"found {np.shape(start)} and {np.shape(end)}"
+            )
+        return self.geodesic_solver.solve(self, start, end)
+
+    def _not_defined(self, name: str) -> NotDefinedError:
+        return NotDefinedError(
+            f"{type(self).__name__} has no closed form for {name}; for geodesics pass a strategy "
+            "such as geodesic_solver=riemhuman.solvers.BasisPath(basis)"
+        )
+
+    @property
+    def _whole_point(self) -> tuple[slice, ...]:
+        return (slice(None),) * len(self.space.shape)
+
+    def _with_time_axis(self, point: ndarray) -> ndarray:
+        return np.expand_dims(point, -len(self.space.shape) - 1)
+
+    def _times(self, t: Any) -> ndarray:
+        """Return times with the axes of a point behind them."""
+        times = np.atleast_1d(real_array(t, "t"))
+        if times.ndim != 1:
+            raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
+        return times.reshape((-1,) + (1,) * len(self.space.shape))
+
+    def _check_path(self, path: ndarray) -> ndarray:
+        path = real_array(path, "path", ("n_times", *self.space.shape))
+        n_times = path.shape[-len(self.space.shape) - 1]
+        if n_times < 2:
+            raise ArgumentError(f"path must have at least two times; found {n_times}")
+        return path
+
+
+def thread_count(n_jobs: int | None) -> int:
+    """Return the number of threads that `n_jobs` asks for: None is 1, -1 is one a core."""
+    if n_jobs is None:
+        return 1
+    n_jobs = whole_number(n_jobs, "n_jobs")
+    if n_jobs == -1:
+        return os.cpu_count() or 1
+    if n_jobs < 1:
+        raise ArgumentError(f"n_jobs must be -1, or at least 1; found {n_jobs}")
+    return n_jobs

@@ -1,0 +1,336 @@
+"""Fields of metrics on a template, with the Ebin metric."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import (
+    Rng,
+    generator,
+    real_array,
+    real_number,
+    refuse_triangles,
+    values_of,
+)
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
+from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.kernels import ebin
+from riemhuman.kernels.sums import integrate
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
+
+
+class MetricFields(Manifold):
+    """Met(T): a symmetric positive definite 2 × 2 matrix on every triangle of a template.
+
+    Parameters
+    ----------
+    template : Template
+        The template T.
+    equip : bool
+        Whether to equip the manifold with `EbinMetric`.
+    """
+
+    def __init__(self, template: Template, equip: bool = True) -> None:
+        self.template = template
+        super().__init__(3 * template.n_faces, (template.n_faces, 2, 2), equip)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        """Return `EbinMetric`."""
+        return EbinMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        """Tell whether fields are symmetric and positive definite.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 2, 2)
+            Candidate metric fields.
+        atol : float
+            Absolute tolerance for symmetry.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        finite = self._has_shape(point)
+        symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
+        positive = (point[..., 0, 0] > 0) & ~ebin.is_degenerate(point)
+        return finite & np.all(symmetric & positive, axis=-1)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+        """Return the symmetric part.
+
+        Parameters
+        ----------
+        vector : array, shape (..., F, 2, 2)
+            Fields of matrices.
+        base_point : array, shape (..., F, 2, 2)
+            Metric fields; the tangent space is the same at all of them.
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+        """
+        return ebin.symmetric_part(vector)
+
+    def regularize(self, point: ndarray) -> ndarray:
+        """Return the symmetric part.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 2, 2)
+            Fields of matrices.
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+        """
+        return ebin.symmetric_part(point)
+
+    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+        """Draw fields exp(S) of symmetric normal matrices S, independent between triangles.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of fields.
+        rng : int or numpy.random.Generator
+            Seed, or the generator to draw from.
+
+        Returns
+        -------
+        array, shape (n_samples, F, 2, 2), or (F, 2, 2) for one sample
+        """
+        noise = generator(rng).standard_normal((n_samples, *self.shape))
+        logarithm = 0.5 * ebin.symmetric_part(noise)
+        size = np.exp(0.5 * ebin.trace(logarithm))[..., None, None]
+        factor = np.ones(logarithm.shape[:-2])
+        points = size * ebin.traceless_exp(ebin.traceless(logarithm), factor)
+        return stack_samples(points, n_samples)
+
+    def check_point(
+        self, point: ndarray, name: str = "point", *, completion: bool = False
+    ) -> ndarray:
+        """Return metric fields as float64 arrays, or say what is wrong with them.
+
+        Parameters
+        ----------
+        point : array_like, shape (..., F, 2, 2)
+            Metric fields.
+        name : str
+            Name of the argument, for messages.
+        completion : bool
+            Whether degenerate matrices are legal, as in the completion of Met(T).
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong, or an entry is not finite, or a matrix is not symmetric and
+            positive semidefinite.
+        DegenerateSurfaceError
+            If a matrix is singular and `completion` is false.
+        """
+        point = real_array(point, name, self.shape)
+        g = values_of(point)
+        size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
+        crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size
+        degenerate = ebin.is_degenerate(g)
+        rounding = 1e-9 * size**2
+        negative = (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (ebin.determinants(g) < -rounding)
+        refuse_triangles(crooked, f"{name} must hold symmetric matrices", ArgumentError)
+        refuse_triangles(
+            negative, f"{name} must hold positive semidefinite matrices", ArgumentError
+        )
+        if not completion:
+            refuse_triangles(
+                degenerate, f"{name} must hold invertible matrices", DegenerateSurfaceError
+            )
+        return point
+
+
+class EbinMetric(RiemannianMetric):
+    r"""The Ebin (DeWitt) metric on Met(T).
+
+    .. math:: ((\delta g,\delta g))_g = \int_T \left(\operatorname{tr}((g^{-1}\delta g_0)^2)
+              + \lambda\operatorname{tr}(g^{-1}\delta g)^2\right) \mu_g
+
+    Equation 2 of the paper, corrected: both terms are under the integral.
+
+    Parameters
+    ----------
+    space : MetricFields
+        The manifold.
+    lam : float
+        λ > 0. The default ½ is the metric :math:`\int\operatorname{tr}((g^{-1}\delta g)^2)\mu_g`.
+    geodesic_solver : object, optional
+        Not needed: geodesics have a closed form.
+
+    Raises
+    ------
+    ArgumentError
+        If λ is not positive: the metric would be degenerate.
+    """
+
+    space: MetricFields
+
+    def __init__(
+        self,
+        space: MetricFields,
+        lam: float = 0.5,
+        geodesic_solver: GeodesicSolver | None = None,
+    ) -> None:
+        super().__init__(space, geodesic_solver)
+        self._lam = real_number(lam, "lam", minimum=0.0, strict=True)
+
+    @property
+    def lam(self) -> float:
+        """The weight λ of the change of area."""
+        return self._lam
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return the inner product of tangent vectors (equation 2, corrected).
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., F, 2, 2)
+            Symmetric fields.
+        base_point : array, shape (..., F, 2, 2)
+            Metric field.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        values = ebin.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
+        return integrate(values, self.space.template.face_areas)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return the squared distance in the completion of Met(T) (Theorem 1, corrected).
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., F, 2, 2)
+            Metric fields; degenerate matrices are legal.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        point_a = self.space.check_point(point_a, "point_a", completion=True)
+        point_b = self.space.check_point(point_b, "point_b", completion=True)
+        return integrate(
+            ebin.squared_dist(point_a, point_b, self.lam), self.space.template.face_areas
+        )
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Return the end point of the geodesic with this initial velocity.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., F, 2, 2)
+            Symmetric fields.
+        base_point : array, shape (..., F, 2, 2)
+            Metric field.
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If the geodesic has met the apex g = 0 on some triangle.
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        end, met_apex = ebin.exp(tangent_vec, base_point, self.lam)
+        refuse_triangles(
+            values_of(met_apex),
+            "tangent_vec is too long: the geodesic reaches g = 0 before unit time",
+            OutsideManifoldError,
+        )
+        return end
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        """Return the initial velocity of the minimal geodesic.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 2, 2)
+            End points.
+        base_point : array, shape (..., F, 2, 2)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If the minimal path runs through g = 0 on some triangle (θ ≥ π), so that it is no
+            geodesic of Met(T).
+        """
+        point = self.space.check_point(point, "point")
+        base_point = self.space.check_point(base_point, "base_point")
+        refuse_triangles(
+            values_of(ebin.angle(base_point, point, self.lam)) >= np.pi,
+            "point has no logarithm at base_point: the minimal path runs through g = 0",
+            OutsideManifoldError,
+        )
+        return ebin.log(base_point, point, self.lam)
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        def follow(t: Any) -> ndarray:
+            times = self._times(t)[..., 0, 0]
+            start_, end_ = self._with_time_axis(start), self._with_time_axis(end)
+            shape = np.broadcast_shapes(start_.shape, end_.shape)[:-2]
+            shape = (*shape[:-2], len(times), shape[-1])
+            return ebin.geodesic(start_, end_, np.broadcast_to(times, shape), self.lam)
+
+        return follow
+
+    def geodesic(
+        self,
+        initial_point: ndarray,
+        end_point: ndarray | None = None,
+        initial_tangent_vec: ndarray | None = None,
+    ) -> Callable[[Any], ndarray]:
+        """Return the geodesic; between two points, the minimal path of the completion.
+
+        Where θ ≥ π, or an end point is degenerate, that path runs straight through g = 0.
+
+        Parameters
+        ----------
+        initial_point : array, shape (..., F, 2, 2)
+            Initial point.
+        end_point : array, shape (..., F, 2, 2), optional
+            End point; degenerate matrices are legal at both ends.
+        initial_tangent_vec : array, shape (..., F, 2, 2), optional
+            Initial velocity; exactly one of the two is given.
+
+        Returns
+        -------
+        callable
+            Takes times, shape (n_times,), to metric fields, shape (..., n_times, F, 2, 2).
+        """
+        if end_point is None or initial_tangent_vec is not None:
+            return super().geodesic(initial_point, end_point, initial_tangent_vec)
+        return self._geodesic_between(
+            self.space.check_point(initial_point, "initial_point", completion=True),
+            self.space.check_point(end_point, "end_point", completion=True),
+        )

@@ -1,0 +1,259 @@
+"""Fields of unit normals on a template, with the metric of a product of spheres."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
+from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels import sphere
+from riemhuman.kernels.sums import integrate
+from riemhuman.kernels.surface import dot
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
+
+
+class NormalFields(Manifold):
+    """C^∞(T, S²): a unit vector on every triangle of a template.
+
+    Parameters
+    ----------
+    template : Template
+        The template T.
+    equip : bool
+        Whether to equip the manifold with `NormalFieldMetric`.
+    """
+
+    def __init__(self, template: Template, equip: bool = True) -> None:
+        self.template = template
+        super().__init__(2 * template.n_faces, (template.n_faces, 3), equip)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        """Return `NormalFieldMetric`."""
+        return NormalFieldMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        """Tell whether all vectors have unit length.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 3)
+            Candidate normal fields.
+        atol : float
+            Absolute tolerance for the lengths.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        finite = self._has_shape(point)
+        return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+        """Remove the components along the normals.
+
+        Parameters
+        ----------
+        vector : array, shape (..., F, 3)
+            Fields of vectors.
+        base_point : array, shape (..., F, 3)
+            Normal fields.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+        return sphere.to_tangent(vector, base_point)
+
+    def regularize(self, point: ndarray) -> ndarray:
+        """Scale all vectors to unit length.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 3)
+            Fields of vectors other than 0.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+        return point / np.sqrt(dot(point, point))[..., None]
+
+    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+        """Draw independent uniform unit vectors.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of fields.
+        rng : int or numpy.random.Generator
+            Seed, or the generator to draw from.
+
+        Returns
+        -------
+        array, shape (n_samples, F, 3), or (F, 3) for one sample
+        """
+        noise = generator(rng).standard_normal((n_samples, *self.shape))
+        return stack_samples(self.regularize(noise), n_samples)
+
+    def check_point(self, point: ndarray, name: str = "point") -> ndarray:
+        """Return normal fields as float64 arrays, or say what is wrong with them.
+
+        Parameters
+        ----------
+        point : array_like, shape (..., F, 3)
+            Normal fields.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong, or an entry is not finite, or a vector is not of unit length
+            to 1e-6.
+        """
+        point = real_array(point, name, self.shape)
+        values = values_of(point)
+        refuse_triangles(
+            np.abs(dot(values, values) - 1.0) > 2e-6,
+            f"{name} must hold unit vectors",
+            ArgumentError,
+        )
+        return point
+
+
+class NormalFieldMetric(RiemannianMetric):
+    r"""The metric :math:`\int_T \langle\delta n, \delta n\rangle\, dx` of a product of spheres.
+
+    The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
+    transport are those of the sphere on every triangle.
+    """
+
+    space: NormalFields
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return the inner product of tangent vectors.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3)
+            Tangent fields.
+        base_point : array, shape (..., F, 3)
+            Normal field; the inner product is the same at all of them.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return integrate(dot(tangent_vec_a, tangent_vec_b), self.space.template.face_areas)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return Σ_t w_t θ_t², θ_t the angle of the two normals (Theorem 2).
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., F, 3)
+            Normal fields.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        return integrate(sphere.squared_dist(point_a, point_b), self.space.template.face_areas)
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Follow great circles for unit time.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., F, 3)
+            Tangent fields.
+        base_point : array, shape (..., F, 3)
+            Normal fields.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        return sphere.exp(tangent_vec, base_point)
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        """Return the initial velocity of the shortest great circles.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 3)
+            End points.
+        base_point : array, shape (..., F, 3)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If two normals are antipodal: there is no unique shortest path.
+        """
+        point = self.space.check_point(point, "point")
+        base_point = self.space.check_point(base_point, "base_point")
+        refuse_triangles(
+            values_of(sphere.angle(base_point, point)) >= np.pi,
+            "point has no unique logarithm at base_point: two normals are antipodal",
+            OutsideManifoldError,
+        )
+        return sphere.log(base_point, point)
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        """Transport tangent vectors in parallel along geodesics.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., F, 3)
+            Tangent fields at `base_point`.
+        base_point : array, shape (..., F, 3)
+            Normal fields.
+        direction : array, shape (..., F, 3), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., F, 3), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+        if (direction is None) == (end_point is None):
+            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        if end_point is not None:
+            direction = self.log(end_point, base_point)
+        direction = real_array(direction, "direction", self.space.shape)
+        return sphere.parallel_transport(tangent_vec, base_point, direction)
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        return self.geodesic(start, initial_tangent_vec=self.log(end, start))

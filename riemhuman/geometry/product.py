@@ -1,0 +1,377 @@
+"""Products of manifolds, with weighted sums of their metrics."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, real_number
+from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+
+
+class ProductManifold(Manifold):
+    """The product of manifolds; a point is the concatenation of its flattened factors.
+
+    Parameters
+    ----------
+    factors : sequence of Manifold
+        Manifolds, each equipped with a metric.
+    equip : bool
+        Whether to equip the product with `ProductMetric`.
+    """
+
+    def __init__(self, factors: Sequence[Manifold], equip: bool = True) -> None:
+        if not factors:
+            raise ArgumentError("factors must hold at least one manifold; found none")
+        self.factors = tuple(factors)
+        sizes = [int(np.prod(factor.shape)) for factor in self.factors]
+        self._ends = np.cumsum(sizes).tolist()
+        super().__init__(sum(factor.dim for factor in self.factors), (sum(sizes),), equip)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        """Return `ProductMetric`."""
+        return ProductMetric
+
+    def embed_to_product(self, points: Sequence[ndarray]) -> ndarray:
+        """Join points or tangent vectors of the factors.
+
+        Parameters
+        ----------
+        points : sequence of array, the k-th of shape (..., *factors[k].shape)
+            Points of the factors.
+
+        Returns
+        -------
+        array, shape (..., size)
+        """
+        if len(points) != len(self.factors):
+            raise ArgumentError(
+                f"points must hold one array for each of {len(self.factors)} factors; "
+                f"found {len(points)}"
+            )
+        flat = []
+        for k, (factor, point) in enumerate(zip(self.factors, points, strict=True)):
+            point = real_array(point, f"points[{k}]", factor.shape)
+            flat.append(np.reshape(point, point.shape[: -len(factor.shape)] + (-1,)))
+        leading = np.broadcast_shapes(*(point.shape[:-1] for point in flat))
+        # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
+        flat = [point + np.zeros((*leading, 1)) for point in flat]
+        return np.concatenate(flat, axis=-1)
+
+    def project_from_product(self, point: ndarray) -> tuple[ndarray, ...]:
+        """Split a point or tangent vector into its factors.
+
+        Parameters
+        ----------
+        point : array, shape (..., size)
+            Points of the product.
+
+        Returns
+        -------
+        tuple of array, the k-th of shape (..., *factors[k].shape)
+        """
+        return tuple(self.component(point, k) for k in range(len(self.factors)))
+
+    def component(self, point: ndarray, index: int) -> ndarray:
+        """Return one factor of a point or tangent vector.
+
+        Parameters
+        ----------
+        point : array, shape (..., size)
+            Points of the product.
+        index : int
+            Which factor.
+
+        Returns
+        -------
+        array, shape (..., *factors[index].shape)
+        """
+        point = real_array(point, "point", self.shape, finite=False)
+        start = self._ends[index - 1] if index else 0
+        flat = point[..., start : self._ends[index]]
+        return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        """Tell whether every component belongs to its factor.
+
+        Parameters
+        ----------
+        point : array, shape (..., size)
+            Candidate points.
+        atol : float
+            Absolute tolerance.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        components = self.project_from_product(point)
+        verdicts = [
+            factor.belongs(component, atol)
+            for factor, component in zip(self.factors, components, strict=True)
+        ]
+        return np.all(np.stack(verdicts), axis=0)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+        """Project every component to the tangent space of its factor.
+
+        Parameters
+        ----------
+        vector : array, shape (..., size)
+            Arrays.
+        base_point : array, shape (..., size)
+            Points.
+
+        Returns
+        -------
+        array, shape (..., size)
+        """
+        return self._each("to_tangent", vector, base_point)
+
+    def regularize(self, point: ndarray) -> ndarray:
+        """Regularize every component.
+
+        Parameters
+        ----------
+        point : array, shape (..., size)
+            Arrays near the product.
+
+        Returns
+        -------
+        array, shape (..., size)
+        """
+        return self._each("regularize", point)
+
+    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+        """Draw random points of all factors.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of points.
+        rng : int or numpy.random.Generator
+            Seed, or the generator to draw from.
+
+        Returns
+        -------
+        array, shape (n_samples, size), or (size,) for one sample
+        """
+        rng = generator(rng)
+        samples = [
+            factor.random_point(n_samples, rng).reshape(n_samples, *factor.shape)
+            for factor in self.factors
+        ]
+        return stack_samples(self.embed_to_product(samples), n_samples)
+
+    def _each(self, method: str, *points: ndarray) -> ndarray:
+        components = zip(*(self.project_from_product(point) for point in points), strict=True)
+        return self.embed_to_product(
+            [
+                getattr(factor, method)(*arguments)
+                for factor, arguments in zip(self.factors, components, strict=True)
+            ]
+        )
+
+
+class ProductMetric(RiemannianMetric):
+    """The weighted sum of the metrics of the factors.
+
+    A factor of weight 0 is left out of distances and inner products, and not even looked at.
+
+    Parameters
+    ----------
+    space : ProductManifold
+        The product of equipped manifolds.
+    weights : sequence of float, optional
+        A weight w_k ≥ 0 for each factor, not all 0; by default all are 1.
+    geodesic_solver : object, optional
+        Strategy for geodesics that have no closed form.
+    """
+
+    space: ProductManifold
+
+    def __init__(
+        self,
+        space: ProductManifold,
+        weights: Sequence[float] | None = None,
+        geodesic_solver: GeodesicSolver | None = None,
+    ) -> None:
+        super().__init__(space, geodesic_solver)
+        count = len(space.factors)
+        if weights is None:
+            weights = [1.0] * count
+        if len(weights) != count:
+            raise ArgumentError(
+                f"weights must hold one number for each of {count} factors; found {len(weights)}"
+            )
+        self._weights = tuple(
+            real_number(weight, f"weights[{k}]", minimum=0.0) for k, weight in enumerate(weights)
+        )
+        if not any(self._weights):
+            raise ArgumentError("weights must not all be 0: every distance would be 0")
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """The weights of the factors."""
+        return self._weights
+
+    @property
+    def has_closed_form_dist(self) -> bool:
+        """Whether the metrics of all factors have a closed form."""
+        return all(factor.metric.has_closed_form_dist for _, factor, _ in self._weighted_factors())
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return Σ_k w_k ⟨a_k, b_k⟩.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., size)
+            Tangent vectors.
+        base_point : array, shape (..., size)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return self._sum("inner_product", tangent_vec_a, tangent_vec_b, base_point)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return Σ_k w_k d_k² (Theorem 2).
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., size)
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return self._sum("squared_dist", point_a, point_b)
+
+    def squared_dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
+        """Return all squared distances, Σ_k w_k d_k².
+
+        Parameters
+        ----------
+        points : array, shape (n, size)
+            Points.
+        n_jobs : int, optional
+            Number of threads.
+
+        Returns
+        -------
+        array, shape (n, n)
+        """
+        return sum(
+            weight * factor.metric.squared_dist_pairwise(self.space.component(points, k), n_jobs)
+            for k, factor, weight in self._weighted_factors()
+        )
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Return the exponential of every factor.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., size)
+            Initial velocities.
+        base_point : array, shape (..., size)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., size)
+        """
+        return self._join("exp", tangent_vec, base_point)
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        """Return the logarithm of every factor.
+
+        Parameters
+        ----------
+        point : array, shape (..., size)
+            End points.
+        base_point : array, shape (..., size)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., size)
+        """
+        return self._join("log", point, base_point)
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        """Transport in every factor.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., size)
+            Tangent vectors at `base_point`.
+        base_point : array, shape (..., size)
+            Base points.
+        direction : array, shape (..., size), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., size), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., size)
+
+        Raises
+        ------
+        NotDefinedError
+            If the metric of a factor has no parallel transport.
+        """
+        for factor in self.space.factors:
+            if not hasattr(factor.metric, "parallel_transport"):
+                raise NotDefinedError(f"{type(factor.metric).__name__} has no parallel transport")
+        if (direction is None) == (end_point is None):
+            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        if end_point is not None:
+            direction = self.log(end_point, base_point)
+        return self._join("parallel_transport", tangent_vec, base_point, direction)
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        components = zip(
+            self.space.factors,
+            self.space.project_from_product(start),
+            self.space.project_from_product(end),
+            strict=True,
+        )
+        curves = [factor.metric.geodesic(a, end_point=b) for factor, a, b in components]
+        return lambda t: self.space.embed_to_product([curve(t) for curve in curves])
+
+    def _weighted_factors(self) -> list[tuple[int, Manifold, float]]:
+        triples = zip(range(len(self.weights)), self.space.factors, self.weights, strict=True)
+        return [triple for triple in triples if triple[2] > 0]
+
+    def _sum(self, method: str, *points: ndarray) -> ndarray:
+        return sum(
+            weight
+            * getattr(factor.metric, method)(*(self.space.component(point, k) for point in points))
+            for k, factor, weight in self._weighted_factors()
+        )
+
+    def _join(self, method: str, *points: Any) -> ndarray:
+        components = zip(*(self.space.project_from_product(point) for point in points), strict=True)
+        return self.space.embed_to_product(
+            [
+                getattr(factor.metric, method)(*arguments)
+                for factor, arguments in zip(self.space.factors, components, strict=True)
+            ]
+        )

@@ -1,0 +1,131 @@
+"""The pull-back of a metric by a differentiable map."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array
+from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.kernels import linear
+
+
+class PullbackMetric(RiemannianMetric):
+    r"""The pull-back of any metric by any autograd-differentiable map φ.
+
+    .. math:: \langle a, b\rangle_x = \langle d_x\varphi(a), d_x\varphi(b)\rangle_{\varphi(x)},
+              \qquad d(x, y) = d_{target}(\varphi(x), \varphi(y))
+
+    `dist` is the distance of the images (equation 4 of the paper). It bounds the length of every
+    path between x and y from below; `length` and `energy` are those of a path.
+
+    Parameters
+    ----------
+    space : Manifold
+        The manifold the metric is pulled back to.
+    target_metric : RiemannianMetric
+        Metric on the image.
+    map : callable
+        φ, from arrays (..., \*space.shape) to (..., \*target_metric.space.shape), acting on each
+        point of a batch by itself, written with `autograd.numpy`.
+    geodesic_solver : object, optional
+        Strategy for geodesics, which have no closed form.
+    """
+
+    def __init__(
+        self,
+        space: Manifold,
+        target_metric: RiemannianMetric,
+        map: Callable[[ndarray], ndarray],
+        geodesic_solver: GeodesicSolver | None = None,
+    ) -> None:
+        super().__init__(space, geodesic_solver)
+        self.target_metric = target_metric
+        self.map = map
+
+    @property
+    def has_closed_form_dist(self) -> bool:
+        """Whether the target metric has a closed form."""
+        return self.target_metric.has_closed_form_dist
+
+    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Apply the differential of φ to tangent vectors.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape)
+            Base points.
+
+        Returns
+        -------
+        array, shape (..., \*target_shape)
+        """
+        base_point = base_point + np.zeros(np.shape(tangent_vec))
+        return linear.differential(self.map, tangent_vec, base_point)
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return the inner product of the images of tangent vectors.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        image_a = self.differential(tangent_vec_a, base_point)
+        if tangent_vec_b is tangent_vec_a:
+            image_b = image_a
+        else:
+            tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+            image_b = self.differential(tangent_vec_b, base_point)
+        return self.target_metric.inner_product(image_a, image_b, self.map(base_point))
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        r"""Return the squared distance of the images.
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))
+
+    def squared_dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
+        r"""Return all squared distances of the images, each point mapped once.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+        n_jobs : int, optional
+            Number of threads.
+
+        Returns
+        -------
+        array, shape (n, n)
+        """
+        images = self.map(self.space.check_point(points, "points"))
+        return self.target_metric.squared_dist_pairwise(images, n_jobs)
+
+    def _squared_segments(self, path: ndarray) -> ndarray:
+        return self.target_metric._squared_segments(self.map(path))

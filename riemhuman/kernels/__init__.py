@@ -1,0 +1,1 @@
+"""The mathematics as free functions on arrays, differentiable with autograd."""

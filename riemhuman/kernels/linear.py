@@ -1,0 +1,76 @@
+"""Sparse linear operators on the vertex axis, and differentials, as autograd knows them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import autograd.numpy as np
+from autograd.core import make_vjp
+from autograd.extend import defjvp, defvjp, primitive
+from numpy import ndarray
+from scipy.sparse import csr_matrix
+
+
+@primitive
+def apply_operator(operator: csr_matrix, values: ndarray) -> ndarray:
+    """Apply a sparse operator along the second to last axis.
+
+    Registered as an autograd primitive whose transpose is the transposed operator: gathering
+    vertices by index has a transpose far slower than its forward pass.
+
+    Parameters
+    ----------
+    operator : csr_matrix, shape (m, V)
+        The linear operator.
+    values : array, shape (..., V, d)
+        Values at the vertices.
+
+    Returns
+    -------
+    array, shape (..., m, d)
+    """
+    if values.ndim == 2:
+        return operator @ values
+    *leading, length, width = values.shape
+    columns = np.moveaxis(values, -2, 0).reshape(length, -1)
+    return np.moveaxis((operator @ columns).reshape(-1, *leading, width), 0, -2)
+
+
+defvjp(
+    apply_operator,
+    lambda answer, operator, values: lambda upstream: apply_operator(operator.T, upstream),
+    argnums=(1,),
+)
+defjvp(
+    apply_operator,
+    lambda tangent, answer, operator, values: apply_operator(operator, tangent),
+    argnums=(1,),
+)
+
+
+def differential(map: Callable[[Any], Any], tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    r"""Apply the differential of a map to tangent vectors, :math:`d_x\varphi(v)`.
+
+    The transposed differential :math:`w \mapsto d_x\varphi^T w` that reverse-mode automatic
+    differentiation gives is linear in w, so its own gradient along v is
+    :math:`d_x\varphi(v)`. This asks for nothing but reverse-mode rules, which every autograd
+    function has.
+
+    Parameters
+    ----------
+    map : callable
+        Differentiable map from (..., \*shape) to (..., \*image_shape), acting on each point of a
+        batch by itself.
+    tangent_vec : array, shape (..., \*shape)
+        Tangent vectors v.
+    base_point : array, shape (..., \*shape)
+        Base points x, already broadcast with `tangent_vec`.
+
+    Returns
+    -------
+    array, shape (..., \*image_shape)
+    """
+    pull_back, image = make_vjp(map, base_point)
+    transposed, _ = make_vjp(pull_back, np.zeros_like(image))
+    return transposed(tangent_vec)

@@ -1,0 +1,18 @@
+"""Optional dependencies: imported when used, and named with the line that installs them."""
+
+from __future__ import annotations
+
+import importlib
+from types import ModuleType
+
+from riemhuman.errors import MissingDependencyError
+
+
+def import_optional(module: str, extra: str) -> ModuleType:
+    """Import `module`, or raise a `MissingDependencyError` naming the extra that brings it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingDependencyError(
+            f"{module} is needed for this and is not installed: pip install 'riemhuman[{extra}]'"
+        ) from error
