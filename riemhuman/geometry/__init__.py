@@ -1,1 +1,1 @@
-"""Manifolds and Riemannian metrics: metric fields, normal fields, products, pull-backs, surfaces."""
+"""Manifolds and metrics: metric fields, normal fields, products, pull-backs, surfaces."""

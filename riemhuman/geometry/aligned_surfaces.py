@@ -16,12 +16,12 @@ from riemhuman.checks import (
     values_of,
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels import surface
 
 if TYPE_CHECKING:
@@ -65,9 +65,8 @@ class AlignedSurfaces(Manifold):
         -------
         array of bool, shape (...)
         """
-        finite = self._has_shape(point)
-        safe = np.where(finite[..., None, None], point, 0.0)
-        return finite & ~np.any(self._is_degenerate(*self._derivatives(safe)), axis=-1)
+        point, finite = self._finite_values(point, "point")
+        return finite & ~np.any(self._is_degenerate(*self._derivatives(point)), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
         """Return the vector itself: every deformation is tangent.
@@ -99,7 +98,8 @@ class AlignedSurfaces(Manifold):
         -------
         array, shape (n_samples, V, 3), or (V, 3) for one sample
         """
-        maps = np.eye(3) + 0.2 * generator(rng).uniform(-1.0, 1.0, (n_samples, 3, 3))
+        noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
+        maps = np.eye(3) + 0.2 * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
 
     def to_fields(self, f: ndarray) -> tuple[ndarray, ndarray]:
@@ -225,6 +225,29 @@ class AlignedSurfaces(Manifold):
         """
         return real_array(point, name, self.shape)
 
+    def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
+        """Return surfaces as float64 arrays, refusing those with triangles without area.
+
+        Parameters
+        ----------
+        f : array_like, shape (..., V, 3)
+            Surfaces.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle has no area, so that g is not invertible there and has no normal.
+        """
+        f = self.check_point(f, name)
+        self._refuse_degenerate(*self._derivatives(f))
+        return f
+
     def _derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
         return surface.partial_derivatives(f, self.template.differential_operator)
 
@@ -245,7 +268,7 @@ class AlignedSurfaces(Manifold):
         return surface.is_degenerate(values_of(f_u), values_of(f_v))
 
 
-class ElasticMetric(PullbackMetric):
+class ElasticMetric(SurfaceMetric):
     r"""The pull-back by Φ of a · (Ebin metric) + c · (metric of normal fields).
 
     .. math:: d(f_1, f_2)^2 = a\, d^\lambda(g_1, g_2)^2 + c\int_T d_{S^2}(n_1, n_2)^2\, dx
@@ -332,6 +355,10 @@ class ElasticMetric(PullbackMetric):
         array, shape (..., size)
         """
         return self._join(*self.space.to_fields_differential(tangent_vec, base_point))
+
+    @property
+    def _weights(self) -> dict[str, float]:
+        return {"a": self.a, "lam": self.lam, "c": self.c}
 
     def _weighted_fields(self, f: ndarray) -> ndarray:
         metric_field = self.space.metric_field(f) if self.a > 0 else None

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, Self
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, check_shape, generator, real_array, values_of, whole_number
+from riemhuman.checks import Rng, generator, real_array, values_of, whole_number
+from riemhuman.errors import ArgumentTypeError
 
 if TYPE_CHECKING:
     from riemhuman.geometry.metric import RiemannianMetric
@@ -67,10 +68,17 @@ class Manifold(ABC):
         -------
         Manifold
             The manifold itself.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If no class is named and the manifold has no default metric.
         """
         metric_class = metric_class or self.default_metric()
         if metric_class is None:
-            raise TypeError(f"{type(self).__name__} has no default metric: name a metric class")
+            raise ArgumentTypeError(
+                f"metric_class must be named: {type(self).__name__} has no default metric"
+            )
         self.metric = metric_class(self, **parameters)
         return self
 
@@ -138,9 +146,11 @@ class Manifold(ABC):
         -------
         array of bool, shape (...)
         """
-        vector = real_array(vector, "vector", self.shape, finite=False)
+        base_point = self.check_point(base_point, "base_point")
+        vector, finite = self._finite_values(vector, "vector")
+        vector = vector + np.zeros_like(base_point)
         error = np.abs(vector - self.to_tangent(vector, base_point))
-        return np.all(error <= atol, axis=self._point_axes)
+        return finite & np.all(error <= atol, axis=self._point_axes)
 
     def random_tangent_vec(self, base_point: ndarray, n_samples: int = 1, rng: Rng = 0) -> ndarray:
         r"""Draw random tangent vectors.
@@ -159,7 +169,7 @@ class Manifold(ABC):
         array, shape (n_samples, ..., \*shape), or (..., \*shape) for one sample
         """
         base_point = self.check_point(base_point, "base_point")
-        n_samples = whole_number(n_samples, "n_samples", minimum=1)
+        n_samples = sample_count(n_samples)
         leading = () if n_samples == 1 else (n_samples,)
         noise = generator(rng).standard_normal(leading + base_point.shape)
         return self.to_tangent(noise, base_point)
@@ -203,10 +213,16 @@ class Manifold(ABC):
     def _point_axes(self) -> tuple[int, ...]:
         return tuple(range(-len(self.shape), 0))
 
-    def _has_shape(self, point: ndarray) -> ndarray:
-        values = values_of(point)
-        check_shape(values, "point", self.shape)
-        return np.all(np.isfinite(values), axis=self._point_axes)
+    def _finite_values(self, array: ndarray, name: str) -> tuple[ndarray, ndarray]:
+        """Return the arrays, 0 in place of those that are not finite, and which are finite."""
+        values = real_array(values_of(array), name, self.shape, finite=False)
+        finite = np.all(np.isfinite(values), axis=self._point_axes)
+        return np.where(np.expand_dims(finite, self._point_axes), values, 0.0), finite
+
+
+def sample_count(n_samples: int) -> int:
+    """Return the number of samples asked for, at least one."""
+    return whole_number(n_samples, "n_samples", minimum=1)
 
 
 def stack_samples(samples: ndarray, n_samples: int) -> ndarray:

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, Protocol
 
 import autograd.numpy as np
-from autograd import elementwise_grad
+from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import real_array, whole_number
@@ -55,6 +55,16 @@ class RiemannianMetric:
         """Whether the class defines `squared_dist` itself."""
         return type(self).squared_dist is not RiemannianMetric.squared_dist
 
+    @property
+    def has_inner_product(self) -> bool:
+        """Whether the class defines `inner_product` itself."""
+        return type(self).inner_product is not RiemannianMetric.inner_product
+
+    @property
+    def has_closed_form_geodesic(self) -> bool:
+        """Whether the class has geodesics between points that need no solver."""
+        return type(self)._geodesic_between is not RiemannianMetric._geodesic_between
+
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
@@ -80,14 +90,63 @@ class RiemannianMetric:
                 f"{type(self).__name__} defines neither inner_product nor squared_dist; "
                 "one of the two is needed"
             )
+        covector = self.covector(tangent_vec_a, base_point)
+        return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
+
+    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Lower the index of tangent vectors: ⟨covector(v), w⟩ = inner_product(v, w).
+
+        The default differentiates `inner_product`, or, where only `squared_dist` is defined, takes
+        central differences of its exact gradient.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape)
+            Base point.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        if self.has_inner_product:
+            zero = np.zeros(np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point)))
+            pairing = elementwise_grad(
+                lambda w: np.sum(self.inner_product(tangent_vec, w, base_point))
+            )
+            return pairing(zero)
         slope = elementwise_grad(lambda y: np.sum(self.squared_dist(base_point, y)))
         axes = self.space._point_axes
-        size = np.max(np.abs(tangent_vec_a), axis=axes, keepdims=True)
+        size = np.max(np.abs(tangent_vec), axis=axes, keepdims=True)
         step = 1e-4 * np.max(np.abs(base_point), axis=axes, keepdims=True)
         step = np.where(step > 0, step, 1e-4) / np.where(size > 0, size, 1.0)
-        ahead = slope(base_point + step * tangent_vec_a)
-        behind = slope(base_point - step * tangent_vec_a)
-        return np.sum((ahead - behind) / (4.0 * step) * tangent_vec_b, axis=axes)
+        ahead = slope(base_point + step * tangent_vec)
+        behind = slope(base_point - step * tangent_vec)
+        return (ahead - behind) / (4.0 * step)
+
+    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the inner products of all pairs of tangent vectors, averaged over base points.
+
+        Parameters
+        ----------
+        vectors : array, shape (K, \*shape)
+            Tangent vectors.
+        base_point : array, shape (\*shape,) or (n, \*shape)
+            One base point, or several to average over.
+
+        Returns
+        -------
+        array, shape (K, K)
+        """
+        vectors = self.check_points(vectors, "vectors")
+        base_points = self.space.check_point(base_point, "base_point")
+        base_points = base_points.reshape((-1, *self.space.shape))
+        covectors = np.mean(
+            [[self.covector(vector, point) for vector in vectors] for point in base_points], axis=0
+        )
+        gram = covectors.reshape(len(vectors), -1) @ vectors.reshape(len(vectors), -1).T
+        return 0.5 * (gram + gram.T)
 
     def squared_norm(self, vector: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the squared norm of tangent vectors.
@@ -313,6 +372,25 @@ class RiemannianMetric:
         n_segments = path.shape[-len(self.space.shape) - 1] - 1
         return n_segments * np.sum(self._squared_segments(path), axis=-1)
 
+    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+        r"""Return the energy of one path and its gradient.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+            May be infinite at a path that leaves the manifold.
+        gradient : array, shape (n_times, \*shape)
+            Derivatives with respect to all entries of the path.
+        """
+        path = self.check_points(path, "path")
+        energy, gradient = value_and_grad(self.energy)(path)
+        return float(energy), gradient
+
     def length(self, path: ndarray) -> ndarray:
         r"""Return the length of discrete paths, the sum of the lengths of their segments.
 
@@ -349,7 +427,7 @@ class RiemannianMetric:
         start, end = path[(..., *before)], path[(..., *after)]
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
-        return self.squared_norm(end - start, 0.5 * (start + end))
+        return self.squared_norm(end - start, self.space.regularize(0.5 * (start + end)))
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         path = self._solve("geodesic", start, end).path

@@ -17,7 +17,7 @@ from riemhuman.checks import (
     values_of,
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
 from riemhuman.kernels import ebin
 from riemhuman.kernels.sums import integrate
@@ -59,7 +59,7 @@ class MetricFields(Manifold):
         -------
         array of bool, shape (...)
         """
-        finite = self._has_shape(point)
+        point, finite = self._finite_values(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
         positive = (point[..., 0, 0] > 0) & ~ebin.is_degenerate(point)
         return finite & np.all(symmetric & positive, axis=-1)
@@ -108,7 +108,7 @@ class MetricFields(Manifold):
         -------
         array, shape (n_samples, F, 2, 2), or (F, 2, 2) for one sample
         """
-        noise = generator(rng).standard_normal((n_samples, *self.shape))
+        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * ebin.symmetric_part(noise)
         size = np.exp(0.5 * ebin.trace(logarithm))[..., None, None]
         factor = np.ones(logarithm.shape[:-2])
@@ -215,6 +215,8 @@ class EbinMetric(RiemannianMetric):
         array, shape (...)
         """
         base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         values = ebin.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
         return integrate(values, self.space.template.face_areas)
 
@@ -260,7 +262,7 @@ class EbinMetric(RiemannianMetric):
         end, met_apex = ebin.exp(tangent_vec, base_point, self.lam)
         refuse_triangles(
             values_of(met_apex),
-            "tangent_vec is too long: the geodesic reaches g = 0 before unit time",
+            "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
             OutsideManifoldError,
         )
         return end
@@ -289,7 +291,8 @@ class EbinMetric(RiemannianMetric):
         base_point = self.space.check_point(base_point, "base_point")
         refuse_triangles(
             values_of(ebin.angle(base_point, point, self.lam)) >= np.pi,
-            "point has no logarithm at base_point: the minimal path runs through g = 0",
+            "point must be within an angle θ < π of base_point, or the minimal path runs through "
+            "g = 0 and there is no logarithm",
             OutsideManifoldError,
         )
         return ebin.log(base_point, point, self.lam)

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import sphere
 from riemhuman.kernels.sums import integrate
@@ -53,7 +53,7 @@ class NormalFields(Manifold):
         -------
         array of bool, shape (...)
         """
-        finite = self._has_shape(point)
+        point, finite = self._finite_values(point, "point")
         return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
@@ -100,7 +100,7 @@ class NormalFields(Manifold):
         -------
         array, shape (n_samples, F, 3), or (F, 3) for one sample
         """
-        noise = generator(rng).standard_normal((n_samples, *self.shape))
+        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.regularize(noise), n_samples)
 
     def check_point(self, point: ndarray, name: str = "point") -> ndarray:
@@ -158,7 +158,11 @@ class NormalFieldMetric(RiemannianMetric):
         -------
         array, shape (...)
         """
-        return integrate(dot(tangent_vec_a, tangent_vec_b), self.space.template.face_areas)
+        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+        base_point = self.space.check_point(base_point, "base_point")
+        product = integrate(dot(tangent_vec_a, tangent_vec_b), self.space.template.face_areas)
+        return product + np.zeros(base_point.shape[:-2])
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return Σ_t w_t θ_t², θ_t the angle of the two normals (Theorem 2).
@@ -216,8 +220,9 @@ class NormalFieldMetric(RiemannianMetric):
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
         refuse_triangles(
-            values_of(sphere.angle(base_point, point)) >= np.pi,
-            "point has no unique logarithm at base_point: two normals are antipodal",
+            values_of(sphere.angle(base_point, point)) >= sphere.ANTIPODAL,
+            "point must hold no normal antipodal to that of base_point, or there is no unique "
+            "logarithm",
             OutsideManifoldError,
         )
         return sphere.log(base_point, point)

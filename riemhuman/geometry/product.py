@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, real_number
 from riemhuman.errors import ArgumentError, NotDefinedError
-from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
 
 
@@ -29,9 +30,9 @@ class ProductManifold(Manifold):
         if not factors:
             raise ArgumentError("factors must hold at least one manifold; found none")
         self.factors = tuple(factors)
-        sizes = [int(np.prod(factor.shape)) for factor in self.factors]
-        self._ends = np.cumsum(sizes).tolist()
-        super().__init__(sum(factor.dim for factor in self.factors), (sum(sizes),), equip)
+        self._sizes = [math.prod(factor.shape) for factor in self.factors]
+        self._ends = np.cumsum(self._sizes).tolist()
+        super().__init__(sum(factor.dim for factor in self.factors), (sum(self._sizes),), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
         """Return `ProductMetric`."""
@@ -57,7 +58,8 @@ class ProductManifold(Manifold):
         flat = []
         for k, (factor, point) in enumerate(zip(self.factors, points, strict=True)):
             point = real_array(point, f"points[{k}]", factor.shape)
-            flat.append(np.reshape(point, point.shape[: -len(factor.shape)] + (-1,)))
+            leading = point.shape[: -len(factor.shape)]
+            flat.append(np.reshape(point, (*leading, self._sizes[k])))
         leading = np.broadcast_shapes(*(point.shape[:-1] for point in flat))
         # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
         flat = [point + np.zeros((*leading, 1)) for point in flat]
@@ -161,7 +163,7 @@ class ProductManifold(Manifold):
         -------
         array, shape (n_samples, size), or (size,) for one sample
         """
-        rng = generator(rng)
+        rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
             factor.random_point(n_samples, rng).reshape(n_samples, *factor.shape)
             for factor in self.factors
@@ -203,12 +205,15 @@ class ProductMetric(RiemannianMetric):
     ) -> None:
         super().__init__(space, geodesic_solver)
         count = len(space.factors)
+        for k, factor in enumerate(space.factors):
+            if not hasattr(factor, "metric"):
+                raise ArgumentError(
+                    f"factors[{k}] must be equipped with a metric; found {type(factor).__name__} "
+                    "without one"
+                )
         if weights is None:
             weights = [1.0] * count
-        if len(weights) != count:
-            raise ArgumentError(
-                f"weights must hold one number for each of {count} factors; found {len(weights)}"
-            )
+        weights = real_array(weights, "weights", (count,), batched=False)
         self._weights = tuple(
             real_number(weight, f"weights[{k}]", minimum=0.0) for k, weight in enumerate(weights)
         )
@@ -224,6 +229,11 @@ class ProductMetric(RiemannianMetric):
     def has_closed_form_dist(self) -> bool:
         """Whether the metrics of all factors have a closed form."""
         return all(factor.metric.has_closed_form_dist for _, factor, _ in self._weighted_factors())
+
+    @property
+    def has_closed_form_geodesic(self) -> bool:
+        """Whether the metrics of all factors have closed-form geodesics."""
+        return all(factor.metric.has_closed_form_geodesic for factor in self.space.factors)
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray

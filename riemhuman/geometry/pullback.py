@@ -65,7 +65,9 @@ class PullbackMetric(RiemannianMetric):
         -------
         array, shape (..., \*target_shape)
         """
-        base_point = base_point + np.zeros(np.shape(tangent_vec))
+        shape = np.broadcast_shapes(np.shape(tangent_vec), np.shape(base_point))
+        # Adding zeros broadcasts and keeps the tape; autograd has no rule for broadcast_to.
+        tangent_vec, base_point = tangent_vec + np.zeros(shape), base_point + np.zeros(shape)
         return linear.differential(self.map, tangent_vec, base_point)
 
     def inner_product(

@@ -9,9 +9,9 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array
-from riemhuman.geometry.manifold import Manifold, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels.sums import integrate
 from riemhuman.kernels.surface import dot
 
@@ -53,7 +53,7 @@ class SquareRootNormalFields(Manifold):
         -------
         array of bool, shape (...)
         """
-        return self._has_shape(point)
+        return self._finite_values(point, "point")[1]
 
     def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
         """Return the field itself: every field is tangent.
@@ -85,7 +85,8 @@ class SquareRootNormalFields(Manifold):
         -------
         array, shape (n_samples, F, 3), or (F, 3) for one sample
         """
-        return stack_samples(generator(rng).standard_normal((n_samples, *self.shape)), n_samples)
+        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
+        return stack_samples(noise, n_samples)
 
 
 class FlatMetric(RiemannianMetric):
@@ -109,7 +110,11 @@ class FlatMetric(RiemannianMetric):
         -------
         array, shape (...)
         """
-        return integrate(dot(tangent_vec_a, tangent_vec_b), self.space.template.face_areas)
+        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+        base_point = self.space.check_point(base_point, "base_point")
+        product = integrate(dot(tangent_vec_a, tangent_vec_b), self.space.template.face_areas)
+        return product + np.zeros(base_point.shape[:-2])
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return Σ_t w_t ‖a_t − b_t‖².
@@ -166,7 +171,7 @@ class FlatMetric(RiemannianMetric):
         return self.geodesic(start, initial_tangent_vec=self.log(end, start))
 
 
-class SRNFMetric(PullbackMetric):
+class SRNFMetric(SurfaceMetric):
     r"""The pull-back of the L² metric by the square root normal field :math:`q = \sqrt{A}\,n`.
 
     Section 5.2 of the paper; distances do not depend on the template.
@@ -186,3 +191,7 @@ class SRNFMetric(PullbackMetric):
     ) -> None:
         target = SquareRootNormalFields(space.template).metric
         super().__init__(space, target, space.square_root_normals, geodesic_solver)
+
+    @property
+    def _weights(self) -> dict[str, float]:
+        return {"b": 1.0}

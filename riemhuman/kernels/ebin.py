@@ -3,7 +3,8 @@ r"""The Ebin (DeWitt) metric on symmetric positive definite 2 × 2 matrices, poi
 With s = (det g)^(1/4) and ĝ = g/√det g, equation 2 of the paper (both terms under the integral)
 is the metric of a cone over the hyperbolic plane,
 
-.. math:: ((\delta g, \delta g))_g = 16\lambda\, ds^2 + s^2 \operatorname{tr}((\hat g^{-1} d\hat g)^2).
+.. math:: ((\delta g, \delta g))_g
+          = 16\lambda\, ds^2 + s^2 \operatorname{tr}((\hat g^{-1} d\hat g)^2).
 
 ĝ is the point x + iy, x = g₁₂/g₁₁, y = √det g/g₁₁, of the upper half-plane, so distances, too, come
 without the logarithm of a matrix: if ℓ is the hyperbolic distance of two such points, then
@@ -129,12 +130,6 @@ def squared_dist(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
     return 16.0 * lam * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
 
 
-def inverse(g: ndarray) -> ndarray:
-    """Return g⁻¹, shape (..., 2, 2)."""
-    adjugate = symmetric_matrices(g[..., 1, 1], -g[..., 0, 1], g[..., 0, 0])
-    return adjugate / determinants(g)[..., None, None]
-
-
 def trace(matrices: ndarray) -> ndarray:
     """Return the traces, shape (...)."""
     return matrices[..., 0, 0] + matrices[..., 1, 1]
@@ -146,8 +141,10 @@ def traceless(matrices: ndarray) -> ndarray:
 
 
 def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
-    r"""Return :math:`(\operatorname{tr}(g^{-1}a_0 g^{-1}b_0) + \lambda\operatorname{tr}(g^{-1}a)
-    \operatorname{tr}(g^{-1}b))\sqrt{\det g}` (equation 2, with both terms under the integral).
+    r"""Return the inner product of tangent vectors (equation 2, both terms under the integral).
+
+    .. math:: \left(\operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + \lambda\operatorname{tr}(g^{-1}a)
+              \operatorname{tr}(g^{-1}b)\right)\sqrt{\det g}
 
     Parameters
     ----------
@@ -162,15 +159,60 @@ def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
     -------
     array, shape (...)
     """
-    g_inverse = inverse(g)
-    a, b = g_inverse @ a, g_inverse @ b
-    a0, b0 = traceless(a), traceless(b)
-    shear = np.sum(a0 * np.swapaxes(b0, -1, -2), axis=(-2, -1))
+    a, b = whiten(a, g), whiten(b, g)
+    shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
     return (shear + lam * trace(a) * trace(b)) * np.sqrt(determinants(g))
 
 
+def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
+    """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ, shape (..., 2, 2).
+
+    It is symmetric and similar to g⁻¹δg, so that all traces are the same, and keeps the digits
+    that g⁻¹δg loses where g is strongly anisotropic.
+
+    Parameters
+    ----------
+    delta_g : array, shape (..., 2, 2)
+        Symmetric matrices.
+    g : array, shape (..., 2, 2)
+        Positive definite matrices.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
+    # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
+    x, y, _ = coordinates(g)
+    e = delta_g[..., 0, 0] + np.zeros_like(x)
+    m = 0.5 * (delta_g[..., 0, 1] + delta_g[..., 1, 0])
+    mixed = (m - x * e) / y
+    last = ((delta_g[..., 1, 1] - x * m) / y - x * mixed) / y
+    return symmetric_matrices(e, mixed, last) / g[..., :1, :1]
+
+
+def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
+    """Return L W Lᵀ, where g = L Lᵀ, the inverse of `whiten`, shape (..., 2, 2).
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Symmetric matrices W.
+    g : array, shape (..., 2, 2)
+        Positive definite matrices.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
+    x, y, _ = coordinates(g)
+    e = matrices[..., 0, 0] + np.zeros_like(x)
+    m, last = matrices[..., 0, 1], matrices[..., 1, 1]
+    mixed = x * e + y * m
+    return g[..., :1, :1] * symmetric_matrices(e, mixed, x * mixed + y * (x * m + y * last))
+
+
 def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
-    """Return L₀, the traceless part of log(g₁⁻¹g₂), and ℓ = √(½ tr L₀²).
+    """Return g₁L₀, whitened, and ℓ = √(½ tr L₀²), L₀ the traceless part of log(g₁⁻¹g₂).
 
     L₀ is a multiple of the traceless part of ĝ₁⁻¹ĝ₂, because the exponential of a traceless
     2 × 2 matrix is cosh ℓ I + (sinh ℓ/ℓ) L₀.
@@ -182,29 +224,27 @@ def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
 
     Returns
     -------
-    L0 : array, shape (..., 2, 2)
+    shear : array, shape (..., 2, 2)
     length : array, shape (...)
     """
     x1, y1, _ = coordinates(g1)
     x2, y2, _ = coordinates(g2)
     length = hyperbolic_distance(excess(x1, y1, x2, y2))
-    # With ĝ = [[1, x], [x, x² + y²]]/y, this is the traceless part of ĝ₁⁻¹ĝ₂ in terms of
-    # differences, so that nothing cancels for near-equal matrices.
-    dx, dy = x2 - x1, (y2 - y1) * (y1 + y2)
-    diagonal = -0.5 * (dx * (x1 + x2) + dy)
-    upper = dx * (y1**2 - x1 * x2) - x1 * dy
-    rows = [np.stack([diagonal, upper], axis=-1), np.stack([dx, -diagonal], axis=-1)]
-    scale = inverse_hyperbolic_sine_cardinal(length) / (y1 * y2)
-    return scale[..., None, None] * np.stack(rows, axis=-2), length
+    # Moving g₁ to the identity takes ĝ₂ to [[1, x], [x, x² + y²]]/y; in terms of differences
+    # nothing cancels for near-equal matrices.
+    x, y = (x2 - x1) / y1, y2 / y1
+    diagonal = 0.5 * ((y1 - y2) / y1 * (1.0 + y) - x**2)
+    scale = inverse_hyperbolic_sine_cardinal(length) / y
+    return scale[..., None, None] * symmetric_matrices(diagonal, x, -diagonal), length
 
 
 def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
-    """Return exp(factor · v) of traceless v with non-negative v², shape (..., 2, 2).
+    """Return exp(factor · v) of symmetric traceless v, shape (..., 2, 2).
 
     Parameters
     ----------
     v : array, shape (..., 2, 2)
-        Traceless matrices, symmetric with respect to a metric.
+        Symmetric traceless matrices.
     factor : array, shape (...)
         Real factors.
 
@@ -212,9 +252,14 @@ def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
     -------
     array, shape (..., 2, 2)
     """
-    length = factor * square_root(0.5 * trace(v @ v))
+    length = factor * size(v)
     linear = (factor * hyperbolic_sine_cardinal(length))[..., None, None] * v
     return np.cosh(length)[..., None, None] * np.eye(2) + linear
+
+
+def size(v: ndarray) -> ndarray:
+    """Return √(½ tr v²) of symmetric traceless v, shape (...)."""
+    return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
 
 
 def symmetric_part(matrices: ndarray) -> ndarray:
@@ -244,7 +289,7 @@ def log(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
     theta = angle_per_distance(lam) * length
     stretch = 2.0 * ((s2 - s1) - 2.0 * s2 * np.sin(0.5 * theta) ** 2) / s1
     velocity = (s2 / s1 * sine_cardinal(theta))[..., None, None] * shear
-    return symmetric_part(g1 @ (velocity + stretch[..., None, None] * np.eye(2)))
+    return unwhiten(velocity + stretch[..., None, None] * np.eye(2), g1)
 
 
 def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
@@ -276,42 +321,35 @@ def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:
     g_end : array, shape (..., 2, 2)
         End points; meaningless where the geodesic has met the apex.
     met_apex : array of bool, shape (...)
-        Where the geodesic has left the manifold through the apex g = 0.
+        Where, to working precision, the geodesic has left the manifold through the apex g = 0.
     """
-    velocity = inverse(g) @ delta_g
+    velocity = whiten(delta_g, g)
     shear = traceless(velocity)
     along = 1.0 + 0.25 * trace(velocity)
-    across = angle_per_distance(lam) * square_root(0.5 * trace(shear @ shear))
-    met_apex = (across == 0) & (along <= 0)
-    return cone_step(g, shear, along, across), met_apex
-
-
-def cone_step(g: ndarray, shear: ndarray, along: ndarray, across: ndarray) -> ndarray:
-    """Return the point of the cone at (along, across), in units of s, of the unrolled plane.
-
-    The first axis of that plane points from the apex to g, and `shear` is the traceless matrix
-    whose size is `across` units of angle.
-
-    Parameters
-    ----------
-    g : array, shape (..., 2, 2)
-        Positive definite matrices.
-    shear : array, shape (..., 2, 2)
-        Traceless matrices g⁻¹δg.
-    along, across : array, shape (...)
-        Coordinates in the unrolled plane.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    straight = across == 0
-    safe_along = np.where(straight & (along <= 0), 1.0, along)
-    phi = np.arctan2(across, safe_along)
-    factor = np.where(straight, 1.0 / safe_along, phi / np.where(straight, 1.0, across))
+    across = angle_per_distance(lam) * size(shear)
+    rounding = 8.0 * np.finfo(float).eps * angle_per_distance(lam) * _whitened_size(delta_g, g)
+    met_apex = (along <= rounding) & (across <= rounding)
+    end = traceless_exp(shear, _angle_per_unit(along, across))
     radius_squared = along**2 + across**2
-    end = g @ traceless_exp(shear, factor)
-    return radius_squared[..., None, None] * symmetric_part(end)
+    return unwhiten(radius_squared[..., None, None] * end, g), met_apex
+
+
+def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
+    """Return the sum of the sizes of all terms of the whitened δg, a scale for its rounding."""
+    x, y, _ = coordinates(g)
+    skew = np.abs(x) / y
+    e, m, last = (np.abs(delta_g[..., i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+    return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / g[..., 0, 0]
+
+
+def _angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
+    """Return φ/ν, φ = atan2(ν, along), in its limit 1/along at ν = across = 0."""
+    straight = across == 0
+    safe = np.where(straight & (along <= 0), 1.0, along)
+    phi = np.arctan2(across, safe)
+    return np.where(
+        straight, 1.0 / np.where(straight, safe, 1.0), phi / np.where(straight, 1.0, across)
+    )
 
 
 def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:

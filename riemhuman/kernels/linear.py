@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -33,8 +34,9 @@ def apply_operator(operator: csr_matrix, values: ndarray) -> ndarray:
     if values.ndim == 2:
         return operator @ values
     *leading, length, width = values.shape
-    columns = np.moveaxis(values, -2, 0).reshape(length, -1)
-    return np.moveaxis((operator @ columns).reshape(-1, *leading, width), 0, -2)
+    columns = np.moveaxis(values, -2, 0).reshape(length, math.prod(leading) * width)
+    images = (operator @ columns).reshape(operator.shape[0], *leading, width)
+    return np.moveaxis(images, 0, -2)
 
 
 defvjp(

@@ -79,6 +79,10 @@ def to_tangent(v: ndarray, n: ndarray) -> ndarray:
     return v - dot(n, v)[..., None] * n
 
 
+ANTIPODAL = np.pi - 8 * np.finfo(float).eps
+"""From this angle on, the direction from a unit vector to another is rounding error alone."""
+
+
 def log(n1: ndarray, n2: ndarray) -> ndarray:
     """Return the initial velocity of the minimal geodesic from n₁ to n₂, n₂ ≠ −n₁.
 
@@ -91,12 +95,12 @@ def log(n1: ndarray, n2: ndarray) -> ndarray:
     -------
     array, shape (..., 3)
     """
-    # n₂ − cos θ n₁, written with n₂ − n₁ or n₂ + n₁, whichever is the shorter.
-    difference, total = n2 - n1, n2 + n1
-    near = difference + 0.5 * dot(difference, difference)[..., None] * n1
-    far = total - 0.5 * dot(total, total)[..., None] * n1
-    direction = np.where((dot(n1, n2) >= 0)[..., None], near, far)
-    return direction / sine_cardinal(angle(n1, n2))[..., None]
+    # The tangent part of n₂ − n₁ or n₂ + n₁, whichever is the shorter and so the more exact.
+    shorter = np.where((dot(n1, n2) >= 0)[..., None], n2 - n1, n2 + n1)
+    direction = to_tangent(shorter, n1)
+    sine = square_root(dot(direction, direction))
+    scale = np.where(sine > 0, angle(n1, n2) / np.where(sine > 0, sine, 1.0), 1.0)
+    return scale[..., None] * direction
 
 
 def exp(v: ndarray, n: ndarray) -> ndarray:

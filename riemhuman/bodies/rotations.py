@@ -1,0 +1,59 @@
+"""Rotations from axis-angle vectors, smooth through the zero angle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import autograd.numpy as np
+
+from riemhuman.checks import real_array
+
+# Below this squared angle the power series is exact to double precision and, unlike the
+# quotients, has derivatives of every order at zero.
+_SERIES_BELOW = 1e-3
+
+
+def rotation_matrix(axis_angle: Any) -> Any:
+    """Return the rotation matrices of axis-angle vectors (Rodrigues' formula).
+
+    R = I + (sin θ / θ) K + ((1 − cos θ) / θ²) K², with θ = ‖ω‖ and K the cross-product
+    matrix of ω. Differentiable with autograd everywhere, θ = 0 included.
+
+    Parameters
+    ----------
+    axis_angle : array_like, shape (..., 3)
+        Rotation vectors ω in radians: direction is the axis, length the angle.
+
+    Returns
+    -------
+    rotations : array, shape (..., 3, 3)
+        Matrices that act on columns.
+
+    Raises
+    ------
+    ArgumentError
+        If the last axis is not of length 3 or an entry is not finite.
+    """
+    vector = real_array(axis_angle, "axis_angle", (3,))
+    squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
+    small = squared_angle < _SERIES_BELOW
+    x = np.where(small, squared_angle, 0.0)
+    angle = np.sqrt(np.where(small, 1.0, squared_angle))
+    sine_quotient = np.where(
+        small, 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0)), np.sin(angle) / angle
+    )
+    # (1 − cos θ)/θ² as ½ (sin(θ/2) / (θ/2))²: no cancellation.
+    cosine_quotient = np.where(
+        small,
+        0.5 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0))),
+        2.0 * (np.sin(0.5 * angle) / angle) ** 2,
+    )
+    cross = _cross_product_matrix(vector)
+    return np.eye(3) + sine_quotient * cross + cosine_quotient * np.matmul(cross, cross)
+
+
+def _cross_product_matrix(vector: Any) -> Any:
+    x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
+    zero = np.zeros(np.shape(x))
+    entries = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)
+    return np.reshape(entries, (*np.shape(x), 3, 3))

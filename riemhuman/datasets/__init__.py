@@ -1,0 +1,7 @@
+"""Registered bodies to compute with: the open set that ships, and readers for others."""
+
+from riemhuman.datasets.bodies import Bodies
+from riemhuman.datasets.faust import load_faust
+from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
+
+__all__ = ["Bodies", "load_faust", "load_open_bodies", "load_open_model"]

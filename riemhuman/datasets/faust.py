@@ -1,0 +1,165 @@
+"""The training registrations of MPI FAUST, as users download them."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+
+from riemhuman.datasets.bodies import Bodies
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.surfaces.mesh_arrays import face_difference
+from riemhuman.surfaces.mesh_files import load_mesh
+from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.template import Template
+
+_N_SUBJECTS = 10
+_N_POSES = 10
+_LEVELS = (".", "registrations", "training/registrations", "MPI-FAUST/training/registrations")
+# In order of preference, should a registration be there more than once.
+_ENDINGS = (".ply", ".obj", ".off")
+
+
+def load_faust(
+    folder: str | os.PathLike[str],
+    template: Template | str | os.PathLike[str] | None = None,
+    *,
+    align: bool = True,
+    allow_missing: bool = False,
+) -> Bodies:
+    """Load the 100 training registrations of MPI FAUST: 10 people in 10 poses [1]_.
+
+    The data set is not part of this library; its makers give it out to those who register.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder that holds ``tr_reg_000.ply`` to ``tr_reg_099.ply``, or one above it:
+        ``registrations``, ``training``, ``MPI-FAUST`` or the folder of that. Files may end in
+        ``.ply``, ``.obj`` or ``.off``; should several be there, the first of these is read.
+    template : Template or path_like, optional
+        The template, or a mesh file with it; its triangles must be those of the registrations.
+        By default the mean of the registrations after `generalized_procrustes`.
+    align : bool
+        Whether the registrations are rotated and moved (never scaled) onto the template.
+    allow_missing : bool
+        Whether to load what is there when some of the 100 files are missing.
+
+    Returns
+    -------
+    bodies : Bodies
+        The registrations in metres, in the order of their numbers i, with subject i // 10 and
+        pose i % 10.
+
+    Raises
+    ------
+    FileError
+        If the folder holds no registrations or some are missing, or a file cannot be read.
+    FileFormatError
+        If a file is damaged, or has other triangles or another number of vertices than the rest.
+    ArgumentError
+        If the template has other triangles or another number of vertices than the registrations.
+    ArgumentTypeError
+        If the folder or the template is not of a type named above.
+
+    References
+    ----------
+    .. [1] Bogo, Romero, Loper, Black, "FAUST: Dataset and evaluation for 3D mesh registration",
+       CVPR 2014.
+    """
+    if template is not None and not isinstance(template, Template):
+        template = Template.from_file(template)
+    files = _find_registrations(folder)
+    if not allow_missing:
+        _refuse_missing(files)
+    numbers = np.array(sorted(files))
+    points, faces = _read_alike([files[number] for number in numbers])
+
+    if template is None:
+        aligned, mean = generalized_procrustes(points)
+        template = Template(mean, faces)
+    else:
+        _check_template(template, points, faces)
+        aligned = procrustes(points, to=template.vertices) if align else points
+    return Bodies(
+        points=aligned if align else points,
+        subject=numbers // _N_POSES,
+        pose=numbers % _N_POSES,
+        template=template,
+        subject_names=tuple(f"subject {i}" for i in range(_N_SUBJECTS)),
+        pose_names=tuple(f"pose {i}" for i in range(_N_POSES)),
+    )
+
+
+def _find_registrations(folder: str | os.PathLike[str]) -> dict[int, Path]:
+    """Return the registration files by number, from the first level that holds any."""
+    try:
+        root = Path(folder).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(f"folder must be the path of a folder; found {folder!r}") from error
+    if not root.is_dir():
+        raise FileError(
+            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
+        )
+    for level in _LEVELS:
+        if not (root / level).is_dir():
+            continue
+        found: dict[int, Path] = {}
+        for file in (root / level).iterdir():
+            match = re.fullmatch(r"tr_reg_(0\d\d)", file.stem)
+            if match and file.suffix.lower() in _ENDINGS:
+                number = int(match[1])
+                found[number] = min(found.get(number, file), file, key=_preference)
+        if found:
+            return found
+    raise FileError(
+        f"{root} holds no registrations: files named tr_reg_000.ply to tr_reg_099.ply (or .obj, "
+        f".off) were looked for in it and in its subfolders {', '.join(_LEVELS[1:])}"
+    )
+
+
+def _preference(file: Path) -> tuple[int, str]:
+    return _ENDINGS.index(file.suffix.lower()), file.name
+
+
+def _refuse_missing(files: dict[int, Path]) -> None:
+    missing = sorted(set(range(_N_SUBJECTS * _N_POSES)) - set(files))
+    if missing:
+        names = ", ".join(f"tr_reg_{number:03d}" for number in missing[:5])
+        more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
+        folder = next(iter(files.values())).parent
+        raise FileError(
+            f"{folder}: {len(missing)} of {_N_SUBJECTS * _N_POSES} registrations are missing: "
+            f"{names}{more}; allow_missing=True loads the others"
+        )
+
+
+def _read_alike(files: list[Path]) -> tuple[np.ndarray, np.ndarray]:
+    """Read meshes that must share number of vertices and triangles."""
+    vertices, expected_faces = load_mesh(files[0])
+    points = np.empty((len(files), *vertices.shape))
+    for index, file in enumerate(files):
+        vertices, faces = load_mesh(file)
+        if vertices.shape != points.shape[1:]:
+            raise FileFormatError(
+                f"{file}: {len(vertices)} vertices found; {files[0].name} has {points.shape[1]}"
+            )
+        difference = face_difference(faces, expected_faces)
+        if difference:
+            raise FileFormatError(
+                f"{file}: triangles must be those of {files[0].name}: {difference}"
+            )
+        points[index] = vertices
+    return points, expected_faces
+
+
+def _check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
+    if template.n_vertices != points.shape[1]:
+        raise ArgumentError(
+            f"template has {template.n_vertices} vertices; the registrations have {points.shape[1]}"
+        )
+    difference = face_difference(template.faces, faces)
+    if difference:
+        raise ArgumentError(f"template must have the triangles of the registrations: {difference}")

@@ -1,0 +1,118 @@
+"""Metrics on aligned surfaces that are pulled back through first derivatives, in compiled form."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+
+from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.kernels.strain import elastic_blocks
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+
+
+class SurfaceMetric(PullbackMetric):
+    """A pull-back to aligned surfaces whose bulk work runs in fused loops.
+
+    Subclasses give the weights of those loops: (a, lam, c) of the elastic metric, b of square
+    root normal fields.
+    """
+
+    space: AlignedSurfaces
+
+    @property
+    def _weights(self) -> dict[str, float]:
+        """Weights of the fused loops."""
+        raise TypeError(f"{type(self).__name__} must say the weights of the fused loops")
+
+    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+        """Return the closed-form energy of one path and its gradient, in one compiled pass.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, V, 3)
+            Path.
+
+        Returns
+        -------
+        energy : float
+            Infinite where the metric needs a normal of a triangle without area.
+        gradient : array, shape (n_times, V, 3)
+            Derivatives with respect to all vertices.
+        """
+        # Loading numba takes longer than a single distance does, so bulk work alone pays for it.
+        from riemhuman.kernels.compiled import path_energy
+
+        template = self.space.template
+        return path_energy(
+            self._check_path(self.check_points(path, "path")),
+            template.faces,
+            template.frame_coefficients,
+            template.face_areas,
+            **self._weights,
+        )
+
+    def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
+        """Return the sparse matrix M of the metric: ⟨h, k⟩_f = h·(M k), vertices flattened.
+
+        Parameters
+        ----------
+        base_point : array, shape (V, 3) or (n, V, 3)
+            One surface f, or several to average over.
+
+        Returns
+        -------
+        csr_array, shape (3V, 3V)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle of a surface has no area.
+        """
+        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
+        template = self.space.template
+        blocks = np.zeros((template.n_faces, 9, 9))
+        for f in surfaces:
+            self.space.check_immersed(f, "base_point")
+            blocks += elastic_blocks(f, template.faces, template.face_areas, **self._weights)
+        return template.assembler.assemble(blocks / len(surfaces))
+
+    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Lower the index of tangent vectors at one surface.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., V, 3)
+            Deformations.
+        base_point : array, shape (V, 3)
+            Surface.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
+        """
+        vectors = self.space.check_point(tangent_vec, "tangent_vec")
+        columns = vectors.reshape(-1, self.space.dim).T
+        return (self.metric_matrix(base_point) @ columns).T.reshape(vectors.shape)
+
+    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+        """Return the inner products of all pairs of deformations, averaged over surfaces.
+
+        Parameters
+        ----------
+        vectors : array, shape (K, V, 3)
+            Deformations.
+        base_point : array, shape (V, 3) or (n, V, 3)
+            One surface, or several to average over.
+
+        Returns
+        -------
+        array, shape (K, K)
+        """
+        flat = self.check_points(vectors, "vectors").reshape(len(vectors), -1)
+        gram = flat @ (self.metric_matrix(base_point) @ flat.T)
+        return 0.5 * (gram + gram.T)

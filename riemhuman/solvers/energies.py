@@ -1,0 +1,112 @@
+r"""Path energies, :math:`E = \int_0^1 \|\dot x\|^2 dt`, of discrete paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import autograd.numpy as np
+from autograd import value_and_grad
+from numpy import ndarray
+
+from riemhuman.geometry.metric import RiemannianMetric
+
+
+class PathEnergy(Protocol):
+    """An energy of discrete paths, with its gradient."""
+
+    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+        """Return the energy of a path."""
+
+    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+        """Return the energy of a path and its gradient with respect to all points."""
+
+
+@dataclass(frozen=True)
+class SegmentEnergy:
+    """n Σ d²(x_i, x_{i+1}) over n segments, by the metric's closed form where it has one.
+
+    It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
+    is refined in time.
+    """
+
+    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+        r"""Return the energy of a path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        float
+        """
+        return float(metric.energy(path))
+
+    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+        r"""Return the energy of a path and its gradient with respect to all points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+        gradient : array, shape (n_times, \*shape)
+        """
+        return metric.energy_and_gradient(path)
+
+
+@dataclass(frozen=True)
+class FiniteDifferenceEnergy:
+    """n Σ ‖x_{i+1} − x_i‖² over n segments, by the inner product at their midpoints.
+
+    The paper's form of the energy (equation 7), of second order in the time step.
+    """
+
+    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+        r"""Return the energy of a path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        float
+        """
+        return float(self._energy(metric, metric.check_points(path, "path")))
+
+    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+        r"""Return the energy of a path and its gradient with respect to all points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+        gradient : array, shape (n_times, \*shape)
+        """
+        energy = value_and_grad(lambda points: self._energy(metric, points))
+        value, gradient = energy(metric.check_points(path, "path"))
+        return float(value), gradient
+
+    def _energy(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
+        start, end = path[:-1], path[1:]
+        middle = metric.space.regularize(0.5 * (start + end))
+        return (len(path) - 1) * np.sum(metric.squared_norm(end - start, middle))

@@ -1,0 +1,170 @@
+"""Minimisation through SciPy, with a history, interruption, and a test that fits the metric."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy import optimize
+from tqdm import tqdm
+
+Objective = Callable[[ndarray], tuple[float, ndarray]]
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """What a minimisation has reached.
+
+    Attributes
+    ----------
+    x : array, shape (n,)
+        The best point evaluated.
+    value : float
+        Its value.
+    values : array, shape (n_iterations + 1,)
+        Value at the start and after each iteration.
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of value and gradient.
+    converged : bool
+        Whether the stopping test was met.
+    interrupted : bool
+        Whether it was stopped from the keyboard.
+    message : str
+        Why it stopped.
+    """
+
+    x: ndarray
+    value: float
+    values: ndarray
+    n_iterations: int
+    n_evaluations: int
+    converged: bool
+    interrupted: bool
+    message: str
+
+
+@dataclass
+class _Record:
+    """The objective, remembering the best point and the last gradient."""
+
+    objective: Objective
+    n_evaluations: int = 0
+    best_value: float = np.inf
+    best_x: ndarray = field(default_factory=lambda: np.empty(0))
+    last_x: ndarray = field(default_factory=lambda: np.empty(0))
+    last_gradient: ndarray = field(default_factory=lambda: np.empty(0))
+
+    def __call__(self, x: ndarray) -> tuple[float, ndarray]:
+        value, gradient = self.objective(x)
+        self.n_evaluations += 1
+        self.last_x, self.last_gradient = x.copy(), gradient
+        if value < self.best_value:
+            self.best_value, self.best_x = value, x.copy()
+        return value, gradient
+
+
+def minimize(
+    objective: Objective,
+    start: ndarray,
+    *,
+    method: str = "L-BFGS-B",
+    max_iterations: int = 1000,
+    expected_decrease: float | None = None,
+    options: Mapping[str, Any] | None = None,
+    callback: Callable[[int, float, ndarray], Any] | None = None,
+    progress: bool = False,
+    description: str = "minimising",
+) -> Minimum:
+    """Minimise a smooth function.
+
+    Parameters
+    ----------
+    objective : callable
+        Takes x to its value and gradient.
+    start : array, shape (n,)
+        Starting point.
+    method : str
+        "L-BFGS-B" or "BFGS" of `scipy.optimize.minimize`.
+    max_iterations : int
+        Most iterations.
+    expected_decrease : float, optional
+        For variables in which the Hessian is about the identity: stop when ½‖gradient‖², what a
+        Newton step would still gain, is at most this share of the value. Replaces SciPy's tests,
+        one of which takes a single short step for convergence.
+    options : mapping, optional
+        More options of SciPy's method.
+    callback : callable, optional
+        Called with (iteration, value, x) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+    description : str
+        What the progress bar says.
+
+    Returns
+    -------
+    Minimum
+    """
+    record = _Record(objective)
+    value, gradient = record(start)
+    values = [value]
+    if not np.isfinite(value):
+        message = "the value at the start is not finite"
+        return Minimum(start, value, np.array(values), 0, 1, False, False, message)
+    met_test = expected_decrease is not None and _is_met(expected_decrease, value, gradient)
+
+    def after_iteration(intermediate_result: optimize.OptimizeResult) -> None:
+        nonlocal met_test
+        values.append(float(intermediate_result.fun))
+        bar.update()
+        bar.set_postfix_str(f"value {values[-1]:.6g}", refresh=False)
+        if callback is not None:
+            callback(len(values) - 1, values[-1], intermediate_result.x)
+        if expected_decrease is not None and np.array_equal(intermediate_result.x, record.last_x):
+            met_test = _is_met(expected_decrease, values[-1], record.last_gradient)
+            if met_test:
+                raise StopIteration
+
+    settings: dict[str, Any] = {"maxiter": max_iterations}
+    if method == "L-BFGS-B":
+        settings["maxfun"] = 20 * max_iterations
+    if expected_decrease is not None:
+        settings |= {"ftol": 0.0, "gtol": 0.0, "maxcor": 20}
+    settings |= options or {}
+
+    interrupted = False
+    with tqdm(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
+        if met_test:
+            message, converged = "the start meets the stopping test", True
+        else:
+            try:
+                result = optimize.minimize(
+                    record,
+                    start,
+                    jac=True,
+                    method=method,
+                    callback=after_iteration,
+                    options=settings,
+                )
+                converged = met_test if expected_decrease is not None else bool(result.success)
+                message = str(result.message)
+            except KeyboardInterrupt:
+                converged, interrupted, message = False, True, "interrupted from the keyboard"
+    if met_test:
+        message = "the expected decrease is below the tolerance"
+    return Minimum(
+        record.best_x,
+        record.best_value,
+        np.array(values),
+        len(values) - 1,
+        record.n_evaluations,
+        converged,
+        interrupted,
+        message,
+    )
+
+
+def _is_met(expected_decrease: float, value: float, gradient: ndarray) -> bool:
+    return 0.5 * float(gradient @ gradient) <= expected_decrease * value

@@ -1,0 +1,7 @@
+"""Registered surfaces: the template, mesh files and rigid alignment."""
+
+from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
+from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.template import Template
+
+__all__ = ["Template", "generalized_procrustes", "load_mesh", "procrustes", "save_mesh"]

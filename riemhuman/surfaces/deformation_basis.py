@@ -1,0 +1,458 @@
+"""Deformation bases: few directions in which a body surface moves, from motions or a mesh."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from itertools import chain
+from typing import Any
+
+import autograd.numpy as np
+import numpy as onp
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array, whole_number
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.surfaces.laplacian import harmonics
+from riemhuman.surfaces.motion_frames import frames_apart
+from riemhuman.surfaces.streaming_pca import StreamingPCA
+from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.vertex_weights import (
+    normalized_weights,
+    orthonormal_rows,
+    vectors_of_rows,
+    weighted_rows,
+)
+
+_ORTHONORMAL = 1e-8
+_FORMAT_VERSION = 1
+_STATISTICS = ("explained_variance", "explained_variance_ratio", "mean")
+
+
+class DeformationBasis:
+    r"""Orthonormal deformations :math:`D_k` of a surface, the search directions of solvers.
+
+    Paths are sought as :math:`f + \sum_k \alpha_k D_k` [1]_, section 4. The vectors are
+    orthonormal with respect to :math:`\langle d, e \rangle = \sum_v \omega_v\, d_v \cdot e_v`,
+    where the vertex weights :math:`\omega_v` are 1 or given.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (K, V, 3)
+        The deformations; they are copied.
+    orthonormalize : bool
+        Whether to make them orthonormal, one after the other as Gram and Schmidt do. By default
+        they are checked to be so within 1e-8.
+    vertex_weights : array_like, shape (V,), optional
+        Positive weights of the inner product, as `Template.vertex_areas`; they are scaled to
+        mean 1, so that coefficients keep their size.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an array does not hold real numbers.
+    ArgumentError
+        If a shape is wrong, an entry is not finite, a weight is not positive, or the vectors are
+        not orthonormal or, where they are to be made so, not linearly independent.
+
+    References
+    ----------
+    .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body Surface",
+       WACV 2022.
+    """
+
+    def __init__(
+        self,
+        vectors: ArrayLike,
+        *,
+        orthonormalize: bool = False,
+        vertex_weights: ArrayLike | None = None,
+    ) -> None:
+        values = real_array(vectors, "vectors", ("n_components", "n_vertices", 3), batched=False)
+        if values.size == 0:
+            raise ArgumentError(f"vectors holds no deformation; found shape {values.shape}")
+        self._weights = normalized_weights(vertex_weights, values.shape[1])
+        if orthonormalize:
+            rows = orthonormal_rows(weighted_rows(values, self._weights), "vectors")
+            self._vectors = _read_only(vectors_of_rows(rows, self._weights))
+        else:
+            self._vectors = _read_only(onp.array(values, order="C"))
+            self._check_orthonormal()
+        self._explained_variance: onp.ndarray | None = None
+        self._explained_variance_ratio: onp.ndarray | None = None
+        self._mean: onp.ndarray | None = None
+
+    @classmethod
+    def from_motions(
+        cls,
+        motions: Iterable[Any],
+        n_components: int = 100,
+        step: int = 10,
+        *,
+        remove_mean: bool = False,
+        vertex_weights: ArrayLike | None = None,
+        progress: bool = False,
+    ) -> DeformationBasis:
+        """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} seen in motions.
+
+        Frames are taken from each motion m at 0, τ, 2τ, … ([1]_, section 4). Motions are streamed:
+        neither they nor their deformations need fit in memory. Deformations beyond a buffer of
+        256 MiB (838 of a body with 13,348 vertices) are merged in their order, see
+        `riemhuman.surfaces.streaming_pca`; up to there the components are exact.
+
+        Parameters
+        ----------
+        motions : iterable
+            Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3) or of runs of
+            frames (n, V, 3). Both may be generators. A motion that has a length and can be
+            indexed, and is no array, list or tuple, is asked for every τ-th frame alone.
+        n_components : int
+            Number of components K.
+        step : int
+            Number of frames τ between the two whose difference is a deformation.
+        remove_mean : bool
+            Whether the mean deformation is removed first and kept as `mean`.
+        vertex_weights : array_like, shape (V,), optional
+            Weights of the inner product, as in the constructor.
+        progress : bool
+            Whether to show a progress bar over motions.
+
+        Returns
+        -------
+        basis : DeformationBasis
+            The K strongest components, with their explained variance.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If a motion cannot be iterated over or a frame does not hold real numbers.
+        ArgumentError
+            If there is no motion, one is shorter than τ + 1 frames, vertex counts disagree, a
+            frame is not finite, or the deformations have a rank below K.
+
+        References
+        ----------
+        .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body
+           Surface", WACV 2022.
+        """
+        n_components = whole_number(n_components, "n_components", minimum=1)
+        pairs = frames_apart(motions, step, progress=progress)
+        first = next(pairs)
+        weights = normalized_weights(vertex_weights, len(first[0]))
+        pca = StreamingPCA(n_components, first[0].size, remove_mean=remove_mean)
+        largest = 0.0
+        for start, end in chain([first], pairs):
+            pca.add(weighted_rows((end - start)[onp.newaxis], weights)[0])
+            largest = max(largest, float(onp.abs(start).max()), float(onp.abs(end).max()))
+        scale = 1.0 if weights is None else float(onp.sqrt(weights.max()))
+        found = pca.components(rounding=onp.finfo(onp.float64).eps * scale * largest)
+        if found.rank < n_components:
+            centred = " less their mean" if remove_mean else ""
+            raise ArgumentError(
+                f"n_components={n_components} exceeds the rank {found.rank} of the "
+                f"{found.n_samples} deformations{centred}; ask for at most that many"
+            )
+        basis = cls(
+            vectors_of_rows(found.vectors, weights),
+            orthonormalize=True,
+            vertex_weights=vertex_weights,
+        )
+        mean = None if found.mean is None else vectors_of_rows(found.mean[onp.newaxis], weights)[0]
+        return basis._described(found.variance, found.variance_ratio, mean)
+
+    @classmethod
+    def from_laplacian(
+        cls,
+        template: Template,
+        n_components: int = 100,
+        *,
+        vertex_weights: ArrayLike | None = None,
+    ) -> DeformationBasis:
+        """Return mesh harmonics of the template, each along x, y and z in turn.
+
+        The harmonics are the ceil(K / 3) lowest eigenfunctions of the cotangent Laplacian, made
+        orthonormal in their order. The constant ones are left out: they are translations, of the
+        body or of a connected component, and metrics on (g, n) vanish on these.
+
+        Parameters
+        ----------
+        template : Template
+            The mesh; open and non-manifold meshes are legal.
+        n_components : int
+            Number of components K. If it is no multiple of 3, the last harmonic comes along x,
+            or x and y, only.
+        vertex_weights : array_like, shape (V,), optional
+            Weights of the inner product, as in the constructor.
+
+        Returns
+        -------
+        basis : DeformationBasis
+
+        Raises
+        ------
+        ArgumentTypeError
+            If the weights are not real numbers.
+        ArgumentError
+            If the mesh has too few harmonics, or the weights do not fit it.
+        """
+        n_components = whole_number(n_components, "n_components", minimum=1)
+        weights = normalized_weights(vertex_weights, template.n_vertices)
+        _, functions = harmonics(template, -(-n_components // 3))
+        roots = 1.0 if weights is None else onp.sqrt(weights)
+        functions = orthonormal_rows(functions * roots, "harmonics") / roots
+        vectors = onp.zeros((len(functions), 3, template.n_vertices, 3))
+        for axis in range(3):
+            vectors[:, axis, :, axis] = functions
+        vectors = vectors.reshape(-1, template.n_vertices, 3)[:n_components]
+        return cls(vectors, vertex_weights=vertex_weights)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> DeformationBasis:
+        """Read a basis that `save` has written.
+
+        Parameters
+        ----------
+        path : path_like
+            The .npz file. Pickled objects inside are refused.
+
+        Returns
+        -------
+        basis : DeformationBasis
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it is no such archive, comes from a later version, lacks a field, or does not hold
+            an orthonormal basis.
+        """
+        fields = load_arrays(path, ("format_version", "vectors"))
+        if fields["format_version"].tolist() != _FORMAT_VERSION:
+            raise FileFormatError(
+                f"{os.fspath(path)} has format version {fields['format_version'].tolist()}; "
+                f"this release reads version {_FORMAT_VERSION}"
+            )
+        try:
+            basis = cls(fields["vectors"], vertex_weights=fields.get("vertex_weights"))
+            shapes = ((len(basis),), (len(basis),), (basis.n_vertices, 3))
+            statistics = [
+                real_array(fields[name], name, shape, batched=False) if name in fields else None
+                for name, shape in zip(_STATISTICS, shapes, strict=True)
+            ]
+        except (ArgumentError, ArgumentTypeError) as error:
+            raise FileFormatError(f"{os.fspath(path)}: {error}") from error
+        return basis._described(*statistics)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the basis to an .npz file that reads back bit for bit.
+
+        The file appears whole or not at all: a temporary neighbour is written first.
+
+        Parameters
+        ----------
+        path : path_like
+            The file, with its ending; an existing file is replaced.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        fields = {"format_version": onp.array(_FORMAT_VERSION), "vectors": self.vectors}
+        for name in ("vertex_weights", *_STATISTICS):
+            if getattr(self, name) is not None:
+                fields[name] = getattr(self, name)
+        save_arrays(path, fields)
+
+    @property
+    def vectors(self) -> onp.ndarray:
+        """The deformations, shape (K, V, 3), read-only, orthonormal."""
+        return self._vectors
+
+    @property
+    def flat(self) -> onp.ndarray:
+        """The deformations as rows, shape (K, 3V), read-only, C-contiguous, not copied."""
+        return self._vectors.reshape(len(self), -1)
+
+    @property
+    def n_components(self) -> int:
+        """Number of deformations K."""
+        return len(self._vectors)
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices V."""
+        return self._vectors.shape[1]
+
+    @property
+    def vertex_weights(self) -> onp.ndarray | None:
+        """Weights of the inner product, shape (V,), of mean 1; None if all are 1."""
+        return self._weights
+
+    @property
+    def explained_variance(self) -> onp.ndarray | None:
+        """Variance of motions along each vector, shape (K,); None if not from motions.
+
+        The mean square of coefficients over all deformations, or their sample variance if the
+        mean was removed.
+        """
+        return self._explained_variance
+
+    @property
+    def explained_variance_ratio(self) -> onp.ndarray | None:
+        """Variance along each vector as a share of the whole, shape (K,), or None."""
+        return self._explained_variance_ratio
+
+    @property
+    def mean(self) -> onp.ndarray | None:
+        """The mean deformation, shape (V, 3), if it was removed; else None."""
+        return self._mean
+
+    def coefficients(self, deformation: Any) -> Any:
+        """Return the inner products of deformations with the vectors.
+
+        Parameters
+        ----------
+        deformation : array_like, shape (..., V, 3)
+            Deformations; no mean is removed from them.
+
+        Returns
+        -------
+        coefficients : array, shape (..., K)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or an entry is not finite.
+        """
+        deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
+        if self._weights is not None:
+            deformation = deformation * self._weights[:, onp.newaxis]
+        rows = np.reshape(deformation, (*deformation.shape[:-2], -1))
+        return np.matmul(rows, self.flat.T)
+
+    def combine(self, coefficients: Any) -> Any:
+        r"""Return the deformations :math:`\sum_k \alpha_k D_k`.
+
+        Parameters
+        ----------
+        coefficients : array_like, shape (..., K)
+            Coefficients α.
+
+        Returns
+        -------
+        deformation : array, shape (..., V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or an entry is not finite.
+        """
+        coefficients = real_array(coefficients, "coefficients", (len(self),))
+        rows = np.matmul(coefficients, self.flat)
+        return np.reshape(rows, (*coefficients.shape[:-1], self.n_vertices, 3))
+
+    def project(self, deformation: Any) -> Any:
+        """Return the combinations of the vectors that are nearest to deformations.
+
+        Parameters
+        ----------
+        deformation : array_like, shape (..., V, 3)
+            Deformations.
+
+        Returns
+        -------
+        projection : array, shape (..., V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or an entry is not finite.
+        """
+        return self.combine(self.coefficients(deformation))
+
+    def truncated(self, n_components: int) -> DeformationBasis:
+        """Return the basis of the first vectors alone.
+
+        Parameters
+        ----------
+        n_components : int
+            How many vectors to keep.
+
+        Returns
+        -------
+        basis : DeformationBasis
+
+        Raises
+        ------
+        ArgumentError
+            If there are fewer vectors.
+        """
+        kept = whole_number(n_components, "n_components", minimum=1)
+        if kept > len(self):
+            raise ArgumentError(f"n_components={kept} exceeds the {len(self)} vectors of the basis")
+        basis = type(self)(self.vectors[:kept], vertex_weights=self.vertex_weights)
+        variance, ratio = self.explained_variance, self.explained_variance_ratio
+        return basis._described(
+            None if variance is None else variance[:kept],
+            None if ratio is None else ratio[:kept],
+            self.mean,
+        )
+
+    def check_fits(self, template: Template | int) -> None:
+        """Refuse a template this basis was not made for.
+
+        Parameters
+        ----------
+        template : Template or int
+            The template, or its number of vertices.
+
+        Raises
+        ------
+        ArgumentError
+            If the number of vertices differs.
+        """
+        expected = template.n_vertices if isinstance(template, Template) else template
+        if self.n_vertices != expected:
+            raise ArgumentError(
+                f"the basis belongs to another template: it has {self.n_vertices} vertices, "
+                f"the template has {expected}"
+            )
+
+    def __len__(self) -> int:
+        return self.n_components
+
+    def __repr__(self) -> str:
+        weights = "" if self._weights is None else ", weighted"
+        return (
+            f"{type(self).__name__}(n_components={self.n_components}, "
+            f"n_vertices={self.n_vertices}{weights})"
+        )
+
+    def _check_orthonormal(self) -> None:
+        rows = weighted_rows(self._vectors, self._weights)
+        deviation = float(onp.abs(rows @ rows.T - onp.eye(len(rows))).max())
+        if deviation > _ORTHONORMAL:
+            raise ArgumentError(
+                f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products are "
+                f"up to {deviation:.3g} away from it: pass orthonormalize=True to make them so"
+            )
+
+    def _described(
+        self,
+        variance: onp.ndarray | None,
+        ratio: onp.ndarray | None,
+        mean: onp.ndarray | None,
+    ) -> DeformationBasis:
+        """Attach what is known of where the vectors come from."""
+        self._explained_variance = None if variance is None else _read_only(variance)
+        self._explained_variance_ratio = None if ratio is None else _read_only(ratio)
+        self._mean = None if mean is None else _read_only(mean)
+        return self
+
+
+def _read_only(array: onp.ndarray) -> onp.ndarray:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,112 @@
+"""The cotangent Laplacian of a template and its lowest eigenfunctions."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg, sparse
+from scipy.sparse.linalg import eigsh
+
+from riemhuman.checks import whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.surfaces.template import Template
+
+# Shift of the spectrum, in units of the mean spacing 4π / area of Weyl's law, that makes the
+# singular operator positive definite.
+_SHIFT = 0.01
+
+
+def cotangent_laplacian(template: Template) -> sparse.csr_array:
+    r"""Return the positive semi-definite cotangent Laplacian L of a template.
+
+    It is the Dirichlet energy of functions that are linear on every triangle,
+    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)`, which on a manifold mesh is the cotangent formula
+    of Pinkall and Polthier, "Computing Discrete Minimal Surfaces and Their Conjugates",
+    Experimental Mathematics 2(1), 1993. Open and non-manifold meshes have it as well.
+
+    Parameters
+    ----------
+    template : Template
+        The mesh.
+
+    Returns
+    -------
+    laplacian : sparse array, shape (V, V)
+        Without unit: an integral over the mesh, not yet divided by vertex areas.
+    """
+    derivatives = template.differential_operator
+    areas = sparse.diags_array(np.tile(template.face_areas, 2))
+    return sparse.csr_array(derivatives.T @ areas @ derivatives)
+
+
+def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest eigenfunctions of the Laplacian that are not constant on a component.
+
+    Solves L h = μ A h, with the vertex areas A as lumped masses. A function that is constant on
+    every connected component has μ = 0; these are left out. Vertices that no triangle uses have
+    the value 0.
+
+    Parameters
+    ----------
+    template : Template
+        The mesh.
+    n_harmonics : int
+        How many eigenfunctions are wanted.
+
+    Returns
+    -------
+    eigenvalues : array, shape (n_harmonics,)
+        Eigenvalues μ > 0 in increasing order, in 1 / metre².
+    functions : array, shape (n_harmonics, V)
+        Eigenfunctions, orthonormal with respect to the vertex areas, the largest entry of each
+        positive.
+
+    Raises
+    ------
+    ArgumentError
+        If the mesh has fewer such eigenfunctions.
+    """
+    n_harmonics = whole_number(n_harmonics, "n_harmonics", minimum=1)
+    used = np.flatnonzero(template.vertex_areas)
+    n_constant = _n_components(template) - (template.n_vertices - len(used))
+    if n_harmonics > len(used) - n_constant:
+        raise ArgumentError(
+            f"n_harmonics={n_harmonics} exceeds the {len(used) - n_constant} harmonics of a mesh "
+            f"with {len(used)} vertices in {n_constant} connected components"
+        )
+    laplacian = cotangent_laplacian(template)[used][:, used]
+    areas = template.vertex_areas[used]
+    values, vectors = _lowest(laplacian, areas, n_constant + n_harmonics)
+    functions = np.zeros((n_harmonics, template.n_vertices))
+    functions[:, used] = vectors[:, n_constant:].T
+    peaks = np.abs(functions).argmax(axis=1)
+    functions *= np.sign(functions[np.arange(n_harmonics), peaks])[:, np.newaxis]
+    return values[n_constant:], functions
+
+
+def _n_components(template: Template) -> int:
+    """Count connected components; a vertex that no triangle uses is one by itself."""
+    first, second = template.edges.T
+    graph = sparse.csr_array(
+        (np.ones(len(first)), (first, second)), shape=(template.n_vertices,) * 2
+    )
+    return int(sparse.csgraph.connected_components(graph, directed=False, return_labels=False))
+
+
+def _lowest(
+    laplacian: sparse.csr_array, areas: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest eigenvalues and eigenvectors of L h = μ A h, in increasing order."""
+    n_vertices = len(areas)
+    if 2 * count >= n_vertices:  # Lanczos iterations need room; a small mesh has none
+        return linalg.eigh(
+            laplacian.toarray(), np.diag(areas), subset_by_index=(0, count - 1), check_finite=False
+        )
+    values, vectors = eigsh(
+        sparse.csc_array(laplacian),
+        count,
+        M=sparse.diags_array(areas, format="csc"),
+        sigma=-_SHIFT * 4 * np.pi / areas.sum(),
+        v0=np.random.default_rng(0).normal(size=n_vertices),
+    )
+    order = np.argsort(values)
+    return values[order], vectors[:, order]

@@ -1,0 +1,106 @@
+"""A triangle mesh as two arrays: what makes them one, and where two triangulations differ."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import integer_array, real_array
+from riemhuman.errors import ArgumentError
+
+
+def mesh_arrays(
+    vertices: ArrayLike, faces: ArrayLike, *, names: tuple[str, str] = ("vertices", "faces")
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return vertices and faces as arrays that do form a triangle mesh.
+
+    Open and non-manifold meshes pass, and so do triangles without area and vertices that no
+    triangle uses.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (V, 3)
+        Vertex positions, in metres.
+    faces : array_like, shape (F, 3)
+        Vertex indices of each triangle, counted from 0.
+    names : tuple of str
+        What to call the two in messages.
+
+    Returns
+    -------
+    vertices : array, shape (V, 3), float64
+    faces : array, shape (F, 3), int64
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an array does not hold numbers of the right kind.
+    ArgumentError
+        If a shape is wrong, a position is not finite, there is no triangle, or a triangle
+        refers to a vertex that does not exist.
+    """
+    vertices_name, faces_name = names
+    points = np.asarray(
+        real_array(vertices, vertices_name, ("n_vertices", 3), batched=False), dtype=np.float64
+    )
+    triangles = integer_array(faces, faces_name, ("n_faces", 3))
+    if len(triangles) == 0:
+        raise ArgumentError(f"{faces_name} is empty; a mesh needs at least one triangle")
+    refuse_faces(
+        np.any((triangles < 0) | (triangles >= len(points)), axis=1),
+        triangles,
+        faces_name,
+        f"refers to a vertex out of range; {vertices_name} holds {len(points)}, counted from 0",
+    )
+    return points, triangles
+
+
+def face_difference(found: np.ndarray, expected: np.ndarray) -> str | None:
+    """Say where a triangulation differs from the one expected.
+
+    Parameters
+    ----------
+    found, expected : array of int, shape (F, 3)
+        Vertex indices of each triangle.
+
+    Returns
+    -------
+    difference : str or None
+        What differs and where first; None if nothing does.
+    """
+    if found.shape != expected.shape:
+        return f"{len(found)} triangles found, {len(expected)} expected"
+    differs = (found != expected).any(axis=1)
+    if not differs.any():
+        return None
+    first = int(differs.argmax())
+    return (
+        f"{int(differs.sum())} of {len(expected)} triangles differ, the first at index {first}: "
+        f"{tuple(found[first].tolist())} found, {tuple(expected[first].tolist())} expected"
+    )
+
+
+def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> None:
+    """Refuse triangles, naming the first and saying how many there are.
+
+    Parameters
+    ----------
+    bad : array of bool, shape (F,)
+        Which triangles to refuse.
+    faces : array of int, shape (F, 3)
+        Vertex indices of each triangle.
+    name : str
+        What to call the triangles in the message.
+    reason : str
+        What is wrong with them.
+
+    Raises
+    ------
+    ArgumentError
+        If any triangle is bad.
+    """
+    if bad.any():
+        first = int(bad.argmax())
+        others = int(bad.sum()) - 1
+        more = f" (and {others} more)" if others else ""
+        raise ArgumentError(f"{name}[{first}] = {tuple(faces[first].tolist())}{more} {reason}")

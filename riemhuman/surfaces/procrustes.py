@@ -1,0 +1,206 @@
+"""Procrustes alignment: the rotation, translation and scale that bring surfaces together."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+
+# Below these, what decides a rotation is no more than rounding: relative to the spread of the
+# points, and to the size of the coordinates their spread was computed from.
+_FLAT = 1e-12
+_ROUNDING = 100 * np.finfo(np.float64).eps
+
+
+def procrustes(
+    points: ArrayLike,
+    to: ArrayLike | None = None,
+    *,
+    scale: bool = False,
+    weights: ArrayLike | None = None,
+) -> np.ndarray:
+    """Align surfaces in known correspondence with a reference, or with each other.
+
+    Each surface x is moved to s R x + b, with the rotation R (never a reflection), translation b
+    and, on request, scale s > 0 that minimise sum_v w_v |s R x_v + b - y_v|^2 [1]_ [2]_.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., V, 3)
+        Surfaces, in metres.
+    to : array_like, shape (V, 3), optional
+        The reference y. By default the surfaces are aligned with each other, as
+        `generalized_procrustes` does with its default tolerance.
+    scale : bool
+        Whether surfaces may also be scaled.
+    weights : array_like, shape (V,), optional
+        Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
+
+    Returns
+    -------
+    aligned : array, shape (..., V, 3)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an argument does not convert to real numbers.
+    ArgumentError
+        If a shape is wrong, an entry is not finite, a weight is negative or none is positive, or
+        the rotation that fits best is not unique, as with points on one line.
+
+    References
+    ----------
+    .. [1] Kabsch, "A solution for the best rotation to relate two sets of vectors",
+       Acta Crystallographica A32, 1976.
+    .. [2] Umeyama, "Least-squares estimation of transformation parameters between two point
+       patterns", IEEE PAMI 13(4), 1991, equations 39 to 42.
+    """
+    if to is None:
+        return generalized_procrustes(points, scale=scale, weights=weights)[0]
+    surfaces = real_array(points, "points", ("n_vertices", 3))
+    reference = real_array(to, "to", ("n_vertices", 3), batched=False)
+    if surfaces.shape[-2] != len(reference):
+        raise ArgumentError(
+            f"points has {surfaces.shape[-2]} vertices a surface (shape {surfaces.shape}); "
+            f"to has {len(reference)}"
+        )
+    return _align(surfaces, reference, _shares(weights, len(reference)), scale)
+
+
+def generalized_procrustes(
+    points: ArrayLike,
+    *,
+    scale: bool = False,
+    weights: ArrayLike | None = None,
+    tolerance: float = 1e-10,
+    max_iterations: int = 200,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Align surfaces in known correspondence with each other, and return their mean as well.
+
+    Surfaces are aligned with their mean, the mean is taken anew, and so on: every step lowers
+    sum_i sum_v w_v |s_i R_i x_iv + b_i - m_v|^2 [1]_. With `scale`, the mean m keeps the size of
+    the surfaces (the root mean square of their centroid sizes), or all would shrink to a point.
+    In the end all are moved together so that the mean lies as the first surface did.
+
+    Parameters
+    ----------
+    points : array_like, shape (..., V, 3)
+        Surfaces, in metres; at least one leading axis, and all leading axes are averaged over.
+    scale : bool
+        Whether surfaces may also be scaled.
+    weights : array_like, shape (V,), optional
+        Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
+    tolerance : float
+        The iteration stops when the mean moves by less than this fraction of its size.
+    max_iterations : int
+        Number of steps after which a `ConvergenceWarning` is given instead.
+
+    Returns
+    -------
+    aligned : array, shape (..., V, 3)
+        The surfaces, moved.
+    mean : array, shape (V, 3)
+        The mean they are aligned with.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an argument does not convert to real numbers.
+    ArgumentError
+        If a shape is wrong, there is no surface, an entry is not finite, a weight is negative or
+        none is positive, or a rotation that fits best is not unique, as with points on one line.
+
+    References
+    ----------
+    .. [1] Gower, "Generalized Procrustes analysis", Psychometrika 40(1), 1975.
+    """
+    surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
+    tolerance = real_number(tolerance, "tolerance", minimum=0.0)
+    max_iterations = whole_number(max_iterations, "max_iterations", minimum=1)
+    leading = tuple(range(surfaces.ndim - 2))
+    if surfaces.size == 0:
+        raise ArgumentError(f"points holds no surface; found shape {surfaces.shape}")
+    shares = _shares(weights, surfaces.shape[-2])
+    size = np.sqrt(_squared_size(_centred(surfaces, shares), shares).mean())
+
+    first = mean = surfaces[(0,) * len(leading)]
+    for _ in range(max_iterations):
+        previous, mean = mean, _align(surfaces, mean, shares, scale).mean(axis=leading)
+        if scale:
+            mean = _resized(mean, shares, size)
+        if _squared_size(_centred(mean - previous, shares), shares) <= (tolerance * size) ** 2:
+            break
+    else:
+        warnings.warn(
+            f"generalized_procrustes stopped after {max_iterations} iterations, before its mean "
+            f"came to rest within tolerance={tolerance:g}",
+            ConvergenceWarning,
+            stacklevel=2,
+        )
+    mean = _align(mean, first, shares, scale=False)
+    return _align(surfaces, mean, shares, scale), mean
+
+
+def _shares(weights: ArrayLike | None, n_vertices: int) -> np.ndarray:
+    """Return vertex weights that sum to one."""
+    if n_vertices == 0:
+        raise ArgumentError("points has no vertices; there is nothing to align")
+    if weights is None:
+        return np.full(n_vertices, 1.0 / n_vertices)
+    values = real_array(weights, "weights", (n_vertices,), batched=False)
+    if (values < 0).any():
+        first = int((values < 0).argmax())
+        raise ArgumentError(
+            f"weights[{first}] = {float(values[first])!r} is negative; weights must not be"
+        )
+    if not (values > 0).any():
+        raise ArgumentError("weights are all zero; at least one must be positive")
+    return values / values.sum()
+
+
+def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool) -> np.ndarray:
+    """Move each surface onto the reference `to`."""
+    source, target = _centred(surfaces, shares), _centred(to, shares)
+    left, spread, right = np.linalg.svd(target.T @ (shares[:, np.newaxis] * source))
+    # Turning the weakest axis round makes a reflection a rotation, at the least cost.
+    turn = np.sign(np.linalg.det(left) * np.linalg.det(right))
+    spread[..., 2] *= turn
+    right[..., 2, :] *= turn[..., np.newaxis]
+
+    squared_size = _squared_size(source, shares)
+    noise = _ROUNDING * np.abs(surfaces).max(axis=(-1, -2))
+    target_size = np.sqrt(_squared_size(target, shares))
+    target_noise = _ROUNDING * np.abs(to).max()
+    ambiguous = spread[..., 1] + spread[..., 2] <= (
+        np.sqrt(squared_size) * (_FLAT * target_size + target_noise) + noise * target_size
+    )
+    if ambiguous.any():
+        index = ", ".join(str(i) for i in np.argwhere(ambiguous)[0])
+        raise ArgumentError(
+            f"points{f'[{index}]' if index else ''} has no single best alignment: it or its "
+            "reference lies on a line or in a point, or the two are mirror images"
+        )
+    rotation = left @ right
+    if scale:
+        rotation *= (spread.sum(axis=-1) / squared_size)[..., np.newaxis, np.newaxis]
+    return source @ np.swapaxes(rotation, -1, -2) + shares @ to
+
+
+def _centred(surfaces: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Move the weighted centre of each surface to the origin."""
+    return surfaces - (shares @ surfaces)[..., np.newaxis, :]
+
+
+def _squared_size(centred: np.ndarray, shares: np.ndarray) -> np.ndarray:
+    """Return the weighted mean squared distance of vertices from the origin."""
+    return np.sum(centred**2, axis=-1) @ shares
+
+
+def _resized(surface: np.ndarray, shares: np.ndarray, size: float) -> np.ndarray:
+    """Scale a surface about its centre to the given size."""
+    centred = _centred(surface, shares)
+    return surface + centred * (size / np.sqrt(_squared_size(centred, shares)) - 1.0)

@@ -1,0 +1,168 @@
+"""Principal components of rows that arrive one by one, in bounded memory."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+# Rows are gathered up to this size before they are merged into a summary.
+_BUFFER_BYTES = 2**28
+
+
+class PrincipalComponents(NamedTuple):
+    """The principal components of all rows seen.
+
+    Attributes
+    ----------
+    vectors : array, shape (K, n_features)
+        Orthonormal components, the strongest first, the largest entry of each positive.
+    variance : array, shape (K,)
+        Mean square of the rows along each component; with mean removal, their sample variance.
+    variance_ratio : array, shape (K,)
+        The same as a share of the whole.
+    mean : array, shape (n_features,), or None
+        The mean that was removed.
+    rank : int
+        Numerical rank of the rows, if they were not truncated; K is at most this.
+    n_samples : int
+        How many rows there were.
+    """
+
+    vectors: np.ndarray
+    variance: np.ndarray
+    variance_ratio: np.ndarray
+    mean: np.ndarray | None
+    rank: int
+    n_samples: int
+
+
+class StreamingPCA:
+    """Principal components of rows that arrive one by one, in bounded memory.
+
+    Rows are gathered in a buffer. A full buffer A = U S Vᵀ is replaced by half as many rows, the
+    strongest of S Vᵀ, and filled on. As long as the rows fit in the buffer the result is that of
+    one singular value decomposition; beyond, every merge lowers AᵀA by no more than the largest
+    squared singular value it drops, which comes after at least K + K / 2 larger ones. Since half
+    the buffer may hold as many rows as there are features, short rows never lose anything.
+
+    With mean removal, the rows of each merge are centred on their own mean, and one more row
+    makes up for its distance from the mean before [1]_.
+
+    Parameters
+    ----------
+    n_components : int
+        How many components K will be wanted.
+    n_features : int
+        Length of a row.
+    remove_mean : bool
+        Whether the mean of the rows is removed.
+    max_rows : int, optional
+        Rows in the buffer; by default as many as 256 MiB hold, and at least 3 K.
+
+    References
+    ----------
+    .. [1] Ross, Lim, Lin, Yang, "Incremental Learning for Robust Visual Tracking", International
+       Journal of Computer Vision 77, 2008, section 3.1.
+    """
+
+    def __init__(
+        self,
+        n_components: int,
+        n_features: int,
+        *,
+        remove_mean: bool = False,
+        max_rows: int | None = None,
+    ) -> None:
+        if max_rows is None:
+            fitting = _BUFFER_BYTES // (8 * n_features)
+            max_rows = max(3 * n_components, min(fitting, 2 * n_features))
+        self._n_components = n_components
+        self._max_rows = max_rows
+        self._remove_mean = remove_mean
+        # One row to spare for the shift of the mean.
+        self._rows = np.empty((max_rows + 1, n_features))
+        self._n_filled = 0
+        self._singular_values = np.empty(0)
+        self._mean = np.zeros(n_features)
+        self._n_samples = 0
+        self._sum_of_squares = 0.0
+
+    def add(self, row: np.ndarray) -> None:
+        """Take in one row.
+
+        Parameters
+        ----------
+        row : array, shape (n_features,)
+            The row; it is copied.
+        """
+        if self._n_filled == self._max_rows:
+            self._merge()
+        self._rows[self._n_filled] = row
+        self._n_filled += 1
+
+    def components(self, *, rounding: float = 0.0) -> PrincipalComponents:
+        """Return the components of the rows seen so far.
+
+        Parameters
+        ----------
+        rounding : float
+            Error of a single entry of the rows, as far as the rank is concerned: what may be
+            nothing but such errors does not count.
+
+        Returns
+        -------
+        components : PrincipalComponents
+        """
+        self._merge()
+        values, n_features = self._singular_values, self._rows.shape[1]
+        noise = rounding * (np.sqrt(self._n_samples) + np.sqrt(n_features))
+        resolution = max(self._n_samples, n_features) * np.finfo(np.float64).eps
+        rank = int(np.sum(values > resolution * values.max(initial=0.0) + noise))
+        n_components = min(self._n_components, rank)
+
+        values = values[:n_components]
+        vectors = self._rows[:n_components] / values[:, np.newaxis]
+        peaks = np.abs(vectors).argmax(axis=1)
+        vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
+        freedom = self._n_samples - 1 if self._remove_mean else self._n_samples
+        return PrincipalComponents(
+            vectors,
+            values**2 / max(freedom, 1),
+            values**2 / (self._sum_of_squares or 1.0),
+            self._mean.copy() if self._remove_mean else None,
+            rank,
+            self._n_samples,
+        )
+
+    def _merge(self) -> None:
+        """Replace the rows gathered by the strongest rows of S Vᵀ."""
+        n_merged = len(self._singular_values)
+        if self._n_filled == n_merged:
+            return
+        n_new = self._n_filled - n_merged
+        if self._remove_mean:
+            self._centre(self._rows[n_merged : self._n_filled])
+        self._n_samples += n_new
+        self._sum_of_squares += float(np.sum(self._rows[n_merged : self._n_filled] ** 2))
+
+        rows = self._rows[: self._n_filled]
+        # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
+        # singular values to full precision.
+        triangle = np.linalg.qr(rows.T, mode="r")
+        left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
+        kept = min(max(self._max_rows // 2, self._n_components), len(values))
+        self._rows[:kept] = left[:, :kept].T @ rows
+        self._singular_values = values[:kept]
+        self._n_filled = kept
+
+    def _centre(self, new: np.ndarray) -> None:
+        """Centre the new rows, add the row their shift stands for, and move the mean."""
+        n_old, n_new = self._n_samples, len(new)
+        mean = new.mean(axis=0)
+        new -= mean
+        shift = mean - self._mean
+        if n_old:
+            self._rows[self._n_filled] = shift * np.sqrt(n_old * n_new / (n_old + n_new))
+            self._n_filled += 1
+        self._mean += shift * (n_new / (n_old + n_new))

@@ -1,0 +1,270 @@
+"""The template T: the triangle mesh on which every registered surface is a map f: T -> R^3."""
+
+from __future__ import annotations
+
+import os
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import sparse
+
+from riemhuman.checks import integer_array, real_array
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.surfaces.assembly import TriangleAssembler
+from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, refuse_faces
+from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
+
+# A triangle is flat when its height is within rounding of zero: relative to its longest side, or
+# to the coordinates it was computed from.
+_FLAT_HEIGHT = 1e-12
+_ROUNDING = 4 * np.finfo(np.float64).eps
+
+
+class Template:
+    """A triangle mesh with everything that depends on it alone, computed once and kept.
+
+    Each triangle t carries an orthonormal frame in which its corners are (0, 0), (u2, 0) and
+    (u3, v3). A surface f is linear on it, with derivatives
+
+        f_u = (q2 - q1) / u2,    f_v = (q3 - q1) / v3 - u3 / (v3 u2) (q2 - q1),
+
+    where q1, q2, q3 are the corners of the triangle on f [1]_.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (V, 3)
+        Vertex positions, in metres.
+    faces : array_like, shape (F, 3)
+        Vertex indices of each triangle, counted from 0. The mesh may be open or non-manifold.
+        A vertex that no triangle uses is legal: the metrics do not see it.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an array does not hold numbers of the right kind.
+    ArgumentError
+        If a shape is wrong, a position is not finite, there is no triangle, or a triangle
+        refers to a vertex that does not exist or twice to the same one.
+    DegenerateSurfaceError
+        If a triangle has no area. Slivers are legal, collinear corners are not.
+
+    References
+    ----------
+    .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body Surface",
+       WACV 2022, supplement, discretisation; corrected: u3 / v3 is the cotangent of the angle at
+       the first corner, where tangent is printed.
+    """
+
+    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+        points, triangles = mesh_arrays(vertices, faces)
+        refuse_faces(
+            np.any(triangles == np.roll(triangles, 1, axis=1), axis=1),
+            triangles,
+            "faces",
+            "refers to the same vertex twice; the corners of a triangle must differ",
+        )
+        self._vertices = _read_only(points.copy())
+        self._faces = _read_only(triangles)
+        self._face_areas, self._frame_coefficients = _areas_and_frames(self._vertices, self._faces)
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike[str]) -> Template:
+        """Read a template from a PLY, OBJ or OFF file; vertex order is kept.
+
+        Parameters
+        ----------
+        path : path_like
+            The mesh file.
+
+        Returns
+        -------
+        template : Template
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it does not hold a triangle mesh.
+        ArgumentError
+            If a triangle refers twice to the same vertex.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        vertices, faces = load_mesh(path)
+        try:
+            return cls(vertices, faces)
+        except ArgumentError as error:
+            raise type(error)(f"{os.fspath(path)}: {error}") from error
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the template to a PLY, OBJ or OFF file.
+
+        Parameters
+        ----------
+        path : path_like
+            The mesh file; its ending says which format.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        FileFormatError
+            If the ending names no known format.
+        """
+        save_mesh(path, self.vertices, self.faces)
+
+    @property
+    def vertices(self) -> np.ndarray:
+        """Vertex positions, shape (V, 3), read-only, in metres."""
+        return self._vertices
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Vertex indices of each triangle, shape (F, 3), read-only int64."""
+        return self._faces
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices V."""
+        return len(self._vertices)
+
+    @property
+    def n_faces(self) -> int:
+        """Number of triangles F."""
+        return len(self._faces)
+
+    @property
+    def face_areas(self) -> np.ndarray:
+        """Triangle areas w_t, shape (F,), read-only, in square metres."""
+        return self._face_areas
+
+    @property
+    def frame_coefficients(self) -> np.ndarray:
+        """The numbers (1/u2, 1/v3, u3/(v3 u2)) of each triangle, shape (F, 3), read-only."""
+        return self._frame_coefficients
+
+    @cached_property
+    def vertex_areas(self) -> np.ndarray:
+        """A third of the area of the triangles around each vertex, shape (V,), read-only."""
+        return _read_only(
+            np.bincount(
+                self.faces.ravel(), np.repeat(self.face_areas / 3, 3), minlength=self.n_vertices
+            )
+        )
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Each undirected edge once, lower vertex index first, shape (E, 2), read-only int64."""
+        sides = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+        return _read_only(np.unique(np.sort(sides, axis=1), axis=0))
+
+    @cached_property
+    def differential_operator(self) -> sparse.csr_array:
+        """Sparse matrix of shape (2F, V): row t yields f_u, row F + t yields f_v of triangle t."""
+        first, second, third = self.faces.T
+        inverse_u2, inverse_v3, shear = self.frame_coefficients.T
+        along_u = np.arange(self.n_faces)
+        along_v = along_u + self.n_faces
+        return sparse.csr_array(
+            (
+                np.concatenate([-inverse_u2, inverse_u2, shear - inverse_v3, -shear, inverse_v3]),
+                (
+                    np.concatenate([along_u, along_u, along_v, along_v, along_v]),
+                    np.concatenate([first, second, first, second, third]),
+                ),
+            ),
+            shape=(2 * self.n_faces, self.n_vertices),
+        )
+
+    @cached_property
+    def assembler(self) -> TriangleAssembler:
+        """Sums triangle matrices into a sparse (3V, 3V) matrix."""
+        return TriangleAssembler(self.faces, self.n_vertices)
+
+    def check_points(self, points: Any, name: str = "points") -> Any:
+        """Return surfaces as a float64 array after checking that they fit this template.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., V, 3)
+            Surfaces registered to the template; arrays traced by autograd pass unchanged.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        points : array, shape (..., V, 3)
+
+        Raises
+        ------
+        ArgumentTypeError
+            If the argument does not convert to real numbers.
+        ArgumentError
+            If it has another shape or number of vertices, or holds NaN or infinite entries.
+        """
+        points = real_array(points, name, ("n_vertices", 3))
+        if points.shape[-2] != self.n_vertices:
+            raise ArgumentError(
+                f"{name} has {points.shape[-2]} vertices a surface (shape {points.shape}); "
+                f"the template has {self.n_vertices}"
+            )
+        return points
+
+    def check_faces(self, faces: ArrayLike, name: str = "faces") -> None:
+        """Refuse a triangulation that is not the template's own.
+
+        Parameters
+        ----------
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, in the template's order.
+        name : str
+            Name of the argument, for messages.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If the array does not hold whole numbers.
+        ArgumentError
+            If the triangles are not those of the template.
+        """
+        difference = face_difference(integer_array(faces, name, ("n_faces", 3)), self.faces)
+        if difference:
+            raise ArgumentError(f"{name} must be the triangles of the template: {difference}")
+
+    def __repr__(self) -> str:
+        return f"Template(n_vertices={self.n_vertices}, n_faces={self.n_faces})"
+
+
+def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return triangle areas and frame coefficients, or refuse a triangle without area."""
+    corners = vertices[faces]
+    first_edge = corners[:, 1] - corners[:, 0]
+    second_edge = corners[:, 2] - corners[:, 0]
+    double_areas = np.linalg.norm(np.cross(first_edge, second_edge), axis=1)
+
+    sides = corners - np.roll(corners, 1, axis=1)
+    longest = np.linalg.norm(sides, axis=2).max(axis=1)
+    flat = double_areas <= longest * (
+        _FLAT_HEIGHT * longest + _ROUNDING * np.abs(corners).max(axis=(1, 2))
+    )
+    if flat.any():
+        first = int(flat.argmax())
+        raise DegenerateSurfaceError(
+            f"the template has {int(flat.sum())} of {len(faces)} triangles without area, the "
+            f"first at index {first} with vertices {tuple(faces[first].tolist())}; every triangle "
+            "of a template must have area"
+        )
+
+    u2 = np.linalg.norm(first_edge, axis=1)
+    u3 = np.sum(first_edge * second_edge, axis=1) / u2
+    v3 = double_areas / u2
+    frames = np.stack([1 / u2, 1 / v3, u3 / (v3 * u2)], axis=1)
+    return _read_only(double_areas / 2), _read_only(frames)
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,275 @@
+"""The one registry of cases: spaces and metrics with points, and what is claimed of each.
+
+Property tests run over all of `CASES`. What a metric can do, and which transformations leave its
+distances alone, is declared here; a test never finds it out by catching an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import autograd.numpy as anp
+import numpy as np
+import trimesh
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.srnf import SquareRootNormalFields, SRNFMetric
+from riemhuman.kernels.scalars import square_root
+from riemhuman.surfaces.template import Template
+
+N_POINTS = 4
+
+
+@cache
+def sphere_template(subdivisions: int = 1) -> Template:
+    """Return an icosphere of about human size, its triangles of unequal areas."""
+    mesh = trimesh.creation.icosphere(subdivisions)
+    return Template(np.asarray(mesh.vertices) * [0.5, 0.9, 0.4], np.asarray(mesh.faces))
+
+
+@cache
+def open_template() -> Template:
+    """Return a piece of a plane, jittered, with a border."""
+    x, y = np.meshgrid(np.arange(5.0), np.arange(4.0))
+    vertices = np.stack([x.ravel(), y.ravel(), np.zeros(20)], axis=1)
+    vertices += np.random.default_rng(5).uniform(-0.2, 0.2, vertices.shape)
+    low = np.arange(20).reshape(4, 5)[:-1, :-1].ravel()
+    faces = np.concatenate([[low, low + 1, low + 6], [low, low + 6, low + 5]], axis=1).T
+    return Template(0.2 * vertices, faces)
+
+
+@cache
+def triangle_template() -> Template:
+    """Return a single triangle, of no special shape."""
+    return Template([[0.0, 0.0, 0.0], [0.7, 0.0, 0.1], [0.2, 0.9, -0.3]], [[0, 1, 2]])
+
+
+TEMPLATES = {
+    "sphere": sphere_template,
+    "open": open_template,
+    "triangle": triangle_template,
+}
+
+
+def surfaces(template: Template, n_samples: int, rng: int = 0, size: float = 0.3) -> np.ndarray:
+    """Return the template under smooth deformations, shape (n_samples, V, 3)."""
+    return template.vertices + deformations(template, n_samples, rng, size)
+
+
+def deformations(template: Template, n_samples: int, rng: int = 0, size: float = 1.0) -> np.ndarray:
+    """Return smooth deformation fields, linear and wavy, shape (n_samples, V, 3)."""
+    rng = np.random.default_rng(rng)
+    x = template.vertices
+    linear = x @ rng.uniform(-1, 1, (n_samples, 3, 3))
+    waves = rng.uniform(-4, 4, (n_samples, 3, 3))
+    wavy = 0.25 * np.sin(x @ waves + rng.uniform(0, 6, (n_samples, 1, 3)))
+    return size * (linear + wavy)
+
+
+class HalfPlane(Manifold):
+    """The upper half-plane y > 0, a manifold as a user of the library would write it."""
+
+    def __init__(self):
+        super().__init__(2, (2,))
+
+    def belongs(self, point, atol=1e-9):
+        """Tell where y > 0."""
+        return np.asarray(point)[..., 1] > 0
+
+    def to_tangent(self, vector, base_point):
+        """Return the vector itself."""
+        return vector
+
+    def random_point(self, n_samples=1, rng=0):
+        """Draw points around i."""
+        noise = np.random.default_rng(rng).uniform(-0.5, 0.5, (n_samples, 2))
+        points = np.array([0.0, 1.0]) + noise
+        return points[0] if n_samples == 1 else points
+
+
+class HyperbolicInnerProduct(RiemannianMetric):
+    """The hyperbolic metric by its inner product alone."""
+
+    def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+        """Return ⟨a, b⟩/y²."""
+        return anp.sum(tangent_vec_a * tangent_vec_b, axis=-1) / base_point[..., 1] ** 2
+
+
+class HyperbolicDistance(RiemannianMetric):
+    """The hyperbolic metric by its squared distance alone."""
+
+    def squared_dist(self, point_a, point_b):
+        """Return (2 arcsinh(‖a − b‖/(2 √(y_a y_b))))²."""
+        gap = anp.sum((point_a - point_b) ** 2, axis=-1)
+        half = square_root(gap / (4.0 * point_a[..., 1] * point_b[..., 1]))
+        return (2.0 * anp.arcsinh(half)) ** 2
+
+
+def bend(points):
+    """Return a map of the half-plane to the half-plane that is no isometry."""
+    x, y = points[..., 0], points[..., 1]
+    return anp.stack([x + 0.3 * y**2, y * anp.exp(0.2 * x)], axis=-1)
+
+
+def edges_of_first_triangle(points):
+    """Return two edge vectors of the first three vertices, reshaped as a metric-free field."""
+    flat = anp.reshape(points[..., :3, :], (*points.shape[:-2], 9))
+    return anp.reshape(flat[..., 3:] - flat[..., :6], (*points.shape[:-2], 2, 3))
+
+
+CLOSED_FORM = frozenset({"dist", "geodesic", "exp", "log"})
+
+
+@dataclass(frozen=True)
+class Case:
+    """A metric with points to try it on, what it can do and what it claims.
+
+    Attributes
+    ----------
+    name : str
+        Name of the test.
+    metric : RiemannianMetric
+        The metric; `metric.space` is its space.
+    points : array, shape (4, *shape)
+        Points, near enough for `log` to exist where it is declared.
+    tangent_vecs : array, shape (4, *shape)
+        Tangent vectors, the k-th at the k-th point.
+    can : set of str
+        What has a closed form: "dist", "geodesic", "exp", "log".
+    invariant_under : set of str
+        For surfaces: "translation" and "rotation" of one of two surfaces alone, "common rotation",
+        "template" (another template with the same faces).
+    """
+
+    name: str
+    metric: RiemannianMetric
+    points: np.ndarray
+    tangent_vecs: np.ndarray
+    can: frozenset[str] = frozenset({"dist"})
+    invariant_under: frozenset[str] = frozenset()
+
+    @property
+    def space(self) -> Manifold:
+        """The space of the metric."""
+        return self.metric.space
+
+
+def surface_case(name, template, metric, *invariances):
+    points = surfaces(template, N_POINTS, rng=1)
+    tangent_vecs = deformations(template, N_POINTS, rng=2)
+    invariant_under = frozenset({"translation", "common rotation", *invariances})
+    return Case(name, metric, points, tangent_vecs, invariant_under=invariant_under)
+
+
+def ebin_case(template_name, lam):
+    space = MetricFields(TEMPLATES[template_name]())
+    # θ between any two of the points stays below π.
+    spread = min(1.0, 3.0 * np.sqrt(lam))
+    center = space.random_point(rng=3)
+    noise = space.to_tangent(np.random.default_rng(4).uniform(-1, 1, (4, *space.shape)), center)
+    factor = np.linalg.cholesky(center)
+    points = factor @ (np.eye(2) + 0.25 * spread * noise) @ np.swapaxes(factor, -1, -2)
+    points *= np.random.default_rng(7).uniform(0.5, 2.0, (4, 1, 1, 1))
+    vectors = space.random_tangent_vec(points, rng=5)
+    return Case(
+        f"ebin {lam:g} {template_name}", EbinMetric(space, lam=lam), points, vectors, CLOSED_FORM
+    )
+
+
+def field_case(name, space, metric=None):
+    points = space.random_point(N_POINTS, rng=6)
+    points = space.regularize(0.5 * (points[0] + points))
+    vectors = space.random_tangent_vec(points, rng=7)
+    return Case(name, metric or space.metric, points, vectors, CLOSED_FORM)
+
+
+def product_case(name, weights):
+    template = sphere_template()
+    ebin = MetricFields(template).equip_with_metric(EbinMetric, lam=2.0)
+    space = ProductManifold([ebin, NormalFields(template)])
+    return field_case(name, space, ProductMetric(space, weights))
+
+
+def half_plane_case(name, metric_class, *can):
+    space = HalfPlane()
+    points = space.random_point(N_POINTS, rng=8)
+    vectors = np.random.default_rng(9).standard_normal(points.shape)
+    return Case(name, metric_class(space), points, vectors, frozenset(can))
+
+
+def bent_half_plane(space):
+    return PullbackMetric(space, HyperbolicDistance(HalfPlane()), bend)
+
+
+def bent_inner_product(space):
+    return PullbackMetric(space, HyperbolicInnerProduct(HalfPlane()), bend)
+
+
+def edges_metric(space):
+    target = SquareRootNormalFields(Template(np.eye(4, 3), [[0, 1, 2], [0, 1, 3]])).metric
+    return PullbackMetric(space, target, edges_of_first_triangle)
+
+
+def build_cases() -> list[Case]:
+    """Return all cases."""
+    cases = [ebin_case("sphere", lam) for lam in (1e-4, 0.05, 1.0, 10.0)]
+    cases += [
+        ebin_case("triangle", 0.5),
+        field_case("normals sphere", NormalFields(sphere_template())),
+        field_case("normals triangle", NormalFields(triangle_template())),
+        field_case("flat", SquareRootNormalFields(open_template())),
+        product_case("product", [2.0, 0.3]),
+        product_case("product of one", [0.0, 1.5]),
+    ]
+    elastic = {
+        "shape": (1.0, 1e-4, 0.0),
+        "stretch": (2.0, 0.05, 0.0),
+        "pose": (0.0, 0.0, 1.0),
+        "mixed": (1.0, 0.1, 0.1),
+        "all": (1.0, 1.0, 1.0),
+    }
+    for name, (a, lam, c) in elastic.items():
+        claims = ("rotation", "template") if c == 0 else ()
+        for template_name in ("sphere", "open", "triangle"):
+            template = TEMPLATES[template_name]()
+            metric = ElasticMetric(AlignedSurfaces(template, equip=False), a, lam, c)
+            cases.append(surface_case(f"{name} {template_name}", template, metric, *claims))
+    for template_name in ("sphere", "open", "triangle"):
+        template = TEMPLATES[template_name]()
+        metric = SRNFMetric(AlignedSurfaces(template))
+        cases.append(surface_case(f"srnf {template_name}", template, metric, "template"))
+    edges = edges_metric(AlignedSurfaces(sphere_template()))
+    cases += [
+        surface_case("edges", sphere_template(), edges, "template"),
+        half_plane_case("half-plane, inner product", HyperbolicInnerProduct),
+        half_plane_case("half-plane, distance", HyperbolicDistance, "dist"),
+        half_plane_case("half-plane, pulled back", bent_half_plane, "dist"),
+        half_plane_case("half-plane, inner product pulled back", bent_inner_product),
+    ]
+    return cases
+
+
+CASES = {case.name: case for case in build_cases()}
+"""All cases by name."""
+
+
+def cases_that(*can: str) -> list[Case]:
+    """Return the cases with these closed forms."""
+    return [case for case in CASES.values() if case.can.issuperset(can)]
+
+
+def surface_cases() -> list[Case]:
+    """Return the cases on aligned surfaces."""
+    return [case for case in CASES.values() if isinstance(case.space, AlignedSurfaces)]
+
+
+def name_of(case: Case) -> str:
+    """Return the name of a case, for `ids=`."""
+    return case.name

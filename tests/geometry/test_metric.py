@@ -1,0 +1,714 @@
+"""What every metric of the registry owes: House rules 1, 6, 8 and 9.
+
+A property is a function that asserts; broken twins of a metric must not pass it.
+"""
+
+from types import SimpleNamespace
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import grad
+from cases import (
+    CASES,
+    HalfPlane,
+    HyperbolicDistance,
+    HyperbolicInnerProduct,
+    cases_that,
+    name_of,
+    triangle_template,
+)
+from oracles import taylor_slope
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
+from riemhuman.geometry.pullback import PullbackMetric
+
+TIMES = np.linspace(0.0, 1.0, 9)
+
+
+def every(*can):
+    return pytest.mark.parametrize("case", cases_that(*can), ids=name_of)
+
+
+def curve(case, t):
+    """Return points at times t of a smooth curve from the first point to the second."""
+    t = np.reshape(t, (-1,) + (1,) * len(case.space.shape))
+    start, end, third = case.points[:3]
+    wiggle = 0.3 * t * (1 - t) * (third - start)
+    return case.space.regularize((1 - t) * start + t * end + wiggle)
+
+
+def nearby(case, step):
+    """Return the points moved along the tangent vectors, back on the manifold."""
+    return case.space.regularize(case.points + step * case.tangent_vecs)
+
+
+@pytest.fixture(autouse=True)
+def _strict_floats():
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+# Declared capabilities.
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_capabilities_are_as_declared(case):
+    metric, (x, y), v = case.metric, case.points[:2], case.tangent_vecs[0]
+    calls = {
+        "dist": lambda: metric.dist(x, y),
+        "geodesic": lambda: metric.geodesic(x, y)(0.5),
+        "exp": lambda: metric.exp(1e-3 * v, x),
+        "log": lambda: metric.log(y, x),
+    }
+    assert metric.has_closed_form_dist == ("dist" in case.can)
+    assert metric.has_closed_form_geodesic == ("geodesic" in case.can)
+    for capability, call in calls.items():
+        if capability in case.can:
+            assert np.all(np.isfinite(call()))
+        else:
+            with pytest.raises(NotDefinedError, match="no closed form for .*geodesic_solver="):
+                call()
+
+
+# Axioms of a metric.
+
+SMALL = [case for case in cases_that("dist") if np.prod(case.space.shape) <= 9]
+
+
+def many_points(case, n_samples, rng):
+    """Return points far from each other and from any special position."""
+    if isinstance(case.space, AlignedSurfaces):
+        return np.random.default_rng(rng).standard_normal((n_samples, *case.space.shape))
+    return case.space.random_point(n_samples, rng=rng)
+
+
+def check_axioms(dist, a, b, c):
+    ab, bc, ac = dist(a, b), dist(b, c), dist(a, c)
+    np.testing.assert_array_equal(ab, dist(b, a))
+    assert np.all(dist(a, a) == 0)
+    assert np.all(ab > 0)
+    assert np.all(ac <= ab + bc + 1e-12)
+
+
+@pytest.mark.parametrize("case", SMALL, ids=name_of)
+def test_axioms_on_many_triples(case):
+    a, b, c = (many_points(case, 10_000, rng) for rng in (1, 2, 3))
+    check_axioms(case.metric.dist, a, b, c)
+    near = case.space.regularize(a + 1e-7 * (b - a))
+    check_axioms(case.metric.dist, a, near, c)
+    check_axioms(case.metric.dist, near, a, b)
+
+
+@every("dist")
+def test_axioms(case):
+    a, b, c = case.points[:3]
+    check_axioms(case.metric.dist, a, b, c)
+
+
+def test_squared_distances_fail_the_axioms():
+    metric = CASES["all triangle"].metric
+    points = [many_points(CASES["all triangle"], 100, rng) for rng in (1, 2, 3)]
+    with pytest.raises(AssertionError):
+        check_axioms(metric.squared_dist, *points)
+
+
+# The distance and the inner product belong together.
+
+
+def check_norm_is_limit_of_dist(metric, case):
+    norms = metric.norm(case.tangent_vecs, case.points)
+    for step in (1e-7, 1e-8, 1e-9):
+        slopes = metric.dist(case.points, nearby(case, step)) / step
+        np.testing.assert_allclose(slopes, norms, rtol=1e-5)
+
+
+@every("dist")
+def test_norm_is_limit_of_dist(case):
+    check_norm_is_limit_of_dist(case.metric, case)
+
+
+class MisplacedLambda(EbinMetric):
+    def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+        twin = EbinMetric(self.space, lam=1 / self.lam)
+        return self.lam * twin.inner_product(tangent_vec_a, tangent_vec_b, base_point)
+
+
+class NoWeights(NormalFieldMetric):
+    def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+        return np.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1))
+
+
+@pytest.mark.parametrize(
+    ("name", "twin"),
+    [
+        ("ebin 0.05 sphere", lambda space: MisplacedLambda(space, 0.05)),
+        ("normals sphere", NoWeights),
+    ],
+)
+def test_norm_of_broken_twins(name, twin):
+    case = CASES[name]
+    with pytest.raises(AssertionError):
+        check_norm_is_limit_of_dist(twin(case.space), case)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_inner_product_is_symmetric_bilinear_and_positive(case):
+    metric, points = case.metric, case.points
+    a, b = case.tangent_vecs, case.space.to_tangent(case.tangent_vecs[::-1].copy(), points)
+    product = metric.inner_product(a, b, points)
+    scale = metric.norm(a, points) * metric.norm(b, points)
+    flipped = metric.inner_product(b, a, points)
+    np.testing.assert_allclose(product, flipped, rtol=0, atol=1e-7 * scale.max())
+    both = metric.inner_product(a, 2.0 * a - 3.0 * b, points)
+    separate = 2.0 * metric.squared_norm(a, points) - 3.0 * product
+    np.testing.assert_allclose(both, separate, rtol=0, atol=1e-7 * scale.max())
+    assert np.all(metric.squared_norm(a, points) > 0)
+    assert np.all(np.abs(product) <= scale * (1 + 1e-9))
+    assert np.all(metric.norm(0.0 * a, points) == 0)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_covector_represents_inner_product(case):
+    metric, x, (v, w) = case.metric, case.points[0], case.tangent_vecs[:2]
+    w = case.space.to_tangent(w, x)
+    product = np.sum(metric.covector(v, x) * w)
+    bound = metric.norm(v, x) * metric.norm(w, x)
+    np.testing.assert_allclose(product, metric.inner_product(v, w, x), rtol=0, atol=1e-9 * bound)
+    vectors = np.stack([v, w])
+    gram = [[metric.inner_product(a, b, x) for b in vectors] for a in vectors]
+    np.testing.assert_allclose(metric.gram_matrix(vectors, x), gram, atol=1e-7 * bound)
+
+
+# Gradients (House rule 6).
+
+
+def check_gradient(function, x, direction):
+    gradient = grad(function)(x)
+    assert np.all(np.isfinite(gradient))
+    assert taylor_slope(function, x, direction, gradient) >= 1.9
+
+
+@every("dist")
+def test_gradients_of_squared_dist(case):
+    metric, regularize, (x, y) = case.metric, case.space.regularize, case.points[:2]
+    v, w = case.tangent_vecs[:2]
+    check_gradient(lambda p: metric.squared_dist(regularize(p), y), x, v)
+    check_gradient(lambda p: metric.squared_dist(x, regularize(p)), y, w)
+    check_gradient(lambda p: metric.dist(regularize(p), y), x, v)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_gradients_of_energy_and_length(case):
+    metric, regularize = case.metric, case.space.regularize
+    check_gradient(lambda p: metric.energy(regularize(p)), case.points, case.tangent_vecs)
+    check_gradient(lambda p: metric.length(regularize(p)), case.points, case.tangent_vecs)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_energy_and_gradient(case):
+    energy, gradient = case.metric.energy_and_gradient(case.points)
+    np.testing.assert_allclose(energy, case.metric.energy(case.points), rtol=1e-12)
+    expected = grad(case.metric.energy)(case.points)
+    np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_gradients_of_squared_norm(case):
+    metric, regularize, x, v = (
+        case.metric,
+        case.space.regularize,
+        case.points[0],
+        case.tangent_vecs[0],
+    )
+    if case.metric.has_inner_product:
+        direction = case.tangent_vecs[1]
+        direction = case.space.to_tangent(direction, x)
+        # Some inner products do not depend on the base point; autograd warns of that.
+        at = lambda p: metric.squared_norm(v, regularize(p)) + 0.0 * anp.sum(p)
+        check_gradient(at, x, direction)
+        check_gradient(lambda p: metric.squared_norm(p, x), v, direction)
+        assert np.all(grad(lambda p: metric.norm(p, x))(0 * v) == 0)
+
+
+def test_wrong_gradient_has_slope_one():
+    metric, (x, y), v = (
+        CASES["all sphere"].metric,
+        CASES["all sphere"].points[:2],
+        CASES["all sphere"].tangent_vecs[0],
+    )
+    gradient = grad(metric.squared_dist)(x, y)
+    assert taylor_slope(lambda p: metric.squared_dist(p, y), x, v, 1.001 * gradient) < 1.5
+
+
+@every("dist")
+def test_coincident_points(case):
+    for x in case.points:
+        assert case.metric.dist(x, x) == 0.0
+        assert case.metric.squared_dist(x, x) == 0.0
+        for function in (case.metric.squared_dist, case.metric.dist):
+            for argument in (0, 1):
+                np.testing.assert_array_equal(grad(function, argument)(x, x.copy()), 0.0)
+    still = np.repeat(case.points[:1], 3, axis=0)
+    assert case.metric.energy(still) == case.metric.length(still) == 0
+    np.testing.assert_array_equal(grad(case.metric.energy)(still), 0.0)
+    np.testing.assert_array_equal(grad(case.metric.length)(still), 0.0)
+
+
+@every("dist")
+def test_gradient_tends_to_zero_at_coincidence(case):
+    """The gradient of d² is 2 d times the gradient of d, which is bounded."""
+    x = case.points[0]
+    y = nearby(case, 1e-8)[0]
+    gradient = grad(case.metric.squared_dist)(x, y)
+    assert np.all(np.isfinite(gradient))
+    expected = grad(case.metric.squared_dist)(x, nearby(case, 1e-4)[0]) * 1e-4
+    np.testing.assert_allclose(gradient, expected, atol=3e-3 * np.abs(expected).max())
+
+
+# Energy and length.
+
+
+def check_energy_bounds(metric, case):
+    path = curve(case, TIMES)
+    squared_dist = metric.squared_dist(path[0], path[-1])
+    rounding = 1 + 1e-12
+    assert metric.energy(path) * rounding >= metric.length(path) ** 2
+    assert metric.length(path) ** 2 * rounding >= squared_dist
+    assert metric.energy(case.points) * rounding >= metric.squared_dist(*case.points[[0, -1]])
+    refined = [metric.energy(curve(case, np.linspace(0, 1, n + 1))) for n in (1, 2, 4, 8, 16, 32)]
+    assert np.all(np.diff(refined) >= -1e-12 * refined[-1])
+    assert refined[-1] > refined[0]
+
+
+@every("dist")
+def test_energy_bounds(case):
+    check_energy_bounds(case.metric, case)
+
+
+class EnergyWithoutSegments(ElasticMetric):
+    def energy(self, path):
+        return super().energy(path) / (len(path) - 1)
+
+
+def test_energy_bounds_of_broken_twin():
+    case = CASES["all sphere"]
+    with pytest.raises(AssertionError):
+        check_energy_bounds(EnergyWithoutSegments(case.space, 1.0, 1.0, 1.0), case)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_energy_and_length_converge_to_the_integrals(case):
+    """∫ ‖x'‖² dt and ∫ ‖x'‖ dt, by a Gauss rule and the inner product."""
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    nodes = 0.5 + 0.5 * nodes
+    velocity = (curve(case, nodes + 1e-5) - curve(case, nodes - 1e-5)) / 2e-5
+    points = curve(case, nodes)
+    squared = case.metric.squared_norm(case.space.to_tangent(velocity, points), points)
+    path = curve(case, np.linspace(0, 1, 257))
+    np.testing.assert_allclose(case.metric.energy(path), 0.5 * weights @ squared, rtol=3e-3)
+    length = 0.5 * weights @ np.sqrt(squared)
+    np.testing.assert_allclose(case.metric.length(path), length, rtol=3e-3)
+
+
+# Closed forms of geodesics.
+
+
+@every("geodesic", "exp", "log")
+def test_exp_and_log(case):
+    metric, base, points = case.metric, case.points[0], case.points[1:]
+    velocities = metric.log(points, base)
+    assert np.all(case.space.is_tangent(velocities, base))
+    np.testing.assert_allclose(metric.exp(velocities, base), points, atol=1e-12)
+    if all(weight > 0 for weight in getattr(metric, "weights", [1.0])):
+        norms = metric.norm(velocities, base)
+        np.testing.assert_allclose(norms, metric.dist(base, points), rtol=1e-12)
+    assert np.all(np.abs(metric.log(base, base)) < 1e-12)
+    small = 1e-3 * case.tangent_vecs
+    there = metric.exp(small, case.points)
+    assert np.all(case.space.belongs(there))
+    np.testing.assert_allclose(metric.log(there, case.points), small, atol=1e-12)
+    np.testing.assert_allclose(metric.exp(0 * small, case.points), case.points, atol=1e-14)
+
+
+@every("geodesic", "log")
+def test_geodesics(case):
+    metric, start, end = case.metric, case.points[0], case.points[1]
+    path = metric.geodesic(start, end)(TIMES)
+    assert np.all(case.space.belongs(path))
+    np.testing.assert_allclose(path[[0, -1]], [start, end], atol=1e-12)
+    dist = metric.dist(start, end)
+    np.testing.assert_allclose(metric.dist(path[:-1], path[1:]), dist / 8, rtol=1e-10)
+    np.testing.assert_allclose(metric.length(path), dist, rtol=1e-12)
+    np.testing.assert_allclose(metric.energy(path), dist**2, rtol=1e-12)
+    shot = metric.geodesic(start, initial_tangent_vec=metric.log(end, start))(TIMES)
+    np.testing.assert_allclose(shot, path, atol=1e-12)
+    back = metric.geodesic(end, start)(1 - TIMES)
+    np.testing.assert_allclose(back, path, atol=1e-12)
+
+
+@every("geodesic", "log")
+def test_no_path_is_shorter_than_the_geodesic(case):
+    metric, start, end = case.metric, case.points[0], case.points[1]
+    path = metric.geodesic(start, end)(TIMES)
+    squared_dist = metric.squared_dist(start, end)
+    times = (TIMES * (1 - TIMES)).reshape((-1,) + (1,) * len(case.space.shape))
+    rng = np.random.default_rng(0)
+    for size in (1e-4, 1e-2, 0.3):
+        noise = case.space.to_tangent(rng.standard_normal(path.shape), path)
+        other = case.space.regularize(path + size * times * noise)
+        if np.all(case.space.belongs(other)):
+            assert metric.energy(other) >= squared_dist * (1 - 1e-12)
+            assert metric.length(other) ** 2 >= squared_dist * (1 - 1e-12)
+
+
+# Broadcasting.
+
+
+@every("dist")
+def test_distances_broadcast(case):
+    metric, points = case.metric, case.points
+    looped = np.array([[metric.squared_dist(a, b) for b in points] for a in points])
+    batched = metric.squared_dist(points[:, None], points[None])
+    np.testing.assert_allclose(batched, looped, rtol=1e-13)
+    np.testing.assert_allclose(metric.dist(points[0], points) ** 2, looped[0], rtol=1e-13)
+    square = points.reshape(2, 2, *case.space.shape)
+    assert metric.dist(square, square[::-1]).shape == (2, 2)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_inner_products_broadcast(case):
+    metric, points, vectors = case.metric, case.points, case.tangent_vecs
+    batched = metric.inner_product(vectors[:, None], vectors[None, ::-1], points)
+    looped = np.array(
+        [
+            [metric.inner_product(vectors[i], vectors[3 - j], points[j]) for j in range(4)]
+            for i in range(4)
+        ]
+    )
+    np.testing.assert_allclose(batched, looped, rtol=1e-9, atol=1e-9 * np.abs(looped).max())
+    np.testing.assert_allclose(
+        metric.norm(vectors[0], points),
+        [metric.norm(vectors[0], point) for point in points],
+        rtol=1e-9,
+    )
+    np.testing.assert_allclose(
+        metric.norm(vectors, points[0]),
+        [metric.norm(vector, points[0]) for vector in vectors],
+        rtol=1e-9,
+    )
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_energy_and_length_broadcast(case):
+    paths = np.stack([case.points, case.points[::-1], case.points[[1, 0, 3, 2]]])
+    for function in (case.metric.energy, case.metric.length):
+        np.testing.assert_allclose(function(paths), [function(path) for path in paths], rtol=1e-12)
+        assert function(paths[None]).shape == (1, 3)
+
+
+@every("geodesic", "exp", "log")
+def test_geodesics_broadcast(case):
+    metric, points, vectors = case.metric, case.points, 0.1 * case.tangent_vecs
+    exp = metric.exp(vectors, points)
+    np.testing.assert_allclose(
+        exp, [metric.exp(v, p) for v, p in zip(vectors, points, strict=True)], atol=1e-13
+    )
+    log = metric.log(points[:, None], points[None])
+    assert log.shape == (4, 4, *case.space.shape)
+    np.testing.assert_allclose(log[1, 2], metric.log(points[1], points[2]), atol=1e-13)
+    paths = metric.geodesic(points[0], points)(TIMES)
+    assert paths.shape == (4, 9, *case.space.shape)
+    np.testing.assert_allclose(paths[2], metric.geodesic(points[0], points[2])(TIMES), atol=1e-13)
+    paths = metric.geodesic(points[:, None], points[None])([0.25, 0.5])
+    assert paths.shape == (4, 4, 2, *case.space.shape)
+    shots = metric.geodesic(points, initial_tangent_vec=vectors)(TIMES)
+    np.testing.assert_allclose(shots[:, -1], exp, atol=1e-13)
+    single = metric.geodesic(points[0], points[1])(0.5)
+    assert single.shape == (1, *case.space.shape)
+
+
+@every("dist")
+def test_dist_pairwise(case):
+    metric, points = case.metric, case.points
+    matrix = metric.dist_pairwise(points)
+    np.testing.assert_array_equal(matrix, matrix.T)
+    np.testing.assert_array_equal(np.diag(matrix), 0.0)
+    np.testing.assert_allclose(matrix, metric.dist(points[:, None], points[None]), rtol=1e-12)
+    for n_jobs in (2, -1):
+        np.testing.assert_array_equal(metric.dist_pairwise(points, n_jobs=n_jobs), matrix)
+    np.testing.assert_array_equal(metric.dist_pairwise(points[:1]), [[0.0]])
+    np.testing.assert_array_equal(metric.dist_pairwise(list(points)), matrix)
+    assert metric.dist_pairwise(points[:0]).shape == (0, 0)
+
+
+def test_arguments_are_not_changed():
+    for case in CASES.values():
+        points, vectors = case.points.copy(), case.tangent_vecs.copy()
+        points.setflags(write=False)
+        vectors.setflags(write=False)
+        case.metric.norm(vectors, points)
+        case.metric.energy(points)
+        if "dist" in case.can:
+            case.metric.dist(points[0], points)
+            case.metric.dist_pairwise(points)
+        if "exp" in case.can:
+            case.metric.exp(1e-3 * vectors, points)
+            case.metric.geodesic(points[0], points[1])(TIMES)
+
+
+@every("dist")
+def test_lists_and_single_precision_are_accepted(case):
+    x, y = case.points[:2]
+    v = case.tangent_vecs[0]
+    expected = case.metric.dist(x, y)
+    for convert in (np.ndarray.tolist, np.float32):
+        converted = case.metric.dist(case.space.check_point(convert(x)), y)
+        assert np.asarray(converted).dtype == np.float64
+        np.testing.assert_allclose(converted, expected, rtol=2e-3)
+    if not isinstance(case.space, HalfPlane):
+        np.testing.assert_allclose(case.metric.dist(x.tolist(), y.tolist()), expected)
+        norm = case.metric.norm(v.tolist(), x.tolist())
+        np.testing.assert_allclose(norm, case.metric.norm(v, x), rtol=1e-12)
+
+
+# Metrics that users define.
+
+
+def hyperbolic_dist(a, b):
+    gap = np.sum((a - b) ** 2)
+    return np.arccosh(1 + gap / (2 * a[1] * b[1]))
+
+
+def test_inner_product_alone_is_enough():
+    metric = HyperbolicInnerProduct(HalfPlane())
+    a, b = np.array([0.0, 1.0]), np.array([0.0, 2.0])
+    line = np.stack([np.zeros(1001), 2.0 ** np.linspace(0, 1, 1001)], axis=1)
+    np.testing.assert_allclose(metric.length(line), np.log(2), rtol=1e-6)
+    np.testing.assert_allclose(metric.energy(line), np.log(2) ** 2, rtol=1e-6)
+    assert metric.norm(np.array([3.0, 4.0]), b) == 2.5
+    with pytest.raises(NotDefinedError, match="HyperbolicInnerProduct has no closed form"):
+        metric.dist(a, b)
+
+
+def test_squared_dist_alone_is_enough():
+    space = HalfPlane()
+    metric, truth = HyperbolicDistance(space), HyperbolicInnerProduct(space)
+    points = space.random_point(6, rng=3)
+    a, b = np.random.default_rng(4).standard_normal((2, 6, 2))
+    np.testing.assert_allclose(
+        metric.inner_product(a, b, points), truth.inner_product(a, b, points), rtol=1e-6
+    )
+    np.testing.assert_allclose(metric.norm(a, points), truth.norm(a, points), rtol=1e-7)
+    np.testing.assert_allclose(
+        metric.dist(points[0], points[1]), hyperbolic_dist(points[0], points[1]), rtol=1e-12
+    )
+    assert np.all(metric.norm(0 * a, points) == 0)
+
+
+def test_map_and_target_are_enough():
+    """Pulling the flat metric back by the polar map gives dr² + r² dφ²."""
+    plane = HalfPlane()
+
+    class Flat(RiemannianMetric):
+        def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+            return anp.sum(tangent_vec_a * tangent_vec_b, axis=-1)
+
+    def polar(x):
+        return anp.stack([x[..., 1] * anp.cos(x[..., 0]), x[..., 1] * anp.sin(x[..., 0])], axis=-1)
+
+    metric = PullbackMetric(plane, Flat(plane), polar)
+    norm = metric.norm(np.array([[1.0, 0.0], [0.0, 1.0]]), np.array([0.3, 2.0]))
+    np.testing.assert_allclose(norm, [2.0, 1.0])
+    circle = np.stack([np.linspace(0, np.pi, 401), np.full(401, 2.0)], axis=1)
+    np.testing.assert_allclose(metric.length(circle), 2 * np.pi, rtol=1e-5)
+
+
+def test_midpoints_are_on_the_manifold():
+    """A metric on normal fields that asks for unit vectors and has no closed form."""
+
+    class Picky(RiemannianMetric):
+        def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+            self.space.check_point(base_point, "base_point")
+            return anp.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1))
+
+    space = NormalFields(triangle_template(), equip=False)
+    angles = np.linspace(0, 1, 401)
+    path = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)[:, None]
+    np.testing.assert_allclose(Picky(space).length(path), 1.0, rtol=1e-5)
+
+
+def test_neither_primitive_is_refused():
+    metric = RiemannianMetric(HalfPlane())
+    x = np.array([0.0, 1.0])
+    with pytest.raises(NotDefinedError, match="neither inner_product nor squared_dist"):
+        metric.norm(x, x)
+    with pytest.raises(NotDefinedError, match="no closed form for squared_dist"):
+        metric.dist(x, x)
+    with pytest.raises(NotDefinedError, match="neither inner_product nor squared_dist"):
+        metric.energy(np.stack([x, x]))
+
+
+# Solvers as strategies.
+
+
+class StraightLine:
+    """A solver that takes the straight path."""
+
+    def __init__(self, n_times=401):
+        self.n_times = n_times
+
+    def solve(self, metric, start, end):
+        t = np.linspace(0, 1, self.n_times)[:, None]
+        path = (1 - t) * start + t * end
+        return SimpleNamespace(path=path, energy=metric.energy(path))
+
+
+def test_solver_gives_distances_and_geodesics():
+    metric = HyperbolicInnerProduct(HalfPlane(), geodesic_solver=StraightLine())
+    a, b = np.array([0.5, 1.0]), np.array([0.5, 3.0])
+    # The straight path is the geodesic here, at another speed.
+    speed_2 = 4 * (1 - 1 / 3)
+    np.testing.assert_allclose(metric.squared_dist(a, b), 4 / 3, rtol=1e-4)
+    assert metric.squared_dist(a, b) < speed_2
+    geodesic = metric.geodesic(a, b)
+    np.testing.assert_allclose(geodesic([0.0, 0.3, 1.0]), [a, 0.7 * a + 0.3 * b, b], atol=1e-14)
+    points = np.stack([a, b, a + 1])
+    matrix = metric.dist_pairwise(points, n_jobs=2)
+    np.testing.assert_array_equal(matrix, matrix.T)
+    assert matrix[0, 1] == metric.dist(a, b)
+    with pytest.raises(ArgumentError, match=r"one pair of points of shape \(2,\); found \(3, 2\)"):
+        metric.dist(points, b)
+
+
+def test_solver_interpolates_between_its_times():
+    metric = HyperbolicInnerProduct(HalfPlane(), geodesic_solver=StraightLine(3))
+    a, b = np.array([0.0, 1.0]), np.array([2.0, 1.0])
+    np.testing.assert_allclose(
+        metric.geodesic(a, b)(np.array([0.0, 0.2, 0.5, 0.9, 1.0]))[:, 0], [0, 0.4, 1, 1.8, 2]
+    )
+
+
+# Bad input.
+
+
+def test_geodesic_needs_one_of_two():
+    metric = CASES["normals sphere"].metric
+    x, y = CASES["normals sphere"].points[:2]
+    message = "needs end_point or initial_tangent_vec, and not both"
+    for case in (
+        CASES["normals sphere"],
+        CASES["ebin 1 sphere"],
+        CASES["product"],
+        CASES["mixed open"],
+    ):
+        metric, (x, y) = case.metric, case.points[:2]
+        with pytest.raises(ArgumentError, match=message):
+            metric.geodesic(x)
+        with pytest.raises(ArgumentError, match=message):
+            metric.geodesic(x, y, case.tangent_vecs[0])
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_paths_are_checked(case):
+    for function in (case.metric.energy, case.metric.length):
+        with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
+            function(case.points[:1])
+        with pytest.raises(ArgumentError, match=r"path must have shape \(\.\.\., n_times, "):
+            function(case.points[0])
+        spoilt = case.points.copy()
+        spoilt[2, ...] = np.nan
+        with pytest.raises(ArgumentError, match=r"path holds \d+ NaN or infinite entries"):
+            function(spoilt)
+
+
+@pytest.mark.parametrize("case", cases_that("exp"), ids=name_of)
+def test_times_are_checked(case):
+    geodesic = case.metric.geodesic(case.points[0], case.points[1])
+    with pytest.raises(ArgumentError, match=r"t must be a number or have shape \(n_times,\)"):
+        geodesic([[0.0, 1.0]])
+    with pytest.raises(ArgumentError, match="t holds 1 NaN"):
+        geodesic(np.nan)
+    with pytest.raises(ArgumentTypeError, match="t must be an array of real numbers"):
+        geodesic("half")
+
+
+BAD_POINTS = {
+    "nan": (lambda x: np.where(np.arange(x.size).reshape(x.shape) == 1, np.nan, x), "NaN"),
+    "infinite": (
+        lambda x: np.where(np.arange(x.size).reshape(x.shape) == 1, np.inf, x),
+        "infinite",
+    ),
+    "complex": (lambda x: x + 1j, "complex128"),
+    "object": (lambda x: x.astype(object), "dtype object"),
+    "string": (lambda x: "surface", "must be an array of real numbers; found str 'surface'"),
+    "none": (lambda x: None, "must be an array of real numbers; found NoneType None"),
+    "too short": (lambda x: x[:-1], "must have shape"),
+    "flat": (lambda x: x.ravel()[:-1], "must have shape"),
+}
+
+# A factor of weight 0 is declared not to be looked at.
+LIBRARY_CASES = [
+    case
+    for case in CASES.values()
+    if not case.name.startswith("half-plane") and case.name != "product of one"
+]
+
+
+@pytest.mark.parametrize("bad", BAD_POINTS)
+@pytest.mark.parametrize("case", LIBRARY_CASES, ids=name_of)
+def test_bad_points_are_refused(case, bad):
+    spoil, found = BAD_POINTS[bad]
+    metric, (x, y), v = case.metric, case.points[:2], case.tangent_vecs[0]
+    wrong = spoil(x)
+    calls = {
+        "point_a": lambda: metric.dist(wrong, y),
+        "point_b": lambda: metric.squared_dist(x, wrong),
+        "base_point": lambda: metric.norm(v, wrong),
+        "initial_point": lambda: metric.geodesic(wrong, y),
+    }
+    if wrong is not None:
+        calls["end_point"] = lambda: metric.geodesic(x, wrong)
+    if "exp" in case.can:
+        calls |= {
+            "tangent_vec": lambda: metric.exp(spoil(v), x),
+            "point": lambda: metric.log(wrong, x),
+        }
+        if wrong is not None:
+            calls["initial_tangent_vec"] = lambda: metric.geodesic(x, initial_tangent_vec=spoil(v))
+    for name, call in calls.items():
+        with pytest.raises((ArgumentError, ArgumentTypeError)) as error:
+            call()
+        assert name in str(error.value) or name == "base_point" or "product" in case.name
+        assert found in str(error.value)
+    for call in (lambda: metric.norm(spoil(v), x), lambda: metric.inner_product(v, spoil(v), x)):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match=found):
+            call()
+
+
+@pytest.mark.parametrize("n_jobs", [0, -2, 1.5, "two"])
+def test_thread_counts_are_checked(n_jobs):
+    case = CASES["pose triangle"]
+    with pytest.raises((ArgumentError, ArgumentTypeError), match="n_jobs must be"):
+        case.metric.dist_pairwise(case.points, n_jobs=n_jobs)
+
+
+def test_sets_of_points_are_checked():
+    metric, points = CASES["pose triangle"].metric, CASES["pose triangle"].points
+    with pytest.raises(ArgumentError, match=r"points must have shape \(n_points, 3, 3\); found"):
+        metric.dist_pairwise(points[0])
+    with pytest.raises(ArgumentError, match=r"points must have shape \(n_points, 3, 3\); found"):
+        metric.dist_pairwise(points[None])
+
+
+def test_metrics_do_not_change():
+    metric = ElasticMetric(AlignedSurfaces(triangle_template()), a=1.0, lam=0.5, c=0.25)
+    for name in ("a", "lam", "c"):
+        with pytest.raises(AttributeError):
+            setattr(metric, name, 2.0)
+    with pytest.raises(AttributeError):
+        EbinMetric(MetricFields(triangle_template()), lam=1.0).lam = 2.0

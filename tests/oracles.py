@@ -1,0 +1,126 @@
+"""Independent computations that the tests compare with: written from the formulas, not from the code.
+
+Matrices here are single 2 × 2 arrays. `exact_*` works with 60 decimal digits, so that its own
+rounding never counts; `matrix_*` uses SciPy's matrix functions.
+"""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+from mpmath import mp
+from scipy.linalg import expm, logm
+
+mp.dps = 60
+
+
+def exact_log_parts(g1, g2):
+    """Return s₁, s₂ and the traceless part L₀ of log(g₁⁻¹g₂), from its eigenvalues."""
+    g1, g2 = (mp.matrix(np.asarray(g, dtype=float).tolist()) for g in (g1, g2))
+    s1, s2 = (mp.root(mp.det(g), 4) for g in (g1, g2))
+    quotient = g1**-1 * g2
+    mean = (quotient[0, 0] + quotient[1, 1]) / 2
+    traceless = quotient - mean * mp.eye(2)
+    gap = mp.sqrt(mean**2 - mp.det(quotient))
+    if gap == 0:
+        return s1, s2, mp.zeros(2, 2)
+    return s1, s2, mp.log((mean + gap) / (mean - gap)) / (2 * gap) * traceless
+
+
+def exact_angle(g1, g2, lam):
+    """Return θ = √(tr L₀²/λ)/4 (Theorem 1, corrected)."""
+    shear = exact_log_parts(g1, g2)[2]
+    return mp.sqrt((shear * shear)[0, 0] + (shear * shear)[1, 1]) / mp.sqrt(lam) / 4
+
+
+def exact_squared_dist(g1, g2, lam):
+    """Return 16λ(s₁² − 2 s₁s₂ cos min(π, θ) + s₂²) (Theorem 1, corrected)."""
+    s1, s2, _ = exact_log_parts(g1, g2)
+    theta = min(mp.pi, exact_angle(g1, g2, lam))
+    return 16 * mp.mpf(lam) * (s1**2 - 2 * s1 * s2 * mp.cos(theta) + s2**2)
+
+
+def exact_log(g1, g2, lam):
+    """Return the initial velocity of the geodesic from g₁ to g₂, as floats."""
+    s1, s2, shear = exact_log_parts(g1, g2)
+    theta = exact_angle(g1, g2, lam)
+    sine = mp.sin(theta) / theta if theta else mp.mpf(1)
+    inner = s2 / s1 * sine * shear + 2 * (s2 * mp.cos(theta) - s1) / s1 * mp.eye(2)
+    return as_floats(mp.matrix(np.asarray(g1, dtype=float).tolist()) * inner)
+
+
+def exact_exp(delta_g, g, lam):
+    """Return the end of the geodesic from g with velocity δg, as floats."""
+    g, delta_g = (mp.matrix(np.asarray(m, dtype=float).tolist()) for m in (g, delta_g))
+    velocity = g**-1 * delta_g
+    trace = velocity[0, 0] + velocity[1, 1]
+    shear = velocity - trace / 2 * mp.eye(2)
+    size = mp.sqrt(((shear * shear)[0, 0] + (shear * shear)[1, 1]) / 2)
+    nu = mp.sqrt(2 * size**2 / lam) / 4
+    along, across = 1 + trace / 4, nu
+    length = mp.atan2(across, along) / nu * size if nu else mp.mpf(0)
+    rotation = mp.cosh(length) * mp.eye(2)
+    if size:
+        rotation += mp.sinh(length) / size * shear
+    return as_floats((along**2 + across**2) * (g * rotation))
+
+
+def exact_arc(n1, n2):
+    """Return the angle of two vectors, which need not have unit length."""
+    a, b = (mp.matrix(np.asarray(n, dtype=float).tolist()) for n in (n1, n2))
+    a, b = a / mp.norm(a), b / mp.norm(b)
+    return 2 * mp.atan2(mp.norm(a - b), mp.norm(a + b))
+
+
+def as_floats(matrix):
+    """Return an mpmath matrix as a float64 array."""
+    return np.array(matrix.tolist(), dtype=object).astype(float)
+
+
+def matrix_squared_dist(g1, g2, lam):
+    """Return the squared distance through SciPy's matrix logarithm (Theorem 1, corrected)."""
+    shear = traceless(logm(np.linalg.solve(g1, g2)))
+    theta = np.sqrt(max(np.trace(shear @ shear), 0.0) / lam) / 4
+    s1, s2 = np.linalg.det(g1) ** 0.25, np.linalg.det(g2) ** 0.25
+    return 16 * lam * (s1**2 - 2 * s1 * s2 * np.cos(min(np.pi, theta)) + s2**2)
+
+
+def matrix_exp(delta_g, g, lam):
+    """Return the end of a geodesic through SciPy's matrix exponential."""
+    velocity = np.linalg.solve(g, delta_g)
+    shear = traceless(velocity)
+    nu = np.sqrt(np.trace(shear @ shear) / lam) / 4
+    along = 1 + np.trace(velocity) / 4
+    return (along**2 + nu**2) * g @ expm(np.arctan2(nu, along) / nu * shear)
+
+
+def traceless(matrix):
+    """Return A − ½ tr(A) I."""
+    return matrix - np.trace(matrix) / 2 * np.eye(2)
+
+
+def ebin_inner_product(a, b, g, lam):
+    """Return (tr(g⁻¹a₀ g⁻¹b₀) + λ tr(g⁻¹a) tr(g⁻¹b)) √det g of one matrix (equation 2, corrected)."""
+    a, b = np.linalg.solve(g, a), np.linalg.solve(g, b)
+    shear = np.trace(traceless(a) @ traceless(b))
+    return (shear + lam * np.trace(a) * np.trace(b)) * np.sqrt(np.linalg.det(g))
+
+
+def exact(value):
+    """Return a float as it is, as a number of 60 digits."""
+    return mpmath.mpf(float(value))
+
+
+def taylor_slope(function, x, direction, gradient):
+    """Return the order at which f(x + εh) − f(x) − ε⟨∇f, h⟩ tends to 0: 2 for an exact gradient.
+
+    Taken over the four smallest steps ε that rounding leaves alone; infinite if there are fewer.
+    """
+    steps = np.logspace(-2, -6, 9)
+    value = function(x)
+    expected = np.sum(gradient * direction)
+    remainders = np.array([abs(function(x + e * direction) - value - e * expected) for e in steps])
+    seen = np.flatnonzero(remainders > 1e-13 * (abs(value) + abs(expected)))[-4:]
+    if len(seen) < 4:
+        return np.inf
+    return np.polyfit(np.log(steps[seen]), np.log(remainders[seen]), 1)[0]

@@ -1,0 +1,210 @@
+"""Retrieval scores: by hand, against a recount, and against every order of tied results."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.retrieval import RetrievalScores, scores
+
+
+def recount(order, labels, query):
+    """Score one ranking by its definition: NN, first tier, second tier, average precision."""
+    hits = [labels[item] == labels[query] for item in order]
+    n_relevant = sum(hits)
+    precisions = [sum(hits[: rank + 1]) / (rank + 1) for rank, hit in enumerate(hits) if hit]
+    return np.array(
+        [
+            hits[0],
+            sum(hits[:n_relevant]) / n_relevant,
+            sum(hits[: 2 * n_relevant]) / n_relevant,
+            sum(precisions) / n_relevant,
+        ]
+    )
+
+
+def recount_over_all_orders(distances, labels):
+    """Average the recount over every order of the results that respects their distances."""
+    totals = []
+    for query in range(len(labels)):
+        others = [item for item in range(len(labels)) if item != query]
+        if not any(labels[item] == labels[query] for item in others):
+            continue
+        values = [distances[query][item] for item in others]
+        orders = [
+            order
+            for order in itertools.permutations(others)
+            if [distances[query][item] for item in order] == sorted(values)
+        ]
+        totals.append(np.mean([recount(order, labels, query) for order in orders], axis=0))
+    return 100 * np.mean(totals, axis=0), len(totals)
+
+
+def as_array(result):
+    return np.array(
+        [result.nn, result.first_tier, result.second_tier, result.mean_average_precision]
+    )
+
+
+def test_worked_by_hand():
+    # Places on a line; below, the others in order of distance from each.
+    place = [0.0, 1.0, 2.1, 4.0, 5.3, 8.0]
+    labels = ["a", "a", "b", "a", "b", "b"]
+    by_hand = [
+        # NN, FT, ST, AP
+        [1, 1 / 2, 1, (1 / 1 + 2 / 3) / 2],  # from 0.0, an a: a b a b b
+        [1, 1 / 2, 1, (1 / 1 + 2 / 3) / 2],  # from 1.0, an a: a b a b b
+        [0, 0, 1 / 2, (1 / 4 + 2 / 5) / 2],  # from 2.1, a b: a a a b b
+        [0, 0, 3 / 4, (1 / 3 + (2 / 4 + 2 / 5) / 2) / 2],  # from 4.0, an a: b b a, then a and b tie
+        [0, 1 / 2, 1, (1 / 2 + 2 / 3) / 2],  # from 5.3, a b: a b b a a
+        [1, 1 / 2, 1, (1 / 1 + 2 / 3) / 2],  # from 8.0, a b: b a b a a
+    ]
+    result = scores(np.abs(np.subtract.outer(place, place)), labels)
+    np.testing.assert_allclose(as_array(result), 100 * np.mean(by_hand, axis=0), rtol=1e-14)
+    assert result.n_queries == 6
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_agrees_with_a_recount_where_nothing_ties(seed):
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 4, size=30)
+    distances = rng.random((30, 30))
+    expected = [
+        recount([item for item in np.argsort(distances[query]) if item != query], labels, query)
+        for query in range(30)
+    ]
+    np.testing.assert_allclose(
+        as_array(scores(distances, labels)), 100 * np.mean(expected, axis=0), rtol=1e-13
+    )
+
+
+@pytest.mark.parametrize("n_values", [1, 2, 3])
+@pytest.mark.parametrize("labels", ["aabbbb", "aaabbb", "aaaaab", "abcdee", "aabbc", "aa"])
+def test_ties_score_their_expectation_over_all_orders(labels, n_values):
+    rng = np.random.default_rng(len(labels) + n_values)
+    for _ in range(4):
+        distances = rng.integers(0, n_values, size=(len(labels),) * 2).astype(float)
+        expected, n_queries = recount_over_all_orders(distances.tolist(), labels)
+        result = scores(distances, labels)
+        np.testing.assert_allclose(as_array(result), expected, rtol=1e-13)
+        assert result.n_queries == n_queries
+
+
+def test_order_of_the_input_does_not_matter():
+    rng = np.random.default_rng(0)
+    labels = np.repeat(np.arange(5), 4)
+    distances = rng.integers(0, 5, size=(20, 20))
+    order = rng.permutation(20)
+    np.testing.assert_allclose(
+        as_array(scores(distances[np.ix_(order, order)], labels[order])),
+        as_array(scores(distances, labels)),
+        rtol=1e-13,
+    )
+
+
+def test_only_the_order_of_distances_matters():
+    rng = np.random.default_rng(1)
+    distances, labels = rng.random((12, 12)), np.arange(12) // 3
+    assert scores(distances, labels) == scores(distances**2, labels)
+
+
+def test_perfect_retrieval_is_exactly_one_hundred():
+    labels = np.repeat(np.arange(10), 10)
+    distances = (labels[:, np.newaxis] != labels).astype(float)
+    assert scores(distances, labels) == RetrievalScores(100.0, 100.0, 100.0, 100.0, 100)
+
+
+def test_worst_retrieval():
+    # Two classes of four: the second tier of six then catches the last two of three.
+    labels = np.repeat([0, 1], 4)
+    distances = (labels[:, np.newaxis] == labels).astype(float)
+    result = scores(distances, labels)
+    assert (result.nn, result.first_tier) == (0.0, 0.0)
+    np.testing.assert_allclose(result.second_tier, 100 * 2 / 3)
+
+
+def test_all_distances_equal_is_chance():
+    labels = np.repeat(np.arange(10), 10)
+    result = scores(np.ones((100, 100)), labels)
+    chance = 9 / 99
+    np.testing.assert_allclose(result.nn, 100 * chance)
+    np.testing.assert_allclose(result.first_tier, 100 * chance)
+    np.testing.assert_allclose(result.second_tier, 200 * chance)
+
+
+def test_rows_are_queries():
+    distances = np.array([[0.0, 1.0, 2.0], [1.0, 0.0, 2.0], [0.5, 0.5, 0.0]])
+    assert scores(distances, ["a", "a", "b"]).nn == 100.0
+    assert scores(distances.T, ["a", "a", "b"]).nn == 0.0
+
+
+def test_second_tier_is_clipped_to_what_there_is():
+    # Four of one class, one other: the second tier of six would outgrow the four results.
+    result = scores(np.ones((5, 5)), [0, 0, 0, 0, 1])
+    assert result.second_tier == 100.0
+    np.testing.assert_allclose(result.first_tier, 75.0)
+
+
+def test_items_alone_in_their_class_are_no_queries_but_are_results():
+    place = np.array([0.0, 1.0, 0.1])
+    result = scores(np.abs(np.subtract.outer(place, place)), ["a", "a", "alone"])
+    assert result.n_queries == 2
+    assert (result.nn, result.second_tier) == (0.0, 100.0)
+
+
+@pytest.mark.parametrize("on_diagonal", [np.nan, np.inf, -1.0, 7.0])
+def test_diagonal_is_not_read(on_diagonal):
+    rng = np.random.default_rng(2)
+    distances, labels = rng.random((8, 8)), [0, 1] * 4
+    expected = scores(distances, labels)
+    np.fill_diagonal(distances, on_diagonal)
+    before = distances.copy()
+    assert scores(distances, labels) == expected
+    np.testing.assert_array_equal(distances, before)
+
+
+@pytest.mark.parametrize(
+    "labels",
+    [
+        [0, 0, 1, 1],
+        np.array(["x", "x", "y", "y"]),
+        "aabb",
+        [("s", 1), ("s", 1), None, None],
+        ["1", "1", 1, 1],
+        np.array([0.5, 0.5, 2.5, 2.5]),
+    ],
+)
+def test_labels_of_any_hashable_kind(labels):
+    distances = np.random.default_rng(3).random((4, 4))
+    assert scores(distances, labels) == scores(distances.tolist(), [7, 7, 3, 3])
+
+
+def test_row_for_people():
+    text = str(RetrievalScores(100.0, 94.84, 97.1, 96.0, 100))
+    assert text == "NN 100.0 %, FT 94.8 %, ST 97.1 %, mAP 96.0 % (100 queries)"
+
+
+SQUARE = np.ones((4, 4))
+
+
+@pytest.mark.parametrize(
+    ("distances", "labels", "error", "message"),
+    [
+        (np.ones((4, 5)), range(4), ArgumentError, r"distances must be a square.*\(4, 5\)"),
+        (np.ones(4), range(4), ArgumentError, "distances must have shape"),
+        ("text", range(4), ArgumentTypeError, "distances"),
+        (np.where(np.eye(4, k=1), np.nan, 1), "aabb", ArgumentError, r"distances\[0, 1\] is nan"),
+        (np.where(np.eye(4, k=-2), np.inf, 1), "aabb", ArgumentError, r"\[2, 0\] is inf.* 2 "),
+        (np.where(np.eye(4, k=3), -0.5, 1), "aabb", ArgumentError, r"\[0, 3\] is -0.5"),
+        (SQUARE, "aab", ArgumentError, "3 labels found; .* 4 items"),
+        (SQUARE, "abcd", ArgumentError, "4 classes of one item each"),
+        (np.ones((0, 0)), [], ArgumentError, "0 classes"),
+        (SQUARE, None, ArgumentTypeError, "labels"),
+        (SQUARE, [[0], [0], [1], [1]], ArgumentTypeError, "labels .*unhashable"),
+        (SQUARE, np.ones((4, 1)), ArgumentTypeError, "labels .*unhashable"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(distances, labels, error, message):
+    with pytest.raises(error, match=message):
+        scores(distances, labels)

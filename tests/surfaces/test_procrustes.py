@@ -1,0 +1,235 @@
+"""Procrustes alignment against SciPy's solvers, its own optimality, and what it refuses."""
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.spatial import procrustes as scipy_procrustes
+from scipy.spatial.transform import Rotation
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
+from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+
+N_SURFACES, N_VERTICES = 6, 60
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+@pytest.fixture
+def reference(rng):
+    return rng.normal(size=(N_VERTICES, 3)) * [0.3, 1.0, 0.2] + [1.0, -2.0, 0.5]
+
+
+def moved(surface, rng, *, noise=0.0, scale=False, n=N_SURFACES):
+    """Return n copies of a surface, each turned, shifted, roughened and perhaps scaled."""
+    turned = np.einsum("nij,vj->nvi", Rotation.random(n, rng=rng).as_matrix(), surface)
+    turned += rng.normal(scale=noise, size=turned.shape)
+    factors = rng.uniform(0.3, 3.0, size=(n, 1, 1)) if scale else 1.0
+    return factors * turned + rng.normal(size=(n, 1, 3))
+
+
+def weighted_centre(surface, weights):
+    return weights @ surface / weights.sum()
+
+
+@pytest.mark.parametrize("scale", [False, True])
+def test_undoes_any_motion(reference, rng, scale):
+    points = moved(reference, rng, scale=scale).reshape(2, 3, N_VERTICES, 3)
+    aligned = procrustes(points, to=reference, scale=scale)
+    assert aligned.shape == points.shape
+    np.testing.assert_allclose(aligned, np.broadcast_to(reference, points.shape), atol=1e-13)
+
+
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("noise", [0.01, 0.5, 5.0])
+def test_agrees_with_align_vectors_of_scipy(reference, rng, weighted, noise):
+    weights = rng.uniform(0, 2, size=N_VERTICES) if weighted else np.ones(N_VERTICES)
+    points = moved(reference, rng, noise=noise)
+    aligned = procrustes(points, to=reference, weights=weights if weighted else None)
+    target = weighted_centre(reference, weights)
+    for surface, found in zip(points, aligned, strict=True):
+        source = surface - weighted_centre(surface, weights)
+        rotation, _ = Rotation.align_vectors(reference - target, source, weights=weights)
+        np.testing.assert_allclose(found, rotation.apply(source) + target, atol=1e-11)
+
+
+def test_scaled_residual_agrees_with_scipy_procrustes(reference, rng):
+    # SciPy allows reflections; near-aligned surfaces want none.
+    points = moved(reference, rng, noise=0.05, scale=True)
+    aligned = procrustes(points, to=reference, scale=True)
+    size = np.sum((reference - reference.mean(axis=0)) ** 2)
+    for surface, found in zip(points, aligned, strict=True):
+        disparity = scipy_procrustes(reference, surface)[2]
+        np.testing.assert_allclose(np.sum((found - reference) ** 2) / size, disparity, rtol=1e-10)
+
+
+@pytest.mark.parametrize("scale", [False, True])
+def test_no_nearby_motion_fits_better(reference, rng, scale):
+    weights = rng.uniform(0, 1, size=N_VERTICES)
+    surface = moved(reference, rng, noise=0.3, scale=True)[0]
+    aligned = procrustes(surface, to=reference, scale=scale, weights=weights)
+
+    def misfit(motion):
+        turned = Rotation.from_rotvec(motion[:3]).apply(aligned) * np.exp(scale * motion[6])
+        return weights @ np.sum((turned + motion[3:6] - reference) ** 2, axis=1)
+
+    best = minimize(misfit, np.zeros(7), method="BFGS").fun
+    assert misfit(np.zeros(7)) <= best * (1 + 1e-9)
+
+
+def test_never_reflects(reference, rng):
+    mirrored = reference * [-1.0, 1.0, 1.0]
+    aligned = procrustes(moved(mirrored, rng), to=reference)
+    centre = reference.mean(axis=0)
+    for surface in aligned:
+        source = mirrored - mirrored.mean(axis=0)
+        matrix = np.linalg.lstsq(source, surface - centre)[0]
+        np.testing.assert_allclose(np.linalg.det(matrix), 1.0, atol=1e-12)
+        rotation, _ = Rotation.align_vectors(reference - centre, source)
+        np.testing.assert_allclose(surface, rotation.apply(source) + centre, atol=1e-12)
+
+
+def test_flat_surfaces_have_an_alignment(reference, rng):
+    flat = reference * [1.0, 1.0, 0.0]
+    aligned = procrustes(moved(flat, rng), to=flat)
+    np.testing.assert_allclose(aligned, np.broadcast_to(flat, aligned.shape), atol=1e-13)
+
+
+def test_distances_within_a_surface_stay(reference, rng):
+    points = moved(reference, rng, noise=0.5)
+    aligned = procrustes(points, to=reference)
+    sides = [np.linalg.norm(p[:, 1:] - p[:, :-1], axis=-1) for p in (points, aligned)]
+    np.testing.assert_allclose(*sides, rtol=1e-12)
+
+
+@pytest.mark.parametrize("offset", [1e3, 1e6])
+def test_far_from_the_origin(reference, offset):
+    aligned = procrustes(reference + offset, to=reference)
+    np.testing.assert_allclose(aligned, reference, atol=1e-15 * offset + 1e-14)
+
+
+def test_arguments_are_left_alone(reference, rng):
+    points = moved(reference, rng)
+    before = points.copy(), reference.copy()
+    procrustes(points, to=reference, scale=True)
+    generalized_procrustes(points, scale=True)
+    np.testing.assert_array_equal(points, before[0])
+    np.testing.assert_array_equal(reference, before[1])
+
+
+def test_no_surfaces_align_to_none(reference):
+    assert procrustes(np.empty((0, N_VERTICES, 3)), to=reference).shape == (0, N_VERTICES, 3)
+
+
+@pytest.mark.parametrize("scale", [False, True])
+def test_generalized_undoes_any_motion(reference, rng, scale):
+    points = moved(reference, rng, scale=scale)
+    aligned, mean = generalized_procrustes(points, scale=scale)
+    np.testing.assert_allclose(aligned, np.broadcast_to(mean, aligned.shape), atol=1e-13)
+    np.testing.assert_array_equal(aligned, procrustes(points, scale=scale))
+
+
+@pytest.mark.parametrize("scale", [False, True])
+def test_generalized_mean_is_at_rest(reference, rng, scale):
+    points = moved(reference, rng, noise=0.2, scale=scale).reshape(3, 2, N_VERTICES, 3)
+    weights = rng.uniform(0, 1, size=N_VERTICES)
+    aligned, mean = generalized_procrustes(points, scale=scale, weights=weights)
+    np.testing.assert_allclose(
+        aligned, procrustes(points, to=mean, scale=scale, weights=weights), atol=1e-12
+    )
+    # With scale, the mean of the aligned surfaces is the mean up to its size.
+    average = procrustes(aligned.mean(axis=(0, 1)), to=mean, scale=scale, weights=weights)
+    np.testing.assert_allclose(average, mean, atol=1e-9)
+
+
+def test_generalized_misfit_is_no_larger_than_for_any_surface_as_reference(reference, rng):
+    points = moved(reference, rng, noise=0.5)
+
+    def misfit(aligned):
+        return np.sum((aligned - aligned.mean(axis=0)) ** 2)
+
+    least = misfit(generalized_procrustes(points)[0])
+    assert all(least < misfit(procrustes(points, to=surface)) for surface in points)
+
+
+def test_generalized_mean_lies_as_the_first_surface(reference, rng):
+    points = moved(reference, rng, noise=0.1)
+    _, mean = generalized_procrustes(points)
+    np.testing.assert_allclose(procrustes(mean, to=points[0]), mean, atol=1e-12)
+
+
+def test_generalized_does_not_depend_on_how_surfaces_lay(reference, rng):
+    points = moved(reference, rng, noise=0.3)
+    again = np.stack([moved(surface, rng, n=1)[0] for surface in points])
+    again[0] = points[0]
+    aligned, mean = generalized_procrustes(points)
+    np.testing.assert_allclose(generalized_procrustes(again)[1], mean, atol=1e-8)
+    np.testing.assert_allclose(generalized_procrustes(again)[0], aligned, atol=1e-8)
+
+
+def test_generalized_keeps_the_size_of_the_surfaces(reference, rng):
+    points = moved(reference, rng, noise=0.1, scale=True)
+    _, mean = generalized_procrustes(points, scale=True)
+    sizes = np.sum((points - points.mean(axis=1, keepdims=True)) ** 2, axis=(1, 2))
+    np.testing.assert_allclose(np.sum((mean - mean.mean(axis=0)) ** 2), sizes.mean(), rtol=1e-12)
+
+
+def test_one_surface_is_its_own_mean(reference):
+    aligned, mean = generalized_procrustes(reference[np.newaxis])
+    np.testing.assert_allclose(aligned[0], reference, atol=1e-14)
+    np.testing.assert_allclose(mean, reference, atol=1e-14)
+
+
+def test_stopping_early_is_said(reference, rng):
+    points = moved(reference, rng, noise=0.5)
+    with pytest.warns(ConvergenceWarning, match="stopped after 2 iterations"):
+        generalized_procrustes(points, max_iterations=2)
+
+
+LINE = np.outer(np.linspace(-0.3, 1.1, N_VERTICES), [0.1, 0.2, 0.7])
+
+
+@pytest.mark.parametrize(("length", "offset"), [(1.0, 0.0), (1.0, 3.3), (1e-3, 1e4), (1e6, 1.0)])
+@pytest.mark.parametrize("scale", [False, True])
+def test_points_on_a_line_are_refused(reference, length, offset, scale):
+    line = length * LINE + offset
+    with pytest.raises(ArgumentError, match=r"points has no single best alignment"):
+        procrustes(line, to=reference, scale=scale)
+    with pytest.raises(ArgumentError, match=r"points\[0\] has no single best alignment"):
+        procrustes([reference, reference], to=line, scale=scale)
+    with pytest.raises(ArgumentError, match=r"points\[1, 0\] has no single best alignment"):
+        procrustes([[reference], [line]], scale=scale)
+    with pytest.raises(ArgumentError, match=r"points\[0\] has no single best alignment"):
+        generalized_procrustes(np.full((2, N_VERTICES, 3), offset + 0.1), scale=scale)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"points": np.ones((4, 2)), "to": np.ones((4, 3))}, ArgumentError, "points must have"),
+        ({"points": np.ones((4, 3)), "to": np.ones((1, 4, 3))}, ArgumentError, "to must have"),
+        ({"points": np.ones((4, 3)), "to": np.ones((5, 3))}, ArgumentError, "4 vertices .*has 5"),
+        ({"points": np.ones((0, 3)), "to": np.ones((0, 3))}, ArgumentError, "no vertices"),
+        ({"points": np.ones((4, 3))}, ArgumentError, "n_surfaces"),
+        ({"points": np.ones((0, 4, 3))}, ArgumentError, "no surface"),
+        ({"points": np.full((4, 3), np.nan), "to": np.ones((4, 3))}, ArgumentError, "points .*NaN"),
+        ({"points": "a", "to": np.ones((4, 3))}, ArgumentTypeError, "points"),
+        ({"weights": [1, 1, -2.0, 1]}, ArgumentError, r"weights\[2\] = -2.0 is negative"),
+        ({"weights": np.zeros(4)}, ArgumentError, "weights are all zero"),
+        ({"weights": np.ones(5)}, ArgumentError, "weights must have shape"),
+        ({"weights": [1, 1, np.inf, 1]}, ArgumentError, "weights .*infinite"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(arguments, error, message):
+    arguments = {"points": np.eye(4, 3)[np.newaxis], **arguments}
+    with pytest.raises(error, match=message):
+        procrustes(**arguments)
+
+
+def test_bad_settings_are_refused_by_name(reference):
+    with pytest.raises(ArgumentError, match="tolerance"):
+        generalized_procrustes(reference[np.newaxis], tolerance=-1)
+    with pytest.raises(ArgumentError, match="max_iterations"):
+        generalized_procrustes(reference[np.newaxis], max_iterations=0)

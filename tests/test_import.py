@@ -1,0 +1,55 @@
+"""`import riemhuman` is light, needs no network and offers every name it lists."""
+
+import subprocess
+import sys
+
+import pytest
+
+import riemhuman
+
+HEAVY = ("dask", "h5py", "matplotlib", "numba", "pandas", "torch", "trimesh")
+
+REFUSE_NETWORK = """
+import sys
+
+def refuse_network(event, arguments):
+    if event.startswith("socket."):
+        raise RuntimeError(f"network used: {event} {arguments}")
+
+sys.addaudithook(refuse_network)
+"""
+
+
+def run(code):
+    """Run code in a fresh interpreter, with warnings as errors and without a network."""
+    return subprocess.run(
+        [sys.executable, "-W", "error", "-c", REFUSE_NETWORK + code],
+        capture_output=True,
+        encoding="utf-8",
+    )
+
+
+def test_import_loads_nothing_heavy():
+    result = run(f"import riemhuman; print(*sorted({HEAVY} & sys.modules.keys()))")
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.split() == []
+
+
+def test_every_public_name_resolves():
+    result = run("import riemhuman\nfor name in riemhuman.__all__: getattr(riemhuman, name)")
+    assert result.returncode == 0, result.stderr
+
+
+def test_network_guard_can_fail():
+    result = run("import socket; socket.create_connection(('127.0.0.1', 9))")
+    assert "network used" in result.stderr
+
+
+def test_public_names_are_listed_once_and_visible():
+    assert len(set(riemhuman.__all__)) == len(riemhuman.__all__)
+    assert set(riemhuman.__all__) <= set(dir(riemhuman))
+
+
+def test_unknown_name_is_refused():
+    with pytest.raises(AttributeError, match="no_such_name"):
+        riemhuman.no_such_name  # noqa: B018

@@ -1,0 +1,95 @@
+"""The rooms import only from the floors below, and the contracts of setup.cfg can see it."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+
+ROOMS = "A room imports only from the floors below"
+ABSTRACT = "The abstract classes know nothing of the spaces built on them"
+
+
+def lint_imports(folder):
+    """Check the package found in `folder` against the contracts of setup.cfg."""
+    return subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from importlinter.cli import lint_imports_command; lint_imports_command()",
+            f"--config={ROOT / 'setup.cfg'}",
+            "--no-cache",
+        ],
+        cwd=folder,
+        capture_output=True,
+        encoding="utf-8",
+    )
+
+
+@pytest.fixture
+def twin(tmp_path):
+    """Return a copy of the package's source, to be broken."""
+    ignored = shutil.ignore_patterns("__pycache__", "data")
+    return shutil.copytree(ROOT / "riemhuman", tmp_path / "riemhuman", ignore=ignored)
+
+
+def append(path, line):
+    text = path.read_text(encoding="utf-8") if path.exists() else ""
+    path.write_text(f"{text}\n{line}\n", encoding="utf-8")
+
+
+def test_contracts_are_kept():
+    result = lint_imports(ROOT)
+    assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize(
+    ("module", "line", "contract"),
+    [
+        ("checks.py", "import riemhuman.kernels", ROOMS),
+        ("kernels/__init__.py", "import riemhuman.geometry.metric", ROOMS),
+        ("geometry/metric.py", "import riemhuman.surfaces.template", ROOMS),
+        ("surfaces/template.py", "def f():\n    import riemhuman.geometry", ROOMS),
+        ("bodies/__init__.py", "import riemhuman.datasets", ROOMS),
+        ("attic.py", '"""A room that is not on the map."""', ROOMS),
+        ("geometry/manifold.py", "import riemhuman.geometry.metric_fields", ABSTRACT),
+        ("geometry/attic.py", '"""A space that is not on the map."""', ABSTRACT),
+        ("checks.py", "from riemhuman import Template", "No room goes through the front door"),
+        (
+            "surfaces/template.py",
+            "import trimesh",
+            "Only riemhuman.surfaces.mesh_files imports trimesh",
+        ),
+        ("geometry/metric.py", "import numba", "Only riemhuman.kernels.compiled imports numba"),
+        (
+            "datasets/__init__.py",
+            "import h5py",
+            "Optional dependencies come through riemhuman.optional",
+        ),
+    ],
+)
+def test_contracts_can_be_broken(twin, module, line, contract):
+    append(twin / module, line)
+    result = lint_imports(twin.parent)
+    assert result.returncode == 1, result.stdout + result.stderr
+    assert f"{contract} BROKEN" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("module", "line"),
+    [
+        ("datasets/__init__.py", "import riemhuman.bodies"),
+        ("surfaces/mesh_files.py", "import trimesh"),
+        (
+            "geometry/metric.py",
+            "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import riemhuman.solvers",
+        ),
+    ],
+)
+def test_contracts_allow(twin, module, line):
+    append(twin / module, line)
+    result = lint_imports(twin.parent)
+    assert result.returncode == 0, result.stdout + result.stderr
