@@ -1,8 +1,8 @@
 """Riemannian shape analysis of human bodies.
 
-A body registered to a template mesh T is a map f: T → R³. The library sends it to its metric field
-and its normal field, Φ(f) = (g, n), measures distances there in closed form, and finds geodesics and
-means under the metrics pulled back by Φ, after Pierson, Daoudi and Tumpach, "A Riemannian Framework
+A body registered to a template mesh T is a map f: T → R³. The library sends it to its metric
+field and its normal field, Φ(f) = (g, n), measures distances there in closed form, and finds
+geodesics and means under the metrics pulled back by Φ, after Pierson, Daoudi and Tumpach, "A Riemannian Framework
 for Analysis of Human Body Surface", WACV 2022.
 """
 
@@ -28,15 +28,19 @@ _ROOM_OF_NAME = {
     "FlatMetric": "geometry.srnf",
     "SRNFMetric": "geometry.srnf",
     "SquareRootNormalFields": "geometry.srnf",
+    "DeformationBasis": "surfaces.deformation_basis",
     "Template": "surfaces.template",
     "load_mesh": "surfaces.mesh_files",
     "save_mesh": "surfaces.mesh_files",
     "generalized_procrustes": "surfaces.procrustes",
     "procrustes": "surfaces.procrustes",
     "BodyModel": "bodies.body_model",
+    "FrechetMean": "solvers.frechet_mean",
+    "GeometricMedian": "solvers.frechet_mean",
+    "ConvergenceWarning": "errors",
     "RiemhumanError": "errors",
 }
-_ROOMS = ("bodies", "datasets", "errors", "geometry", "kernels", "retrieval", "surfaces")
+_ROOMS = ("bodies", "datasets", "errors", "geometry", "kernels", "retrieval", "solvers", "surfaces")
 
 __all__ = [*_ROOM_OF_NAME, *_ROOMS]
 

@@ -143,7 +143,7 @@ def generator(rng: Rng) -> np.random.Generator:
     return np.random.default_rng(whole_number(rng, "rng", minimum=0))
 
 
-def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None:
+def refuse_triangles(bad: np.ndarray, message: str, error: type[Exception]) -> None:
     """Raise an error naming the first bad triangle, its surface if there are several, the count.
 
     Parameters

@@ -6,6 +6,8 @@ rounding never counts; `matrix_*` uses SciPy's matrix functions.
 
 from __future__ import annotations
 
+import warnings
+
 import mpmath
 import numpy as np
 from mpmath import mp
@@ -16,7 +18,7 @@ mp.dps = 60
 
 def exact_log_parts(g1, g2):
     """Return s₁, s₂ and the traceless part L₀ of log(g₁⁻¹g₂), from its eigenvalues."""
-    g1, g2 = (mp.matrix(np.asarray(g, dtype=float).tolist()) for g in (g1, g2))
+    g1, g2 = as_exact(g1), as_exact(g2)
     s1, s2 = (mp.root(mp.det(g), 4) for g in (g1, g2))
     quotient = g1**-1 * g2
     mean = (quotient[0, 0] + quotient[1, 1]) / 2
@@ -46,12 +48,12 @@ def exact_log(g1, g2, lam):
     theta = exact_angle(g1, g2, lam)
     sine = mp.sin(theta) / theta if theta else mp.mpf(1)
     inner = s2 / s1 * sine * shear + 2 * (s2 * mp.cos(theta) - s1) / s1 * mp.eye(2)
-    return as_floats(mp.matrix(np.asarray(g1, dtype=float).tolist()) * inner)
+    return as_floats(as_exact(g1) * inner)
 
 
 def exact_exp(delta_g, g, lam):
     """Return the end of the geodesic from g with velocity δg, as floats."""
-    g, delta_g = (mp.matrix(np.asarray(m, dtype=float).tolist()) for m in (g, delta_g))
+    g, delta_g = as_exact(g), as_exact(delta_g)
     velocity = g**-1 * delta_g
     trace = velocity[0, 0] + velocity[1, 1]
     shear = velocity - trace / 2 * mp.eye(2)
@@ -67,9 +69,16 @@ def exact_exp(delta_g, g, lam):
 
 def exact_arc(n1, n2):
     """Return the angle of two vectors, which need not have unit length."""
-    a, b = (mp.matrix(np.asarray(n, dtype=float).tolist()) for n in (n1, n2))
+    a, b = as_exact(n1), as_exact(n2)
     a, b = a / mp.norm(a), b / mp.norm(b)
     return 2 * mp.atan2(mp.norm(a - b), mp.norm(a + b))
+
+
+def as_exact(array):
+    """Return an array of floats, or an mpmath matrix, as an mpmath matrix."""
+    if isinstance(array, mpmath.matrix):
+        return array
+    return mp.matrix(np.asarray(array, dtype=float).tolist())
 
 
 def as_floats(matrix):
@@ -79,10 +88,17 @@ def as_floats(matrix):
 
 def matrix_squared_dist(g1, g2, lam):
     """Return the squared distance through SciPy's matrix logarithm (Theorem 1, corrected)."""
-    shear = traceless(logm(np.linalg.solve(g1, g2)))
+    shear = traceless(matrix_log(np.linalg.solve(g1, g2)))
     theta = np.sqrt(max(np.trace(shear @ shear), 0.0) / lam) / 4
     s1, s2 = np.linalg.det(g1) ** 0.25, np.linalg.det(g2) ** 0.25
     return 16 * lam * (s1**2 - 2 * s1 * s2 * np.cos(min(np.pi, theta)) + s2**2)
+
+
+def matrix_log(matrix):
+    """Return SciPy's matrix logarithm, whose warnings start far below the tolerances here."""
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        return logm(matrix)
 
 
 def matrix_exp(delta_g, g, lam):
@@ -104,11 +120,6 @@ def ebin_inner_product(a, b, g, lam):
     a, b = np.linalg.solve(g, a), np.linalg.solve(g, b)
     shear = np.trace(traceless(a) @ traceless(b))
     return (shear + lam * np.trace(a) * np.trace(b)) * np.sqrt(np.linalg.det(g))
-
-
-def exact(value):
-    """Return a float as it is, as a number of 60 digits."""
-    return mpmath.mpf(float(value))
 
 
 def taylor_slope(function, x, direction, gradient):

@@ -1,19 +1,26 @@
 """Compiled loops for bulk work; they must agree with the definitions in the other kernels.
 
 Importing this module compiles nothing: functions compile at first call and are cached on disk.
-Sums run over a fixed number of chunks, so results do not depend on the number of threads.
+They release the interpreter lock and run in Python's own threads over a fixed number of chunks of
+triangles, so that results do not depend on the number of threads, and no thread waits in a busy
+loop as those of numba's parallel mode do.
 """
 
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy import ndarray
 
-N_CHUNKS = 8
-DEGENERATE = 8 * np.finfo(float).eps
+from riemhuman.kernels.surface import DEGENERATE
+
+_N_CHUNKS = 4
+# Below this many triangles times surfaces, threads cost more than they bring.
+_WORTH_THREADS = 50_000
+_THREADS = ThreadPoolExecutor(_N_CHUNKS, thread_name_prefix="riemhuman-kernels")
 
 
 @njit(cache=True, inline="always")
@@ -22,8 +29,7 @@ def _squared_arc(p: float) -> tuple[float, float]:
     if p < 0.04:
         # 2 Σ pᵏ/(k² binom(2k, k)); the next term is below rounding error.
         value = p * (
-            1
-            + p * (1 / 12 + p * (1 / 90 + p * (1 / 560 + p * (1 / 3150 + p * (1 / 16632)))))
+            1 + p * (1 / 12 + p * (1 / 90 + p * (1 / 560 + p * (1 / 3150 + p * (1 / 16632)))))
         )
         slope = 1 + p * (
             1 / 6 + p * (1 / 30 + p * (1 / 140 + p * (1 / 630 + p * (6 / 16632 + p / 12012))))
@@ -62,139 +68,125 @@ def _half_angle(m: float, kappa: float) -> tuple[float, float]:
     return half * half, slope
 
 
-@njit(cache=True, parallel=True)
-def _path_energy(
+@njit(cache=True, nogil=True)
+def _squared_segments(
     path: ndarray,
     faces: ndarray,
     frames: ndarray,
     areas: ndarray,
+    first: int,
+    last: int,
     a: float,
     lam: float,
     c: float,
     b: float,
-    chunks: ndarray,
-    gradients: ndarray,
+    gradient: ndarray,
 ) -> float:
-    n_times = path.shape[0]
-    n_chunks = len(chunks) - 1
+    """Sum d² over all segments and triangles `first` to `last`; add its gradient."""
+    n_times = path.shape[1]
     kappa = 0.5 / math.sqrt(2.0 * lam) if a > 0.0 else 0.0
-    sums = np.zeros(n_chunks)
-    for chunk in prange(n_chunks):
-        gradient = gradients[chunk]
-        fu, fv = np.empty((n_times, 3)), np.empty((n_times, 3))
-        normal, normal_slope = np.empty((n_times, 3)), np.empty((n_times, 3))
-        area, e, x, y, s = (
-            np.empty(n_times),
-            np.empty(n_times),
-            np.empty(n_times),
-            np.empty(n_times),
-            np.empty(n_times),
-        )
-        slope_x, slope_y, slope_s = np.empty(n_times), np.empty(n_times), np.empty(n_times)
-        total = 0.0
-        for t in range(chunks[chunk], chunks[chunk + 1]):
-            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-            weight = areas[t]
-            for i in range(n_times):
-                for k in range(3):
-                    edge = path[i, two, k] - path[i, one, k]
-                    fu[i, k] = edge * scale_u
-                    fv[i, k] = (path[i, three, k] - path[i, one, k]) * scale_v - edge * skew
-                normal[i, 0] = fu[i, 1] * fv[i, 2] - fu[i, 2] * fv[i, 1]
-                normal[i, 1] = fu[i, 2] * fv[i, 0] - fu[i, 0] * fv[i, 2]
-                normal[i, 2] = fu[i, 0] * fv[i, 1] - fu[i, 1] * fv[i, 0]
-                squared = normal[i, 0] ** 2 + normal[i, 1] ** 2 + normal[i, 2] ** 2
-                e[i] = fu[i, 0] ** 2 + fu[i, 1] ** 2 + fu[i, 2] ** 2
-                g = fv[i, 0] ** 2 + fv[i, 1] ** 2 + fv[i, 2] ** 2
-                mixed = fu[i, 0] * fv[i, 0] + fu[i, 1] * fv[i, 1] + fu[i, 2] * fv[i, 2]
-                if squared <= DEGENERATE * e[i] * g:
-                    area[i], e[i], x[i], y[i], s[i] = 0.0, 1.0, 0.0, 1.0, 0.0
-                    if c > 0.0:
-                        total = math.inf
-                    for k in range(3):
-                        normal[i, k] = 0.0
-                else:
-                    area[i] = math.sqrt(squared)
-                    x[i], y[i], s[i] = mixed / e[i], area[i] / e[i], math.sqrt(area[i])
-                    for k in range(3):
-                        normal[i, k] /= area[i]
-                slope_x[i] = slope_y[i] = slope_s[i] = 0.0
-                for k in range(3):
-                    normal_slope[i, k] = 0.0
-            for i in range(n_times - 1):
-                j = i + 1
-                if a > 0.0:
-                    dx, dy, ds = x[i] - x[j], y[i] - y[j], s[i] - s[j]
-                    yy = y[i] * y[j]
-                    m = 0.5 * (dx * dx + dy * dy) / yy
-                    half, rate = _half_angle(m, kappa)
-                    factor = 16.0 * lam * a * weight
-                    total += factor * (ds * ds + 4.0 * s[i] * s[j] * half)
-                    slope_s[i] += factor * (2.0 * ds + 4.0 * s[j] * half)
-                    slope_s[j] += factor * (-2.0 * ds + 4.0 * s[i] * half)
-                    rate *= factor * 4.0 * s[i] * s[j]
-                    slope_x[i] += rate * dx / yy
-                    slope_x[j] -= rate * dx / yy
-                    slope_y[i] += rate * (dy / yy - m / y[i])
-                    slope_y[j] -= rate * (dy / yy + m / y[j])
+    fu, fv = np.empty((n_times, 3)), np.empty((n_times, 3))
+    normal, normal_slope = np.empty((n_times, 3)), np.empty((n_times, 3))
+    area, e = np.empty(n_times), np.empty(n_times)
+    x, y, s = np.empty(n_times), np.empty(n_times), np.empty(n_times)
+    slope_x, slope_y, slope_s = np.empty(n_times), np.empty(n_times), np.empty(n_times)
+    total = 0.0
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+        weight = areas[t]
+        for i in range(n_times):
+            for k in range(3):
+                edge = path[two, i, k] - path[one, i, k]
+                fu[i, k] = edge * scale_u
+                fv[i, k] = (path[three, i, k] - path[one, i, k]) * scale_v - edge * skew
+            normal[i, 0] = fu[i, 1] * fv[i, 2] - fu[i, 2] * fv[i, 1]
+            normal[i, 1] = fu[i, 2] * fv[i, 0] - fu[i, 0] * fv[i, 2]
+            normal[i, 2] = fu[i, 0] * fv[i, 1] - fu[i, 1] * fv[i, 0]
+            squared = normal[i, 0] ** 2 + normal[i, 1] ** 2 + normal[i, 2] ** 2
+            e[i] = fu[i, 0] ** 2 + fu[i, 1] ** 2 + fu[i, 2] ** 2
+            g = fv[i, 0] ** 2 + fv[i, 1] ** 2 + fv[i, 2] ** 2
+            mixed = fu[i, 0] * fv[i, 0] + fu[i, 1] * fv[i, 1] + fu[i, 2] * fv[i, 2]
+            if squared <= DEGENERATE * e[i] * g:
+                area[i], e[i], x[i], y[i], s[i] = 0.0, 1.0, 0.0, 1.0, 0.0
                 if c > 0.0:
-                    chord = 0.0
-                    for k in range(3):
-                        chord += (normal[i, k] - normal[j, k]) ** 2
-                    value, rate = _squared_arc(chord)
-                    total += c * weight * value
-                    for k in range(3):
-                        step = 2.0 * c * weight * rate * (normal[j, k] - normal[i, k])
-                        normal_slope[i, k] -= step
-                        normal_slope[j, k] += step
-                if b > 0.0:
-                    for k in range(3):
-                        step = s[i] * normal[i, k] - s[j] * normal[j, k]
-                        total += b * weight * step * step
-                        step *= 2.0 * b * weight
-                        slope_s[i] += step * normal[i, k]
-                        slope_s[j] -= step * normal[j, k]
-                        normal_slope[i, k] += step * s[i]
-                        normal_slope[j, k] -= step * s[j]
-            for i in range(n_times):
-                if area[i] == 0.0:
-                    continue
-                slope_e = -(slope_x[i] * x[i] + slope_y[i] * y[i]) / e[i]
-                slope_m = slope_x[i] / e[i]
-                slope_area = slope_y[i] / e[i] + 0.5 * slope_s[i] / s[i]
-                radial = 0.0
+                    total = math.inf
                 for k in range(3):
-                    radial += normal[i, k] * normal_slope[i, k]
-                n0 = slope_area * normal[i, 0] + (
-                    normal_slope[i, 0] - radial * normal[i, 0]
-                ) / area[i]
-                n1 = slope_area * normal[i, 1] + (
-                    normal_slope[i, 1] - radial * normal[i, 1]
-                ) / area[i]
-                n2 = slope_area * normal[i, 2] + (
-                    normal_slope[i, 2] - radial * normal[i, 2]
-                ) / area[i]
+                    normal[i, k] = 0.0
+            else:
+                area[i] = math.sqrt(squared)
+                x[i], y[i], s[i] = mixed / e[i], area[i] / e[i], math.sqrt(area[i])
                 for k in range(3):
-                    # fv × N' and N' × fu, component k, with N' the slope in f_u × f_v.
-                    if k == 0:
-                        from_u = fv[i, 1] * n2 - fv[i, 2] * n1
-                        from_v = n1 * fu[i, 2] - n2 * fu[i, 1]
-                    elif k == 1:
-                        from_u = fv[i, 2] * n0 - fv[i, 0] * n2
-                        from_v = n2 * fu[i, 0] - n0 * fu[i, 2]
-                    else:
-                        from_u = fv[i, 0] * n1 - fv[i, 1] * n0
-                        from_v = n0 * fu[i, 1] - n1 * fu[i, 0]
-                    in_u = 2.0 * slope_e * fu[i, k] + slope_m * fv[i, k] + from_u
-                    in_v = slope_m * fu[i, k] + from_v
-                    at_two = scale_u * in_u - skew * in_v
-                    at_three = scale_v * in_v
-                    gradient[i, two, k] += at_two
-                    gradient[i, three, k] += at_three
-                    gradient[i, one, k] -= at_two + at_three
-        sums[chunk] = total
-    return np.sum(sums)
+                    normal[i, k] /= area[i]
+            slope_x[i] = slope_y[i] = slope_s[i] = 0.0
+            for k in range(3):
+                normal_slope[i, k] = 0.0
+        for i in range(n_times - 1):
+            j = i + 1
+            if a > 0.0:
+                dx, dy, ds = x[i] - x[j], y[i] - y[j], s[i] - s[j]
+                yy = y[i] * y[j]
+                m = 0.5 * (dx * dx + dy * dy) / yy
+                half, rate = _half_angle(m, kappa)
+                factor = 16.0 * lam * a * weight
+                total += factor * (ds * ds + 4.0 * s[i] * s[j] * half)
+                slope_s[i] += factor * (2.0 * ds + 4.0 * s[j] * half)
+                slope_s[j] += factor * (-2.0 * ds + 4.0 * s[i] * half)
+                rate *= factor * 4.0 * s[i] * s[j]
+                slope_x[i] += rate * dx / yy
+                slope_x[j] -= rate * dx / yy
+                slope_y[i] += rate * (dy / yy - m / y[i])
+                slope_y[j] -= rate * (dy / yy + m / y[j])
+            if c > 0.0:
+                chord = 0.0
+                for k in range(3):
+                    chord += (normal[i, k] - normal[j, k]) ** 2
+                value, rate = _squared_arc(chord)
+                total += c * weight * value
+                for k in range(3):
+                    step = 2.0 * c * weight * rate * (normal[j, k] - normal[i, k])
+                    normal_slope[i, k] -= step
+                    normal_slope[j, k] += step
+            if b > 0.0:
+                for k in range(3):
+                    step = s[i] * normal[i, k] - s[j] * normal[j, k]
+                    total += b * weight * step * step
+                    step *= 2.0 * b * weight
+                    slope_s[i] += step * normal[i, k]
+                    slope_s[j] -= step * normal[j, k]
+                    normal_slope[i, k] += step * s[i]
+                    normal_slope[j, k] -= step * s[j]
+        for i in range(n_times):
+            if area[i] == 0.0:
+                continue
+            slope_e = -(slope_x[i] * x[i] + slope_y[i] * y[i]) / e[i]
+            slope_m = slope_x[i] / e[i]
+            slope_area = slope_y[i] / e[i] + 0.5 * slope_s[i] / s[i]
+            radial = 0.0
+            for k in range(3):
+                radial += normal[i, k] * normal_slope[i, k]
+            n0 = slope_area * normal[i, 0] + (normal_slope[i, 0] - radial * normal[i, 0]) / area[i]
+            n1 = slope_area * normal[i, 1] + (normal_slope[i, 1] - radial * normal[i, 1]) / area[i]
+            n2 = slope_area * normal[i, 2] + (normal_slope[i, 2] - radial * normal[i, 2]) / area[i]
+            for k in range(3):
+                # fv × N' and N' × fu, component k, with N' the slope in f_u × f_v.
+                if k == 0:
+                    from_u = fv[i, 1] * n2 - fv[i, 2] * n1
+                    from_v = n1 * fu[i, 2] - n2 * fu[i, 1]
+                elif k == 1:
+                    from_u = fv[i, 2] * n0 - fv[i, 0] * n2
+                    from_v = n2 * fu[i, 0] - n0 * fu[i, 2]
+                else:
+                    from_u = fv[i, 0] * n1 - fv[i, 1] * n0
+                    from_v = n0 * fu[i, 1] - n1 * fu[i, 0]
+                in_u = 2.0 * slope_e * fu[i, k] + slope_m * fv[i, k] + from_u
+                in_v = slope_m * fu[i, k] + from_v
+                at_two = scale_u * in_u - skew * in_v
+                at_three = scale_v * in_v
+                gradient[two, i, k] += at_two
+                gradient[three, i, k] += at_three
+                gradient[one, i, k] -= at_two + at_three
+    return total
 
 
 def path_energy(
@@ -232,9 +224,19 @@ def path_energy(
     gradient : array, shape (n_times, V, 3)
         Gradient with respect to all surfaces, 0 in triangles without area.
     """
-    chunks = np.linspace(0, len(faces), N_CHUNKS + 1).astype(np.int64)
-    gradients = np.zeros((N_CHUNKS, *path.shape))
-    path = np.ascontiguousarray(path)
-    total = _path_energy(path, faces, frames, areas, a, lam, c, b, chunks, gradients)
+    # Vertex by vertex, all times together: what one triangle reads lies close together.
+    by_vertex = np.ascontiguousarray(np.swapaxes(path, 0, 1))
+    ends = np.linspace(0, len(faces), _N_CHUNKS + 1).astype(np.int64)
+    gradients = np.zeros((_N_CHUNKS, *by_vertex.shape))
+
+    def run(chunk: int) -> float:
+        first, last = ends[chunk], ends[chunk + 1]
+        return _squared_segments(
+            by_vertex, faces, frames, areas, first, last, a, lam, c, b, gradients[chunk]
+        )
+
+    threaded = len(faces) * len(path) > _WORTH_THREADS
+    total = sum((_THREADS.map if threaded else map)(run, range(_N_CHUNKS)))
     n_segments = len(path) - 1
-    return n_segments * total, n_segments * gradients.sum(axis=0)
+    gradient = n_segments * np.swapaxes(gradients.sum(axis=0), 0, 1)
+    return n_segments * total, np.ascontiguousarray(gradient)

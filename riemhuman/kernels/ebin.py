@@ -21,6 +21,7 @@ from numpy import ndarray
 from riemhuman.kernels.scalars import (
     hyperbolic_sine_cardinal,
     inverse_hyperbolic_sine_cardinal,
+    product_minus_square,
     sine_cardinal,
     square_root,
 )
@@ -28,8 +29,8 @@ from riemhuman.kernels.surface import DEGENERATE, symmetric_matrices
 
 
 def determinants(g: ndarray) -> ndarray:
-    """Return det g, shape (...)."""
-    return g[..., 0, 0] * g[..., 1, 1] - g[..., 0, 1] ** 2
+    """Return det g to working precision, also for near-degenerate g, shape (...)."""
+    return product_minus_square(g[..., 0, 0], g[..., 1, 1], g[..., 0, 1])
 
 
 def is_degenerate(g: ndarray) -> ndarray:
@@ -44,7 +45,11 @@ def is_degenerate(g: ndarray) -> ndarray:
     -------
     array of bool, shape (...)
     """
-    return determinants(g) <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
+    return _is_degenerate(g, determinants(g))
+
+
+def _is_degenerate(g: ndarray, determinant: ndarray) -> ndarray:
+    return determinant <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
 
 
 def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -61,8 +66,9 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     -------
     x, y, s : array, shape (...)
     """
-    degenerate = is_degenerate(g)
-    root = np.sqrt(np.where(degenerate, 1.0, determinants(g)))
+    determinant = determinants(g)
+    degenerate = _is_degenerate(g, determinant)
+    root = np.sqrt(np.where(degenerate, 1.0, determinant))
     e = np.where(degenerate, 1.0, g[..., 0, 0])
     x = np.where(degenerate, 0.0, g[..., 0, 1] / e)
     return x, root / e, np.where(degenerate, 0.0, np.sqrt(root))
@@ -75,7 +81,7 @@ def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
 
 def hyperbolic_distance(m: ndarray) -> ndarray:
     """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1, shape (...)."""
-    return 2.0 * np.arcsinh(np.sqrt(0.5 * m))
+    return 2.0 * np.arcsinh(square_root(0.5 * m))
 
 
 def angle_per_distance(lam: float) -> float:
@@ -91,7 +97,7 @@ def half_angle_sine_squared(m: ndarray, lam: float) -> ndarray:
 
 
 def _half_angle_slope(m: ndarray, lam: float) -> ndarray:
-    length = 2.0 * np.arcsinh(square_root(0.5 * m))
+    length = hyperbolic_distance(m)
     kappa = angle_per_distance(lam)
     theta = np.minimum(np.pi, kappa * length)
     slope = 0.5 * kappa**2 * sine_cardinal(theta) * inverse_hyperbolic_sine_cardinal(length)
@@ -136,8 +142,9 @@ def trace(matrices: ndarray) -> ndarray:
 
 
 def traceless(matrices: ndarray) -> ndarray:
-    """Return A − ½ tr(A) I, shape (..., 2, 2)."""
-    return matrices - 0.5 * trace(matrices)[..., None, None] * np.eye(2)
+    """Return A − ½ tr(A) I of symmetric matrices, shape (..., 2, 2)."""
+    half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
+    return symmetric_matrices(half, matrices[..., 0, 1], -half)
 
 
 def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:

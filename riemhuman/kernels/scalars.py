@@ -23,6 +23,49 @@ defvjp(
 )
 
 
+@primitive
+def product_minus_square(a: ndarray, b: ndarray, c: ndarray) -> ndarray:
+    """Return ab − c² to working precision, however much the two terms cancel, shape (...).
+
+    Both products are formed with their rounding errors (Dekker's algorithm).
+
+    Parameters
+    ----------
+    a, b, c : array, shape (...)
+        Finite numbers, below 1e150 in size.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    product, product_error = _exact_product(a, b)
+    square, square_error = _exact_product(c, c)
+    return (product - square) + (product_error - square_error)
+
+
+def _exact_product(a: ndarray, b: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the rounded product and its rounding error."""
+    product = a * b
+    (a_high, a_low), (b_high, b_low) = _halves(a), _halves(b)
+    error = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    return product, error
+
+
+def _halves(a: ndarray) -> tuple[ndarray, ndarray]:
+    """Return two numbers of half the digits that add up to a."""
+    shifted = 134217729.0 * a  # 2²⁷ + 1
+    high = shifted - (shifted - a)
+    return high, a - high
+
+
+defvjp(
+    product_minus_square,
+    lambda answer, a, b, c: lambda upstream: upstream * b,
+    lambda answer, a, b, c: lambda upstream: upstream * a,
+    lambda answer, a, b, c: lambda upstream: -2.0 * upstream * c,
+)
+
+
 def sine_cardinal(x: ndarray) -> ndarray:
     """Return sin(x)/x, 1 at 0."""
     return np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x))

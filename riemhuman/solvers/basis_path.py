@@ -29,7 +29,7 @@ _COARSE_TOLERANCE = 1e-4
 
 # The energy has several valleys where the straight path is far from a geodesic. Where the best
 # path has less than this share of the straight path's energy, both starts are followed.
-_FAR_FROM_STRAIGHT = 0.8
+_FAR_FROM_STRAIGHT = 0.9
 
 # Surfaces of the path over which the Gram matrix is averaged.
 _N_NODES = 3

@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
-from riemhuman.errors import NotDefinedError
+from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.results import PathResult
@@ -119,6 +119,46 @@ def check_end_points(
         metric.check_points(np.asarray(point)[None], name)[0]
         for point, name in ((start, "start"), (end, "end"))
     )
+
+
+def check_initial_path(
+    metric: RiemannianMetric,
+    start: ndarray,
+    end: ndarray,
+    n_times: int,
+    initial_path: ndarray,
+) -> ndarray:
+    r"""Return an initial path as a float64 array, or say what is wrong with it.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    start, end : array, shape (\*shape,)
+        End points.
+    n_times : int
+        Number of times it must have.
+    initial_path : array_like, shape (n_times, \*shape)
+        Path, whose ends may be off by rounding.
+
+    Returns
+    -------
+    array, shape (n_times, \*shape)
+
+    Raises
+    ------
+    ArgumentError
+        If it does not fit the metric's space, or has other times or ends.
+    """
+    path = metric.check_points(initial_path, "initial_path")
+    if len(path) != n_times:
+        raise ArgumentError(f"initial_path must have n_times = {n_times} times; found {len(path)}")
+    gap = max(np.abs(path[0] - start).max(), np.abs(path[-1] - end).max())
+    if gap > 1e-9 * max(np.abs(start).max(), np.abs(end).max()):
+        raise ArgumentError(
+            f"initial_path must run from start to end; its ends are off by up to {gap:.3g}"
+        )
+    return path
 
 
 def linear_path(start: ndarray, end: ndarray, n_times: int) -> ndarray:

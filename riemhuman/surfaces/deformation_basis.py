@@ -98,7 +98,7 @@ class DeformationBasis:
 
         Frames are taken from each motion m at 0, τ, 2τ, … ([1]_, section 4). Motions are streamed:
         neither they nor their deformations need fit in memory. Deformations beyond a buffer of
-        256 MiB (838 of a body with 13,348 vertices) are merged in their order, see
+        256 MiB (some 800 of a body with 13,348 vertices) are merged in their order, see
         `riemhuman.surfaces.streaming_pca`; up to there the components are exact.
 
         Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,9 +42,9 @@ class StreamingPCA:
 
     Rows are gathered in a buffer. A full buffer A = U S Vᵀ is replaced by half as many rows, the
     strongest of S Vᵀ, and filled on. As long as the rows fit in the buffer the result is that of
-    one singular value decomposition; beyond, every merge lowers AᵀA by no more than the largest
-    squared singular value it drops, which comes after at least K + K / 2 larger ones. Since half
-    the buffer may hold as many rows as there are features, short rows never lose anything.
+    one singular value decomposition; beyond, a merge lowers AᵀA, in the spectral norm, by the
+    square of the largest singular value it drops, and keeps at least 1.5 K larger ones. Rows so
+    short that half the buffer holds as many of them as they have features lose nothing at all.
 
     With mean removal, the rows of each merge are centred on their own mean, and one more row
     makes up for its distance from the mean before [1]_.
@@ -149,7 +149,7 @@ class StreamingPCA:
         rows = self._rows[: self._n_filled]
         # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
         # singular values to full precision.
-        triangle = np.linalg.qr(rows.T, mode="r")
+        triangle: Any = np.linalg.qr(rows.T, mode="r")
         left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
         kept = min(max(self._max_rows // 2, self._n_components), len(values))
         self._rows[:kept] = left[:, :kept].T @ rows

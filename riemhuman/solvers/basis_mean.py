@@ -1,0 +1,224 @@
+"""Karcher means over a basis of deformations: Algorithm 2 of the paper."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+from autograd.core import make_vjp
+from numpy import ndarray
+
+from riemhuman.checks import one_of, real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers.minimization import Minimum, minimize
+from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.solvers.results import MeanResult, warn_unless_converged
+
+STARTS = ("lowest", "first", "medoid", "euclidean")
+
+# Iterations after which the Gram matrix is formed anew at the point reached.
+_ITERATIONS_PER_GRAM = 25
+
+
+class Basis(Protocol):
+    """Vectors as rows; a `DeformationBasis` for surfaces."""
+
+    @property
+    def flat(self) -> ndarray:
+        """The vectors, shape (K, size of a point)."""
+
+
+@dataclass(frozen=True)
+class BasisMean:
+    r"""The point x̄ = x₀ + Σ_j β_j D_j of least weighted mean squared distance.
+
+    Algorithm 2 of the paper, with the coefficients preconditioned by the metric's Gram matrix.
+
+    Parameters
+    ----------
+    basis : DeformationBasis
+        Deformations D_j.
+    start : str
+        x₀: "first", the first point as in the paper; "medoid", the best of the points;
+        "euclidean", their arithmetic mean; "lowest", the better of the last two.
+    with_differences : bool
+        Whether the differences of the points from x₀ join the basis. A basis of motions knows how
+        one body moves, and not how another is built; the paper's algorithm is without.
+    tolerance : float
+        Stop when a Newton step would gain at most this share of the variance, as far as the
+        preconditioned gradient tells.
+    max_iterations : int
+        Most iterations.
+    callback : callable, optional
+        Called with (iteration, variance, point) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+    """
+
+    basis: Basis
+    start: str = "lowest"
+    with_differences: bool = True
+    tolerance: float = 1e-8
+    max_iterations: int = 500
+    callback: Callable[[int, float, ndarray], Any] | None = None
+    progress: bool = False
+
+    def __post_init__(self) -> None:
+        one_of(self.start, "start", STARTS)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iterations, "max_iterations", minimum=1)
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        points: ndarray,
+        weights: ndarray | None = None,
+        initial_point: ndarray | None = None,
+    ) -> MeanResult:
+        r"""Find the mean.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        points : array, shape (n, \*shape)
+            Points.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
+        initial_point : array, shape (\*shape,), optional
+            x₀, instead of what `start` says.
+
+        Returns
+        -------
+        MeanResult
+
+        Raises
+        ------
+        ArgumentError
+            If the points, weights or basis do not fit the metric's space.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If the stopping test was not met.
+        """
+        dispersion = Dispersion(metric, points, weights)
+        origin = self._origin(dispersion, initial_point)
+        family = _Family(metric.space, origin, self._directions(dispersion, origin))
+
+        coefficients = np.zeros(len(family.directions))
+        rounds: list[Minimum] = []
+        n_left = self.max_iterations
+        while n_left > 0:
+            minimum, coefficients = self._descend(
+                dispersion, family, coefficients, min(n_left, _ITERATIONS_PER_GRAM)
+            )
+            rounds.append(minimum)
+            n_left -= max(minimum.n_iterations, 1)
+            if minimum.converged or minimum.interrupted or minimum.n_iterations == 0:
+                break
+
+        result = MeanResult(
+            family.point(coefficients),
+            rounds[-1].value,
+            np.concatenate([rounds[0].values, *(later.values[1:] for later in rounds[1:])]),
+            sum(minimum.n_iterations for minimum in rounds),
+            sum(minimum.n_evaluations for minimum in rounds),
+            rounds[-1].converged,
+            rounds[-1].message,
+        )
+        warn_unless_converged(self, result)
+        return result
+
+    def _origin(self, dispersion: Dispersion, initial_point: ndarray | None) -> ndarray:
+        space, points = dispersion.metric.space, dispersion.points
+        if initial_point is not None:
+            return dispersion.metric.check_points(np.asarray(initial_point)[None])[0]
+        if self.start == "first":
+            return points[0]
+        candidates = list(points) if self.start in ("medoid", "lowest") else []
+        if self.start in ("euclidean", "lowest"):
+            average = np.tensordot(dispersion.weights, points, axes=1)
+            candidates.append(space.regularize(average))
+        if len(candidates) == 1:
+            return candidates[0]
+        return min(candidates, key=dispersion.value)
+
+    def _directions(self, dispersion: Dispersion, origin: ndarray) -> ndarray:
+        if self.basis.flat.shape[1] != origin.size:
+            raise ArgumentError(
+                f"basis must hold vectors of {origin.size} numbers, those of a point; "
+                f"found {self.basis.flat.shape[1]}"
+            )
+        if not self.with_differences:
+            return self.basis.flat
+        differences = dispersion.points.reshape(len(dispersion.points), -1) - origin.ravel()
+        outside = differences - (differences @ self.basis.flat.T) @ self.basis.flat
+        _, sizes, rows = np.linalg.svd(outside, full_matrices=False)
+        return np.concatenate([self.basis.flat, rows[sizes > 1e-6 * np.abs(origin).max()]])
+
+    def _descend(
+        self, dispersion: Dispersion, family: _Family, start: ndarray, max_iterations: int
+    ) -> tuple[Minimum, ndarray]:
+        """Minimise from `start`, preconditioned by the Gram matrix there."""
+        point = family.point(start)
+        variance = dispersion.value(point)
+        # Distances of points that coincide to rounding error have no gradient to follow.
+        if variance <= (1e-14 * np.abs(point).max()) ** 2:
+            nothing = Minimum(start, variance, np.array([variance]), 0, 1, True, False, "")
+            return replace(nothing, message="all points coincide"), start
+        vectors = family.directions.reshape(-1, *point.shape)
+        factor = CholeskyFactor(2.0 * dispersion.metric.gram_matrix(vectors, point) / variance)
+
+        def coefficients(variables: ndarray) -> ndarray:
+            return start + factor.solve_transposed(variables)
+
+        def objective(variables: ndarray) -> tuple[float, ndarray]:
+            point, pull_back = family.point_and_pull_back(coefficients(variables))
+            value, gradient = dispersion.value_and_gradient(point)
+            return value / variance, factor.solve(pull_back(gradient)) / variance
+
+        def after_iteration(iteration: int, value: float, variables: ndarray) -> None:
+            if self.callback is not None:
+                self.callback(iteration, value * variance, family.point(coefficients(variables)))
+
+        minimum = minimize(
+            objective,
+            np.zeros_like(start),
+            max_iterations=max_iterations,
+            expected_decrease=self.tolerance,
+            callback=after_iteration,
+            progress=self.progress,
+            description="mean",
+        )
+        in_units = replace(
+            minimum, value=minimum.value * variance, values=minimum.values * variance
+        )
+        return in_units, coefficients(minimum.x)
+
+
+@dataclass(frozen=True)
+class _Family:
+    """The points origin + Σ_j β_j D_j, brought back to the manifold where that is needed."""
+
+    space: Manifold
+    origin: ndarray
+    directions: ndarray
+
+    def point(self, coefficients: ndarray) -> ndarray:
+        """Return the point with these coefficients."""
+        shift = (coefficients @ self.directions).reshape(self.origin.shape)
+        return self.space.regularize(self.origin + shift)
+
+    def point_and_pull_back(
+        self, coefficients: ndarray
+    ) -> tuple[ndarray, Callable[[ndarray], ndarray]]:
+        """Return the point, and the map from gradients there to gradients in coefficients."""
+        shift = (coefficients @ self.directions).reshape(self.origin.shape)
+        transposed, point = make_vjp(self.space.regularize, self.origin + shift)
+        return point, lambda gradient: self.directions @ np.ravel(transposed(gradient))

@@ -1,0 +1,109 @@
+"""The weighted mean of squared distances to a set of points, which Fréchet means minimise."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+
+
+class Dispersion:
+    r"""V(x) = Σ_i w_i d(x_i, x)²/Σ_i w_i.
+
+    The functional of section 4 of the paper, divided by the sum of the weights.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        A metric whose distance has a closed form or a solver.
+    points : array, shape (n, \*shape)
+        Points x_i.
+    weights : array, shape (n,), optional
+        Weights w_i ≥ 0, not all 0; by default all are 1.
+    """
+
+    def __init__(
+        self, metric: RiemannianMetric, points: ndarray, weights: ndarray | None = None
+    ) -> None:
+        self.metric = metric
+        self.points = metric.check_points(points)
+        if not len(self.points):
+            raise ArgumentError("points must hold at least one point; found none")
+        self.weights = check_weights(weights, len(self.points))
+
+    def squared_dists(self, point: ndarray) -> ndarray:
+        r"""Return the squared distances d(x_i, x)².
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        return np.array([self.metric.squared_dist(other, point) for other in self.points])
+
+    def value(self, point: ndarray) -> float:
+        r"""Return V(x).
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        float
+        """
+        return float(self.weights @ self.squared_dists(point))
+
+    def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
+        r"""Return V(x) and its gradient, from the energy of paths of one segment.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        value : float
+        gradient : array, shape (\*shape,)
+        """
+        value, gradient = 0.0, np.zeros_like(point)
+        for weight, other in zip(self.weights, self.points, strict=True):
+            if weight > 0:
+                squared, slopes = self.metric.energy_and_gradient(np.stack([other, point]))
+                value += weight * squared
+                gradient += weight * slopes[1]
+        return value, gradient
+
+
+def check_weights(weights: ndarray | None, n_points: int) -> ndarray:
+    """Return weights that sum to one, or say what is wrong with them.
+
+    Parameters
+    ----------
+    weights : array_like, shape (n_points,), optional
+        Weights of at least 0, not all 0; by default all are the same.
+    n_points : int
+        How many there must be.
+
+    Returns
+    -------
+    array, shape (n_points,)
+    """
+    if weights is None:
+        return np.full(n_points, 1.0 / n_points)
+    weights = real_array(weights, "weights", (n_points,), batched=False)
+    if weights.min() < 0 or weights.sum() <= 0:
+        raise ArgumentError(
+            f"weights must be at least 0 and not all 0; the smallest is {weights.min():g} and "
+            f"their sum {weights.sum():g}"
+        )
+    return weights / weights.sum()

@@ -1,0 +1,176 @@
+"""Fréchet mean and geometric median as estimators, by any mean solver."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_number, whole_number
+from riemhuman.geometry.manifold import Manifold
+from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers.results import MeanResult, warn_unless_converged
+
+
+class MeanSolver(Protocol):
+    """A strategy that finds a point of least weighted mean squared distance."""
+
+    def solve(
+        self,
+        metric: Any,
+        points: ndarray,
+        weights: ndarray | None = None,
+        initial_point: ndarray | None = None,
+    ) -> MeanResult:
+        """Return the mean and how it was found."""
+
+
+class FrechetMean:
+    r"""The point x̄ that minimises Σ_i w_i d(x_i, x̄)² (section 4 of the paper).
+
+    Parameters
+    ----------
+    space : Manifold
+        A manifold equipped with a metric.
+    solver : object
+        Strategy, `BasisMean` for surfaces or `GradientDescentMean` where exp and log exist.
+
+    Attributes
+    ----------
+    estimate_ : array, shape (\*shape,)
+        The mean, after `fit`.
+    variance_ : float
+        Weighted mean of the squared distances to it.
+    n_iter_ : int
+        Iterations of the solver.
+    result_ : MeanResult
+        All that the solver says.
+    """
+
+    estimate_: ndarray
+    variance_: float
+    n_iter_: int
+    result_: MeanResult
+
+    def __init__(self, space: Manifold, solver: MeanSolver) -> None:
+        self.space = space
+        self.solver = solver
+
+    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:  # noqa: N803
+        r"""Find the mean of points.
+
+        Parameters
+        ----------
+        X : array, shape (n, \*shape)
+            Points.
+        y : object
+            Not used.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
+
+        Returns
+        -------
+        FrechetMean
+            The estimator itself.
+        """
+        self._keep(self.solver.solve(self.space.metric, X, weights))
+        return self
+
+    def _keep(self, result: MeanResult) -> None:
+        self.result_ = result
+        self.estimate_ = result.point
+        self.variance_ = result.variance
+        self.n_iter_ = result.n_iterations
+
+
+class GeometricMedian(FrechetMean):
+    r"""The point that minimises Σ_i w_i d(x_i, x), by Weiszfeld's algorithm.
+
+    Each round is the Fréchet mean with weights w_i/d(x_i, x) of the last round.
+
+    Parameters
+    ----------
+    space : Manifold
+        A manifold equipped with a metric.
+    solver : object
+        Strategy for Fréchet means.
+    tolerance : float
+        Stop when a round lowers the sum of distances by at most this share.
+    max_iterations : int
+        Most rounds.
+
+    Attributes
+    ----------
+    estimate_ : array, shape (\*shape,)
+        The median, after `fit`.
+    variance_ : float
+        Weighted mean of the squared distances to it.
+    n_iter_ : int
+        Rounds.
+    result_ : MeanResult
+        Point and variance; `variances` holds the weighted mean distance after every round.
+    """
+
+    def __init__(
+        self,
+        space: Manifold,
+        solver: MeanSolver,
+        tolerance: float = 1e-9,
+        max_iterations: int = 200,
+    ) -> None:
+        super().__init__(space, solver)
+        self.tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
+        self.max_iterations = whole_number(max_iterations, "max_iterations", minimum=1)
+
+    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:  # noqa: N803
+        r"""Find the geometric median of points.
+
+        Parameters
+        ----------
+        X : array, shape (n, \*shape)
+            Points.
+        y : object
+            Not used.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
+
+        Returns
+        -------
+        GeometricMedian
+            The estimator itself.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If the sum of distances was still falling after the last round.
+        """
+        dispersion = Dispersion(self.space.metric, X, weights)
+        mean = self.solver.solve(self.space.metric, X, dispersion.weights)
+        point, n_evaluations = mean.point, mean.n_evaluations
+        sums: list[float] = []
+        converged, message = False, "the most rounds were made"
+        for _ in range(self.max_iterations):
+            distances = np.sqrt(dispersion.squared_dists(point))
+            sums.append(float(dispersion.weights @ distances))
+            if len(sums) > 1 and sums[-2] - sums[-1] <= self.tolerance * sums[-2]:
+                converged, message = True, "the sum of distances no longer falls"
+                break
+            # A sample that the median has reached keeps a large but finite weight.
+            floor = max(1e-9 * distances.max(), np.finfo(float).tiny)
+            pull = dispersion.weights / np.maximum(distances, floor)
+            mean = self.solver.solve(self.space.metric, X, pull, initial_point=point)
+            point = mean.point
+            n_evaluations += mean.n_evaluations
+        result = MeanResult(
+            point,
+            float(dispersion.weights @ dispersion.squared_dists(point)),
+            np.array(sums),
+            len(sums) - 1,
+            n_evaluations,
+            converged,
+            message,
+        )
+        warn_unless_converged(self, result)
+        self._keep(result)
+        return self

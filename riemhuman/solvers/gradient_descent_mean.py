@@ -1,0 +1,116 @@
+"""Fréchet means by gradient descent with exponential and logarithm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_number, whole_number
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers.results import MeanResult, warn_unless_converged
+
+_SMALLEST_STEP = 1e-6
+
+
+@dataclass(frozen=True)
+class GradientDescentMean:
+    """x ← exp_x(step · Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
+
+    The step is halved where the variance would rise.
+
+    Parameters
+    ----------
+    step : float
+        First step; 1 takes the mean of the logarithms.
+    tolerance : float
+        Stop when the norm of the mean of the logarithms is at most this share of the standard
+        deviation.
+    max_iterations : int
+        Most iterations.
+    """
+
+    step: float = 1.0
+    tolerance: float = 1e-8
+    max_iterations: int = 2000
+
+    def __post_init__(self) -> None:
+        real_number(self.step, "step", minimum=0.0, strict=True)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iterations, "max_iterations", minimum=1)
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        points: ndarray,
+        weights: ndarray | None = None,
+        initial_point: ndarray | None = None,
+    ) -> MeanResult:
+        r"""Find the mean.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            A metric with `exp` and `log`.
+        points : array, shape (n, \*shape)
+            Points.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
+        initial_point : array, shape (\*shape,), optional
+            Where to start, by default at the first point of positive weight.
+
+        Returns
+        -------
+        MeanResult
+
+        Raises
+        ------
+        OutsideManifoldError
+            If a point has no logarithm at a point on the way.
+        NotDefinedError
+            If the metric has no closed form for exp and log.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If the stopping test was not met.
+        """
+        dispersion = Dispersion(metric, points, weights)
+        used = dispersion.weights > 0
+        weights, points = dispersion.weights[used], dispersion.points[used]
+        point = points[0] if initial_point is None else metric.space.check_point(initial_point)
+        variances = [dispersion.value(point)]
+        n_evaluations, step = 1, self.step
+        converged, message = False, "the most iterations were made"
+        for _ in range(self.max_iterations):
+            direction = np.tensordot(weights, metric.log(points, point), axes=1)
+            size = float(metric.norm(direction, point))
+            if size <= self.tolerance * np.sqrt(variances[-1]):
+                converged, message = True, "the mean of the logarithms is below the tolerance"
+                break
+            # Without it, rounding errors off the manifold would double with every step.
+            candidate = metric.space.regularize(metric.exp(step * direction, point))
+            variance = dispersion.value(candidate)
+            n_evaluations += 1
+            # Near the mean the variance falls by less than its rounding error.
+            if variance > variances[-1] * (1 + 1e-12):
+                step *= 0.5
+                if step < _SMALLEST_STEP:
+                    message = "no step along the mean of the logarithms lowers the variance"
+                    break
+                continue
+            point = candidate
+            variances.append(variance)
+        result = MeanResult(
+            point,
+            variances[-1],
+            np.array(variances),
+            len(variances) - 1,
+            n_evaluations,
+            converged,
+            message,
+        )
+        warn_unless_converged(self, result)
+        return result

@@ -1,0 +1,173 @@
+"""Cholesky factors of metrics in all coordinates of a point, for preconditioning."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+from scipy.sparse.linalg import splu, spsolve_triangular
+
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.preconditioner import CholeskyFactor
+
+# Metrics are singular on what they do not see: translations, and bends of a surface if c = 0.
+_RIDGE = 1e-6
+
+# Random vectors that show how strongly a metric weighs each entry of a point.
+_N_PROBES = 3
+
+# Points of at most so many coordinates are one block.
+_LARGEST_BLOCK = 16
+
+
+class SparseCholeskyFactor(CholeskyFactor):
+    """Cholesky factor, up to a permutation, of a sparse positive semidefinite matrix with a ridge.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (K, K)
+        Symmetric positive semidefinite matrix.
+    """
+
+    def __init__(self, matrix: Any) -> None:
+        diagonal = matrix.diagonal()
+        size = diagonal.mean()
+        ridge = _RIDGE * (diagonal + (size if size > 0 else 1.0))
+        # Without row exchanges A = LU has U = D Lᵀ: elimination for a symmetric matrix.
+        elimination = splu(
+            sparse.csc_array(matrix + sparse.diags_array(ridge)),
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
+        roots = np.sqrt(elimination.U.diagonal())
+        self._sparse_lower = sparse.csr_array(elimination.L @ sparse.diags_array(roots))
+        self._sparse_upper = sparse.csr_array(self._sparse_lower.T)
+        self._order = np.argsort(elimination.perm_r)
+        self._place = elimination.perm_r
+
+    def solve(self, columns: ndarray) -> ndarray:
+        """Return L⁻¹ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return spsolve_triangular(self._sparse_lower, columns[self._order], lower=True)
+
+    def solve_transposed(self, columns: ndarray) -> ndarray:
+        """Return L⁻ᵀ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return spsolve_triangular(self._sparse_upper, columns, lower=False)[self._place]
+
+
+class BlockCholeskyFactor(CholeskyFactor):
+    """Cholesky factor of a block-diagonal positive semidefinite matrix with a ridge.
+
+    Parameters
+    ----------
+    blocks : array, shape (m, k, k)
+        Symmetric positive semidefinite blocks along the diagonal, K = mk.
+    """
+
+    def __init__(self, blocks: ndarray) -> None:
+        k = blocks.shape[-1]
+        sizes = np.trace(blocks, axis1=-2, axis2=-1) / k
+        ridge = _RIDGE * (sizes + (sizes.mean() if sizes.any() else 1.0))
+        lower = np.linalg.cholesky(blocks + ridge[:, None, None] * np.eye(k))
+        self._inverse = np.linalg.inv(lower)
+
+    def solve(self, columns: ndarray) -> ndarray:
+        """Return L⁻¹ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return self._apply(self._inverse, columns)
+
+    def solve_transposed(self, columns: ndarray) -> ndarray:
+        """Return L⁻ᵀ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return self._apply(np.swapaxes(self._inverse, -1, -2), columns)
+
+    @staticmethod
+    def _apply(blocks: ndarray, columns: ndarray) -> ndarray:
+        return (blocks @ columns.reshape(*blocks.shape[:2], -1)).reshape(columns.shape)
+
+
+def spatial_factor(metric: RiemannianMetric, points: ndarray, scale: float) -> CholeskyFactor:
+    r"""Return a factor of the metric's matrix M in all coordinates, averaged over points.
+
+    Metrics with a method `metric_matrix` give the matrix itself. Of others the block of each entry
+    i along a point's first axis is estimated as (Σ_j M_ij M_ijᵀ)^½, by the action of M on random
+    vectors: M_ii itself where the metric couples no entries, as on fields.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    points : array, shape (n, \*shape)
+        Points of a path.
+    scale : float
+        The matrix is divided by it.
+
+    Returns
+    -------
+    CholeskyFactor
+    """
+    if hasattr(metric, "metric_matrix"):
+        return SparseCholeskyFactor(metric.metric_matrix(points) / scale)
+    return BlockCholeskyFactor(_block_norms(metric, points) / scale)
+
+
+def _block_norms(metric: RiemannianMetric, points: ndarray) -> ndarray:
+    shape = metric.space.shape
+    one_block = math.prod(shape) <= _LARGEST_BLOCK
+    length = 1 if one_block else shape[0]
+    size = math.prod(shape) // length
+    rng = np.random.default_rng(0)
+    squares = np.zeros((length, size, size))
+    for _ in range(1 if one_block else _N_PROBES):
+        signs = rng.choice([-1.0, 1.0], length)
+        # Entry i of probe k is ± the k-th unit vector.
+        probes = signs[:, None] * np.eye(size)[:, None, :]
+        probes = probes.reshape(size, 1, *shape) + np.zeros_like(points)
+        at = points + np.zeros_like(probes)
+        images = metric.covector(metric.space.to_tangent(probes, at), at)
+        rows = np.mean(images, axis=1).reshape(size, length, size)
+        squares += np.einsum("kia,kib->iab", rows, rows)
+    values, vectors = np.linalg.eigh(squares)
+    roots = np.sqrt(np.maximum(values, 0.0) / (1 if one_block else _N_PROBES))
+    return (vectors * roots[:, None, :]) @ np.swapaxes(vectors, -1, -2)

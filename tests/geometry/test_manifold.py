@@ -1,0 +1,164 @@
+"""What every space owes, in geomstats' spelling."""
+
+import numpy as np
+import pytest
+from cases import (
+    CASES,
+    HalfPlane,
+    HyperbolicDistance,
+    HyperbolicInnerProduct,
+    sphere_template,
+    triangle_template,
+)
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
+from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry.srnf import FlatMetric, SquareRootNormalFields, SRNFMetric
+
+SPACES = {
+    "metric fields": (MetricFields(sphere_template()), 240, (80, 2, 2), EbinMetric),
+    "normal fields": (NormalFields(sphere_template()), 160, (80, 3), NormalFieldMetric),
+    "square root normals": (SquareRootNormalFields(sphere_template()), 240, (80, 3), FlatMetric),
+    "surfaces": (AlignedSurfaces(sphere_template()), 126, (42, 3), ElasticMetric),
+    "product": (
+        ProductManifold([MetricFields(triangle_template()), NormalFields(triangle_template())]),
+        5,
+        (7,),
+        ProductMetric,
+    ),
+}
+
+every_space = pytest.mark.parametrize(
+    ("space", "dim", "shape", "metric_class"), SPACES.values(), ids=SPACES
+)
+
+
+@pytest.fixture(autouse=True)
+def _strict_floats():
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+@every_space
+def test_dimensions_and_default_metric(space, dim, shape, metric_class):
+    assert space.dim == dim
+    assert space.shape == shape
+    assert space.default_metric() is metric_class
+    assert type(space.metric) is metric_class
+    assert space.metric.space is space
+
+
+@every_space
+def test_random_points(space, dim, shape, metric_class):
+    for n_samples, expected in ((1, shape), (3, (3, *shape))):
+        points = space.random_point(n_samples)
+        assert points.shape == expected
+        assert points.dtype == np.float64
+        assert np.all(space.belongs(points))
+        np.testing.assert_array_equal(points, space.random_point(n_samples, rng=0))
+        assert not np.array_equal(points, space.random_point(n_samples, rng=1))
+    rng = np.random.default_rng(5)
+    first, second = (space.random_point(rng=rng) for _ in range(2))
+    assert not np.array_equal(first, second)
+    np.testing.assert_array_equal(first, space.random_point(rng=np.random.default_rng(5)))
+
+
+@every_space
+def test_random_tangent_vectors(space, dim, shape, metric_class):
+    points = space.random_point(4, rng=2)
+    for base, n_samples, expected in (
+        (points[0], 1, shape),
+        (points[0], 3, (3, *shape)),
+        (points, 1, (4, *shape)),
+        (points, 3, (3, 4, *shape)),
+    ):
+        vectors = space.random_tangent_vec(base, n_samples, rng=3)
+        assert vectors.shape == expected
+        assert np.all(space.is_tangent(vectors, base))
+        np.testing.assert_allclose(space.to_tangent(vectors, base), vectors, atol=1e-14)
+    assert space.is_tangent(np.zeros(shape), points).shape == (4,)
+    assert space.is_tangent(vectors, points).shape == (3, 4)
+
+
+@every_space
+def test_what_is_not_finite_does_not_belong(space, dim, shape, metric_class):
+    points = space.random_point(3, rng=4)
+    vectors = space.random_tangent_vec(points, rng=5)
+    for bad in (np.nan, np.inf, -np.inf):
+        spoilt, spoilt_vectors = points.copy(), vectors.copy()
+        spoilt[1].flat[2] = spoilt_vectors[1].flat[2] = bad
+        np.testing.assert_array_equal(space.belongs(spoilt), [True, False, True])
+        np.testing.assert_array_equal(space.is_tangent(spoilt_vectors, points), [True, False, True])
+    assert space.belongs(points[0].tolist())
+    assert space.is_tangent(vectors[0].tolist(), points[0].tolist())
+
+
+@every_space
+def test_bad_input(space, dim, shape, metric_class):
+    point = space.random_point()
+    for call in (space.belongs, space.check_point):
+        with pytest.raises(ArgumentError, match="point must have shape"):
+            call(point[..., :-1])
+        with pytest.raises(ArgumentTypeError, match="point must be an array of real numbers"):
+            call(point.astype(complex))
+    with pytest.raises(ArgumentError, match="vector must have shape"):
+        space.is_tangent(point[..., :-1], point)
+    with pytest.raises(ArgumentError, match="base_point must have shape"):
+        space.is_tangent(point, point[..., :-1])
+    for method in (space.random_point, lambda n: space.random_tangent_vec(point, n)):
+        with pytest.raises(ArgumentError, match="n_samples must be a whole number of at least 1"):
+            method(0)
+        with pytest.raises(ArgumentTypeError, match="n_samples must be a whole number"):
+            method(1.5)
+    with pytest.raises(ArgumentError, match="rng must be a whole number of at least 0"):
+        space.random_point(rng=-1)
+    with pytest.raises(ArgumentTypeError, match="rng must be a whole number"):
+        space.random_point(rng=None)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=lambda case: case.name)
+def test_points_of_the_registry_belong(case):
+    assert np.all(case.space.belongs(case.points))
+    assert np.all(case.space.is_tangent(case.tangent_vecs, case.points))
+    np.testing.assert_allclose(case.space.regularize(case.points), case.points, atol=1e-14)
+
+
+def test_regularize_brings_points_back():
+    rng = np.random.default_rng(6)
+    for space in (SPACES[name][0] for name in ("metric fields", "normal fields", "product")):
+        point = space.random_point(rng=7)
+        off = point + 1e-3 * rng.standard_normal(point.shape)
+        assert not space.belongs(off)
+        assert space.belongs(space.regularize(off))
+
+
+def test_equip_with_metric():
+    space = AlignedSurfaces(sphere_template())
+    assert space.equip_with_metric(ElasticMetric, a=0.0, lam=0.0, c=1.0) is space
+    assert (space.metric.a, space.metric.lam, space.metric.c) == (0.0, 0.0, 1.0)
+    space.equip_with_metric(SRNFMetric)
+    assert isinstance(space.metric, SRNFMetric)
+    space.equip_with_metric()
+    assert isinstance(space.metric, ElasticMetric)
+    assert (space.metric.a, space.metric.lam, space.metric.c) == (1.0, 1e-4, 0.0)
+    for cls in (AlignedSurfaces, MetricFields, NormalFields, SquareRootNormalFields):
+        assert not hasattr(cls(sphere_template(), equip=False), "metric")
+
+
+def test_spaces_without_a_default_metric():
+    space = HalfPlane()
+    assert space.default_metric() is None
+    with pytest.raises(ArgumentTypeError, match="HalfPlane has no default metric"):
+        space.equip_with_metric()
+    assert isinstance(space.equip_with_metric(HyperbolicDistance).metric, HyperbolicDistance)
+    space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver="any")
+    assert space.metric.geodesic_solver == "any"
+
+
+def test_manifolds_are_abstract():
+    with pytest.raises(TypeError, match="abstract"):
+        Manifold(2, (2,))

@@ -1,0 +1,188 @@
+"""Met(T) with the Ebin metric: the integral of the kernels, the apex, and what is refused."""
+
+import numpy as np
+import oracles
+import pytest
+from autograd import grad
+from cases import CASES, sphere_template, triangle_template
+
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+
+LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
+SPACE = MetricFields(sphere_template())
+
+
+@pytest.fixture(autouse=True)
+def _strict_floats():
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_against_single_matrices(lam):
+    case = CASES[f"ebin {lam:g} sphere"]
+    areas = SPACE.template.face_areas
+    for g1, g2 in (case.points[:2], SPACE.random_point(2, rng=1)):
+        expected = sum(
+            w * oracles.exact_squared_dist(a, b, lam) for w, a, b in zip(areas, g1, g2, strict=True)
+        )
+        np.testing.assert_allclose(case.metric.squared_dist(g1, g2), float(expected), rtol=1e-12)
+        by_scipy = [oracles.matrix_squared_dist(a, b, lam) for a, b in zip(g1, g2, strict=True)]
+        np.testing.assert_allclose(case.metric.squared_dist(g1, g2), areas @ by_scipy, rtol=1e-10)
+    g1, g2 = case.points[:2]
+    velocity = case.metric.log(g2, g1)
+    exact = [oracles.exact_log(a, b, lam) for a, b in zip(g1, g2, strict=True)]
+    np.testing.assert_allclose(velocity, exact, atol=1e-10)
+    end = [oracles.exact_exp(v, g, lam) for v, g in zip(0.7 * velocity, g1, strict=True)]
+    np.testing.assert_allclose(case.metric.exp(0.7 * velocity, g1), end, atol=1e-10)
+    products = [
+        oracles.ebin_inner_product(v, w, g, lam)
+        for v, w, g in zip(velocity, case.tangent_vecs[0], g1, strict=True)
+    ]
+    found = case.metric.inner_product(velocity, case.tangent_vecs[0], g1)
+    np.testing.assert_allclose(found, areas @ products, rtol=1e-10)
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_scaling(lam):
+    """Distances scale with the lengths on the surface: d(s² g₁, s² g₂) = s d(g₁, g₂)."""
+    g1, g2 = SPACE.random_point(2, rng=2)
+    metric = EbinMetric(SPACE, lam=lam)
+    np.testing.assert_allclose(metric.dist(9 * g1, 9 * g2), 3 * metric.dist(g1, g2), rtol=1e-12)
+    # Scaling one surface alone is a walk along the ray: 4√λ (s − 1) √area.
+    area = np.sum(SPACE.template.face_areas * np.sqrt(np.linalg.det(g1)))
+    np.testing.assert_allclose(
+        metric.dist(g1, 9 * g1), 8 * np.sqrt(lam) * np.sqrt(area), rtol=1e-12
+    )
+
+
+def test_default_lambda():
+    g = SPACE.random_point(rng=3)
+    v = SPACE.random_tangent_vec(g, rng=4)
+    a = np.linalg.solve(g, v)
+    expected = np.trace(a @ a, axis1=-2, axis2=-1) * np.sqrt(np.linalg.det(g))
+    expected = np.sum(SPACE.template.face_areas * expected)
+    np.testing.assert_allclose(EbinMetric(SPACE).squared_norm(v, g), expected, rtol=1e-12)
+
+
+# Through the apex.
+
+
+def test_geodesic_of_the_completion():
+    """At λ = 1e-4 some triangles go through g = 0 and some do not."""
+    metric = EbinMetric(SPACE, lam=1e-4)
+    start, end = SPACE.random_point(2, rng=5)
+    end[:40] = 1.7 * start[:40]
+    end[40:45] = np.diag([1.0, 0.0])
+    start[45:47] = 0.0
+    times = np.linspace(0, 1, 9)
+    path = metric.geodesic(start, end)(times)
+    assert np.all(np.isfinite(path))
+    dist = metric.dist(start, end)
+    np.testing.assert_allclose(metric.dist(path[:-1], path[1:]), dist / 8, rtol=1e-10)
+    np.testing.assert_allclose(metric.length(path), dist, rtol=1e-12)
+    np.testing.assert_allclose(metric.energy(path), dist**2, rtol=1e-12)
+    assert metric.dist(path[0], start) == metric.dist(path[-1], end) == 0
+    np.testing.assert_allclose(path[0, :45], start[:45], atol=1e-14)
+    np.testing.assert_allclose(metric.geodesic(end, start)(1 - times), path, atol=1e-14)
+    np.testing.assert_allclose(
+        metric.geodesic(np.stack([start, start]), np.stack([end, start]))(times)[0], path
+    )
+
+
+def test_no_path_is_shorter_than_the_one_through_the_apex():
+    metric = EbinMetric(MetricFields(triangle_template()), lam=1e-3)
+    start, end = metric.space.random_point(2, rng=8)
+    # A detour of smaller area all the way, around the apex.
+    shrunk = np.array([1e-1, 1e-2, 1e-3])[:, None, None, None]
+    for factor in shrunk:
+        bend = metric.geodesic(start * factor, end * factor)(np.linspace(0.01, 0.99, 40))
+        path = np.concatenate([start[None], bend, end[None]])
+        assert metric.length(path) >= metric.dist(start, end)
+
+
+def test_degenerate_fields():
+    metric = EbinMetric(SPACE, lam=0.2)
+    g = SPACE.random_point(rng=6)
+    flat = g.copy()
+    flat[3] = np.outer([0.1, 0.3], [0.1, 0.3])
+    s = np.linalg.det(g[3]) ** 0.25
+    expected = 4 * np.sqrt(0.2 * SPACE.template.face_areas[3]) * s
+    np.testing.assert_allclose(metric.dist(flat, g), expected, rtol=1e-12)
+    assert metric.dist(flat, flat) == 0
+    for argument in (0, 1):
+        for pair in ((flat, g), (g, flat), (flat, flat)):
+            assert np.all(np.isfinite(grad(metric.squared_dist, argument)(*pair)))
+            assert np.all(np.isfinite(grad(metric.dist, argument)(*pair)))
+    assert not SPACE.belongs(flat)
+    message = r"{} must hold invertible matrices; found otherwise at triangle 3$"
+    for name, call in {
+        "base_point": lambda: metric.norm(g, flat),
+        "point": lambda: metric.log(flat, g),
+        "initial_point": lambda: metric.geodesic(flat, initial_tangent_vec=g),
+    }.items():
+        with pytest.raises(DegenerateSurfaceError, match=message.format(name)):
+            call()
+    for call in (lambda: metric.exp(g, flat), lambda: metric.log(g, flat)):
+        with pytest.raises(DegenerateSurfaceError, match=message.format("base_point")):
+            call()
+    with pytest.raises(DegenerateSurfaceError, match=r"triangle 3 of item \(1,\)"):
+        metric.norm(g, np.stack([g, flat, g]))
+
+
+@pytest.mark.parametrize("rng", range(5))
+def test_exp_through_the_apex_is_refused(rng):
+    """Rounding must not turn a radial geodesic around the apex, on any triangle."""
+    space = MetricFields(triangle_template())
+    metric = EbinMetric(space, lam=0.1)
+    g = space.random_point(rng=rng)
+    with pytest.raises(OutsideManifoldError, match="tangent_vec must .* g = 0; found .*triangle 0"):
+        metric.exp(-3 * g, g)
+    geodesic = metric.geodesic(g, initial_tangent_vec=-3 * g)
+    np.testing.assert_allclose(geodesic(0.5), [g / 16], rtol=1e-12)
+    with pytest.raises(OutsideManifoldError, match="triangle 0"):
+        geodesic([0.5, 1.0])
+
+
+def test_log_beyond_pi_is_refused():
+    metric = EbinMetric(SPACE, lam=1e-4)
+    g = SPACE.random_point(rng=7)
+    far = g.copy()
+    far[[5, 9]] = SPACE.random_point(rng=8)[[5, 9]]
+    with pytest.raises(
+        OutsideManifoldError, match=r"point must be within .*triangle 5, the first of 2 such"
+    ):
+        metric.log(far, g)
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize("lam", [0.0, -1.0, np.nan, np.inf])
+def test_lambda_must_be_positive(lam):
+    with pytest.raises(ArgumentError, match="lam must be a finite number above 0; found"):
+        EbinMetric(SPACE, lam=lam)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        ([[1.0, 0.5], [0.4, 1.0]], "must hold symmetric matrices; found otherwise at triangle 2"),
+        ([[1.0, 2.0], [2.0, 1.0]], "must hold positive semidefinite matrices"),
+        ([[-1.0, 0.0], [0.0, -1.0]], "must hold positive semidefinite matrices"),
+        ([[0.0, 1.0], [1.0, 0.0]], "must hold positive semidefinite matrices"),
+    ],
+)
+def test_fields_must_be_metrics(matrix, message):
+    metric = EbinMetric(SPACE)
+    g = SPACE.random_point(rng=9)
+    bad = g.copy()
+    bad[2] = matrix
+    assert not SPACE.belongs(bad)
+    with pytest.raises(ArgumentError, match=f"point_b {message}"):
+        metric.dist(g, bad)
+    with pytest.raises(ArgumentError, match=f"base_point {message}"):
+        metric.exp(g, bad)
+    with pytest.raises(ArgumentError, match=f"end_point {message}"):
+        metric.geodesic(g, bad)

@@ -1,0 +1,91 @@
+"""C^∞(T, S²): weighted sums of spheres, transport, and what is refused."""
+
+import numpy as np
+import oracles
+import pytest
+from autograd import grad
+from cases import CASES, sphere_template
+
+from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry.normal_fields import NormalFields
+
+SPACE = NormalFields(sphere_template())
+METRIC = SPACE.metric
+AREAS = SPACE.template.face_areas
+
+
+def test_against_single_triangles():
+    n1, n2 = SPACE.random_point(2, rng=1)
+    angles = np.array([float(oracles.exact_arc(a, b)) for a, b in zip(n1, n2, strict=True)])
+    np.testing.assert_allclose(METRIC.squared_dist(n1, n2), AREAS @ angles**2, rtol=1e-13)
+    v, w = SPACE.random_tangent_vec(n1, 2, rng=2)
+    expected = sum(area * np.dot(a, b) for area, a, b in zip(AREAS, v, w, strict=True))
+    np.testing.assert_allclose(METRIC.inner_product(v, w, n1), expected, rtol=1e-12)
+
+
+def test_transport():
+    case = CASES["normals sphere"]
+    start, end = case.points[:2]
+    v, w = SPACE.random_tangent_vec(start, 2, rng=3)
+    moved = METRIC.parallel_transport(v, start, end_point=end)
+    assert SPACE.is_tangent(moved, end)
+    other = METRIC.parallel_transport(w, start, end_point=end)
+    np.testing.assert_allclose(
+        METRIC.inner_product(moved, other, end), METRIC.inner_product(v, w, start), rtol=1e-13
+    )
+    velocity = METRIC.log(end, start)
+    np.testing.assert_allclose(
+        METRIC.parallel_transport(v, start, direction=velocity), moved, atol=1e-14
+    )
+    carried = METRIC.parallel_transport(velocity, start, direction=velocity)
+    np.testing.assert_allclose(carried, -METRIC.log(start, end), atol=1e-13)
+    back = METRIC.parallel_transport(moved, end, end_point=start)
+    np.testing.assert_allclose(back, v, atol=1e-13)
+    batched = METRIC.parallel_transport(v, case.points[:1], end_point=case.points[1:])
+    assert batched.shape == (3, *SPACE.shape)
+    np.testing.assert_allclose(batched[0], moved, atol=1e-14)
+
+
+def test_antipodal_normals():
+    n = SPACE.random_point(rng=4)
+    opposite = n.copy()
+    opposite[[6, 8]] *= -1
+    expected = np.pi * np.sqrt(AREAS[[6, 8]].sum())
+    np.testing.assert_allclose(METRIC.dist(n, opposite), expected, rtol=1e-14)
+    with np.errstate(all="raise"):
+        for argument in (0, 1):
+            assert np.all(np.isfinite(grad(METRIC.squared_dist, argument)(n, opposite)))
+            assert np.all(np.isfinite(grad(METRIC.dist, argument)(n, opposite)))
+    message = "point must hold no normal antipodal .*triangle 6, the first of 2 such triangles"
+    for call in (
+        lambda: METRIC.log(opposite, n),
+        lambda: METRIC.geodesic(n, opposite),
+        lambda: METRIC.parallel_transport(n, n, end_point=opposite),
+    ):
+        with pytest.raises(OutsideManifoldError, match=message):
+            call()
+    rounded = np.where(opposite == -n, opposite * (1 + 2e-16), opposite)
+    with pytest.raises(OutsideManifoldError, match="triangle 6"):
+        METRIC.log(rounded, n)
+
+
+def test_refusals():
+    n = SPACE.random_point(rng=5)
+    long = n.copy()
+    long[4] *= 1.001
+    assert not SPACE.belongs(long)
+    with pytest.raises(ArgumentError, match="point_a must hold unit vectors; .* at triangle 4$"):
+        METRIC.dist(long, n)
+    with pytest.raises(ArgumentError, match="base_point must hold unit vectors"):
+        METRIC.exp(n, long)
+    with pytest.raises(ArgumentError, match="end_point must hold unit vectors"):
+        METRIC.geodesic(n, long)
+    message = "needs direction or end_point, and not both"
+    with pytest.raises(ArgumentError, match=message):
+        METRIC.parallel_transport(n, n)
+    with pytest.raises(ArgumentError, match=message):
+        METRIC.parallel_transport(n, n, direction=n, end_point=n)
+    with pytest.raises(ArgumentError, match="direction must have shape"):
+        METRIC.parallel_transport(n, n, direction=n[:3])
+    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
+        METRIC.parallel_transport(n[:3], n, direction=n)

@@ -1,0 +1,73 @@
+"""Sparse operators and differentials under autograd."""
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import grad, make_jvp
+from cases import surfaces
+from scipy.sparse import csr_array, csr_matrix
+from scipy.sparse import random as random_matrix
+
+from riemhuman.kernels.linear import apply_operator, differential
+
+
+def an_operator(kind=csr_array):
+    return kind(random_matrix(7, 5, density=0.5, rng=np.random.default_rng(0)))
+
+
+@pytest.mark.parametrize("kind", [csr_array, csr_matrix])
+@pytest.mark.parametrize("leading", [(), (4,), (2, 3), (0,), (2, 0)])
+def test_apply_operator(kind, leading):
+    operator = an_operator(kind)
+    values = np.random.default_rng(1).normal(size=(*leading, 5, 3))
+    expected = np.einsum("ij,...jk->...ik", operator.toarray(), values)
+    found = apply_operator(operator, values)
+    assert found.shape == (*leading, 7, 3)
+    np.testing.assert_allclose(found, expected, atol=1e-14)
+
+
+@pytest.mark.parametrize("leading", [(), (4,), (2, 3)])
+def test_apply_operator_is_differentiable(leading):
+    operator = an_operator()
+    rng = np.random.default_rng(2)
+    values, tangent = rng.normal(size=(2, *leading, 5, 3))
+    weights = rng.normal(size=(*leading, 7, 3))
+
+    def value(x):
+        return anp.sum(weights * apply_operator(operator, x) ** 2)
+
+    gradient = grad(value)(values)
+    expected = 2 * np.einsum(
+        "ij,...ik->...jk", operator.toarray(), weights * apply_operator(operator, values)
+    )
+    np.testing.assert_allclose(gradient, expected, atol=1e-13)
+    pushed = make_jvp(lambda x: apply_operator(operator, x))(values)(tangent)[1]
+    np.testing.assert_allclose(pushed, apply_operator(operator, tangent), atol=1e-14)
+    # Of second order.
+    second = grad(lambda x: anp.sum(tangent * grad(value)(x)))(values)
+    expected = 2 * np.einsum(
+        "ij,...ik->...jk", operator.toarray(), weights * apply_operator(operator, tangent)
+    )
+    np.testing.assert_allclose(second, expected, atol=1e-12)
+
+
+def test_differential():
+    def cube_sums(x):
+        return anp.stack([anp.sum(x**3, axis=-1), x[..., 0] * x[..., 1]], axis=-1)
+
+    x, v = np.random.default_rng(3).normal(size=(2, 4, 3))
+    expected = np.stack(
+        [np.sum(3 * x**2 * v, axis=-1), x[:, 0] * v[:, 1] + x[:, 1] * v[:, 0]], axis=-1
+    )
+    np.testing.assert_allclose(differential(cube_sums, v, x), expected, atol=1e-14)
+    by_vector = grad(lambda w: anp.sum(differential(cube_sums, w, x)))(v)
+    by_point = grad(lambda p: anp.sum(differential(cube_sums, v, p)))(x)
+    np.testing.assert_allclose(by_vector, 3 * x**2 + x[:, [1, 0, 2]] * [1, 1, 0], atol=1e-13)
+    np.testing.assert_allclose(by_point, 6 * x * v + v[:, [1, 0, 2]] * [1, 1, 0], atol=1e-13)
+
+
+def test_surfaces_of_the_registry_are_seeded():
+    from cases import sphere_template
+
+    first, again = (surfaces(sphere_template(), 2, rng=1) for _ in range(2))
+    np.testing.assert_array_equal(first, again)

@@ -1,0 +1,207 @@
+"""The sphere, against exact arithmetic, rotations and numerically integrated equations."""
+
+import autograd.numpy as anp
+import numpy as np
+import oracles
+import pytest
+from autograd import grad
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+from riemhuman.kernels import sphere
+
+N_PAIRS = 40
+
+
+@pytest.fixture(autouse=True)
+def _strict_floats():
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+def unit(vectors):
+    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+
+
+def pairs(angle, rng=0):
+    """Return unit vectors at about this angle, and the axes of the rotations between them."""
+    rng = np.random.default_rng(rng)
+    n1 = unit(rng.normal(size=(N_PAIRS, 3)))
+    across = unit(np.cross(n1, rng.normal(size=(N_PAIRS, 3))))
+    return n1, unit(np.cos(angle) * n1 + np.sin(angle) * across)
+
+
+ANGLES = (1e-12, 1e-8, 1e-4, 0.3, 1.5, 2.8, np.pi - 1e-4, np.pi - 1e-8)
+
+
+def check_squared_dist(squared_dist, rtol):
+    for angle in ANGLES:
+        n1, n2 = pairs(angle)
+        exact = np.array([float(oracles.exact_arc(a, b)) for a, b in zip(n1, n2, strict=True)])
+        np.testing.assert_allclose(np.sqrt(squared_dist(n1, n2)), exact, rtol=rtol, atol=2e-16)
+
+
+def test_squared_dist_is_exact():
+    check_squared_dist(sphere.squared_dist, 1e-10)
+    check_squared_dist(lambda a, b: sphere.angle(a, b) ** 2, 1e-10)
+
+
+@pytest.mark.parametrize(
+    "twin",
+    [
+        lambda a, b: np.arccos(np.clip(np.sum(a * b, axis=-1), -1, 1)) ** 2,
+        lambda a, b: np.sum((a - b) ** 2, axis=-1),
+    ],
+)
+def test_arc_cosine_and_chord_fail(twin):
+    with pytest.raises(AssertionError):
+        check_squared_dist(twin, 1e-10)
+
+
+@pytest.mark.parametrize("angle", ANGLES)
+def test_exp_and_log(angle):
+    n1, n2 = pairs(angle)
+    velocity = sphere.log(n1, n2)
+    np.testing.assert_allclose(np.sum(n1 * velocity, axis=-1), 0.0, atol=1e-14)
+    length = np.linalg.norm(velocity, axis=-1)
+    np.testing.assert_allclose(length, sphere.angle(n1, n2), rtol=1e-13, atol=2e-16)
+    np.testing.assert_allclose(sphere.exp(velocity, n1), n2, atol=1e-14)
+    rotation = Rotation.from_rotvec(np.cross(n1, velocity))
+    np.testing.assert_allclose(rotation.apply(n1), n2, atol=1e-14)
+
+
+@pytest.mark.parametrize("gap", [1e-15, 1e-13, 1e-10])
+def test_log_near_antipodal_vectors_is_tangent(gap):
+    n1, n2 = pairs(np.pi - gap)
+    velocity = sphere.log(n1, n2)
+    np.testing.assert_allclose(np.sum(n1 * velocity, axis=-1), 0.0, atol=1e-14)
+    np.testing.assert_allclose(sphere.exp(velocity, n1), n2, atol=1e-14)
+
+
+def test_coincident_and_antipodal_values():
+    n = unit(np.random.default_rng(1).normal(size=(N_PAIRS, 3)))
+    np.testing.assert_array_equal(sphere.squared_dist(n, n), 0.0)
+    np.testing.assert_array_equal(sphere.log(n, n), 0.0)
+    np.testing.assert_array_equal(sphere.exp(0 * n, n), n)
+    np.testing.assert_array_equal(sphere.squared_dist(n, -n), np.pi**2)
+    np.testing.assert_array_equal(sphere.angle(n, -n), np.pi)
+    assert np.all(np.isfinite(sphere.log(n, -n)))
+    for argument in (0, 1):
+        for function in (sphere.squared_dist, sphere.angle):
+            slope = grad(lambda a, b: anp.sum(function(a, b)), argument)  # noqa: B023
+            np.testing.assert_array_equal(slope(n, n), 0.0)
+            assert np.all(np.isfinite(slope(n, -n)))
+        for function in (sphere.log, lambda a, b: sphere.exp(a - b, b)):
+            slope = grad(lambda a, b: anp.sum(function(a, b)), argument)  # noqa: B023
+            assert np.all(np.isfinite(slope(n, n.copy())))
+
+
+def test_axioms_on_many_triples():
+    rng = np.random.default_rng(2)
+    a, b, c = unit(rng.normal(size=(3, 10_000, 3)))
+    b[:2000] = unit(a[:2000] + 1e-9 * rng.normal(size=(2000, 3)))
+    c[1000:3000] = -a[1000:3000]
+    c[3000:4000] = a[3000:4000]
+
+    def dist(x, y):
+        return np.sqrt(sphere.squared_dist(x, y))
+
+    np.testing.assert_array_equal(dist(a, b), dist(b, a))
+    np.testing.assert_array_equal(dist(a, a), 0.0)
+    assert np.min(dist(a, b) + dist(b, c) - dist(a, c)) >= -1e-14
+    assert np.max(dist(a, c)) <= np.pi
+
+
+def test_squared_arc_has_exact_slopes():
+    for p in (1e-14, 1e-3, 1.0, 3.0, 3.99):
+        q = 4.0 - p
+        for argument, (dp, dq) in ((0, (1.0, 0.0)), (1, (0.0, 1.0))):
+            slope = grad(sphere.squared_arc, argument)(p, q)
+            size = min(p, q)
+            expected = oracles.mp.diff(
+                lambda t: (
+                    4
+                    * oracles.mp.atan2(
+                        oracles.mp.sqrt(p + t * dp),
+                        oracles.mp.sqrt(q + t * dq),  # noqa: B023
+                    )
+                    ** 2
+                ),
+                0,
+                h=oracles.mp.mpf(10) ** -20 * size,
+            )
+            np.testing.assert_allclose(slope, float(expected), rtol=1e-12)
+            second = grad(grad(sphere.squared_arc, argument), argument)(p, q)
+            assert np.isfinite(second)
+
+
+@pytest.mark.parametrize("angle", [1e-8, 0.3, 1.5, 2.8])
+def test_gradients(angle):
+    n1, n2 = pairs(angle)
+    direction = np.random.default_rng(3).normal(size=n1.shape)
+    for function in (sphere.squared_dist, sphere.angle):
+        value = lambda x: anp.sum(function(x / anp.sqrt(anp.sum(x**2, -1))[:, None], n2))  # noqa: E731, B023
+        if function is sphere.angle and angle < 1e-6:
+            continue
+        assert oracles.taylor_slope(value, n1, direction, grad(value)(n1)) >= 1.9
+    # grad θ² = −2 log, its tangent part.
+    slope = sphere.to_tangent(grad(lambda x: anp.sum(sphere.squared_dist(x, n2)))(n1), n1)
+    np.testing.assert_allclose(slope, -2 * sphere.log(n1, n2), rtol=1e-6, atol=1e-13)
+
+
+# Parallel transport.
+
+
+def test_transport_is_the_rotation_along_the_geodesic():
+    rng = np.random.default_rng(4)
+    n = unit(rng.normal(size=(N_PAIRS, 3)))
+    v, w, u = (sphere.to_tangent(rng.normal(size=n.shape), n) for _ in range(3))
+    v[0] = 0.0
+    end = sphere.exp(v, n)
+    moved, other = sphere.parallel_transport(w, n, v), sphere.parallel_transport(u, n, v)
+    expected = Rotation.from_rotvec(np.cross(n, v)).apply(w)
+    np.testing.assert_allclose(moved, expected, atol=1e-14)
+    np.testing.assert_allclose(np.sum(moved * end, axis=-1), 0.0, atol=1e-14)
+    np.testing.assert_allclose(np.sum(moved * other, axis=-1), np.sum(w * u, axis=-1), atol=1e-14)
+    np.testing.assert_array_equal(moved[0], w[0])
+    # A geodesic carries its own velocity along.
+    carried, step = sphere.parallel_transport(v, n, v), 1e-3
+    np.testing.assert_allclose(
+        sphere.exp(step * carried, end), sphere.exp((1 + step) * v, n), atol=1e-14
+    )
+
+
+def test_transport_solves_its_equation():
+    """ẇ = −⟨w, ṅ⟩ n along the geodesic."""
+    rng = np.random.default_rng(5)
+    n = unit(rng.normal(size=3))
+    v, w = (sphere.to_tangent(rng.normal(size=3), n) for _ in range(2))
+
+    def rate(t, state):
+        step = 1e-6
+        change = (sphere.exp((t + step) * v, n) - sphere.exp((t - step) * v, n)) / (2 * step)
+        return -np.dot(state, change) * sphere.exp(t * v, n)
+
+    expected = solve_ivp(rate, (0, 1), w, rtol=1e-10, atol=1e-12).y[:, -1]
+    np.testing.assert_allclose(sphere.parallel_transport(w, n, v), expected, atol=1e-8)
+
+
+def test_transport_agrees_with_schilds_ladder():
+    rng = np.random.default_rng(6)
+    n = unit(rng.normal(size=3))
+    v, w = (sphere.to_tangent(rng.normal(size=3), n) for _ in range(2))
+    exact = sphere.parallel_transport(w, n, v)
+
+    def error(n_rungs):
+        point, carried = n, w / n_rungs
+        for k in range(n_rungs):
+            following = sphere.exp((k + 1) / n_rungs * v, n)
+            tip = sphere.exp(carried, point)
+            middle = sphere.exp(0.5 * sphere.log(tip, following), tip)
+            carried = sphere.log(following, sphere.exp(2 * sphere.log(point, middle), point))
+            point = following
+        return np.linalg.norm(n_rungs * carried - exact)
+
+    coarse, fine = error(200), error(400)
+    assert fine < 3e-3
+    np.testing.assert_allclose(coarse / fine, 2.0, rtol=0.05)

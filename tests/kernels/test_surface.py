@@ -1,0 +1,109 @@
+"""First fundamental forms and normals, against coordinates of single triangles."""
+
+import numpy as np
+import oracles
+import pytest
+from autograd import grad
+from cases import TEMPLATES, deformations, sphere_template, surfaces
+
+from riemhuman.kernels import surface
+
+
+def derivatives(template, points):
+    return surface.partial_derivatives(points, template.differential_operator)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_partial_derivatives_are_those_of_the_linear_map(name):
+    """f_u, f_v are the columns of the map that takes the template's triangle to the surface's."""
+    template = TEMPLATES[name]()
+    points = surfaces(template, 1)[0]
+    f_u, f_v = derivatives(template, points)
+    for t, corners in enumerate(template.faces):
+        p, q = template.vertices[corners], points[corners]
+        first = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
+        second = p[2] - p[0] - np.dot(p[2] - p[0], first) * first
+        second /= np.linalg.norm(second)
+        flat = (p[1:] - p[0]) @ np.stack([first, second], axis=1)
+        columns = np.linalg.solve(flat, q[1:] - q[0])
+        np.testing.assert_allclose(f_u[t], columns[0], atol=1e-12)
+        np.testing.assert_allclose(f_v[t], columns[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_the_template_itself_has_the_identity(name):
+    template = TEMPLATES[name]()
+    g = surface.first_fundamental_form(*derivatives(template, template.vertices))
+    np.testing.assert_allclose(g, np.tile(np.eye(2), (template.n_faces, 1, 1)), atol=1e-13)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_areas_and_normals_are_those_of_the_triangles(name):
+    template = TEMPLATES[name]()
+    points = surfaces(template, 3)
+    f_u, f_v = derivatives(template, points)
+    corners = points[:, template.faces]
+    area_vectors = 0.5 * np.cross(
+        corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0]
+    )
+    areas = np.linalg.norm(area_vectors, axis=-1)
+    g = surface.first_fundamental_form(f_u, f_v)
+    np.testing.assert_allclose(template.face_areas * np.sqrt(np.linalg.det(g)), areas, rtol=1e-10)
+    normals = surface.unit_normals(f_u, f_v)
+    np.testing.assert_allclose(normals, area_vectors / areas[..., None], atol=1e-11)
+    q = surface.square_root_normals(f_u, f_v)
+    expected = np.sqrt(areas / template.face_areas)[..., None] * normals
+    np.testing.assert_allclose(q, expected, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_differentials_against_finite_differences(name):
+    template = TEMPLATES[name]()
+    points, h = surfaces(template, 2), deformations(template, 2, rng=3)
+    at, along = derivatives(template, points), derivatives(template, h)
+    for function, differential in (
+        (surface.first_fundamental_form, surface.first_fundamental_form_differential),
+        (surface.unit_normals, surface.unit_normals_differential),
+    ):
+        step = 1e-6
+        ahead, behind = (
+            function(*derivatives(template, points + sign * step * h)) for sign in (1, -1)
+        )
+        found = differential(*at, *along)
+        np.testing.assert_allclose(found, (ahead - behind) / (2 * step), rtol=1e-6, atol=1e-8)
+
+
+def test_kernels_of_one_triangle():
+    f_u, f_v = np.array([[2.0, 0.0, 0.0]]), np.array([[1.0, 3.0, 0.0]])
+    np.testing.assert_array_equal(surface.first_fundamental_form(f_u, f_v), [[[4, 2], [2, 10]]])
+    np.testing.assert_array_equal(surface.unit_normals(f_u, f_v), [[0, 0, 1]])
+    np.testing.assert_allclose(surface.square_root_normals(f_u, f_v), [[0, 0, np.sqrt(6)]])
+    np.testing.assert_array_equal(surface.cross(f_u, f_v), np.cross(f_u, f_v))
+
+
+def test_degenerate_triangles():
+    f_u = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [1.0, 0, 0], [1e-9, 0, 0]])
+    f_v = np.array([[0, 1.0, 0], [2.0, 0, 0], [0, 1.0, 0], [1.0, 1e-9, 0], [0, 1e-9, 0]])
+    expected = [False, True, True, True, False]
+    np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), expected)
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        q = surface.square_root_normals(f_u, f_v)
+        np.testing.assert_array_equal(q[1:3], 0.0)
+        for argument in (0, 1):
+            slope = grad(lambda a, b: np.sum(surface.square_root_normals(a, b)), argument)
+            assert np.all(np.isfinite(slope(f_u, f_v)))
+
+
+@pytest.mark.parametrize(
+    "function",
+    [surface.first_fundamental_form, surface.unit_normals, surface.square_root_normals],
+)
+def test_gradients(function):
+    template = sphere_template()
+    points, h = surfaces(template, 1)[0], deformations(template, 1, rng=3)[0]
+    weights = np.random.default_rng(4).normal(size=function(*derivatives(template, points)).shape)
+
+    def value(f):
+        return (weights * function(*derivatives(template, f))).sum()
+
+    assert oracles.taylor_slope(value, points, h, grad(value)(points)) >= 1.9
