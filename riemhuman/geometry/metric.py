@@ -247,19 +247,29 @@ class RiemannianMetric:
         -------
         array, shape (n, n)
         """
+        features = self._features(points)
         n_points = len(points)
         squared = np.zeros((n_points, n_points))
 
         def fill_row(i: int) -> None:
-            if self.has_closed_form_dist:
-                row = self.squared_dist(points[i], points[i + 1 :])
-            else:
-                row = np.array([self.squared_dist(points[i], other) for other in points[i + 1 :]])
-            squared[i, i + 1 :] = squared[i + 1 :, i] = row
+            # Pair by pair: the arrays of one pair stay in the processor's cache.
+            one = tuple(feature[i] for feature in features)
+            for j in range(i + 1, n_points):
+                other = tuple(feature[j] for feature in features)
+                squared[i, j] = squared[j, i] = self._squared_dist_of_features(one, other)
 
         with ThreadPoolExecutor(thread_count(n_jobs)) as pool:
             list(pool.map(fill_row, range(n_points - 1)))
         return squared
+
+    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
+        """Return what a distance needs to know of each point, computed once a point."""
+        return (points,)
+
+    def _squared_dist_of_features(
+        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
+    ) -> ndarray:
+        return self.squared_dist(*features_a, *features_b)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.

@@ -234,9 +234,16 @@ class EbinMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
-        return integrate(
-            ebin.squared_dist(point_a, point_b, self.lam), self.space.template.face_areas
-        )
+        return self._squared_dist_of_features(ebin.coordinates(point_a), ebin.coordinates(point_b))
+
+    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
+        return ebin.coordinates(self.space.check_point(points, "points", completion=True))
+
+    def _squared_dist_of_features(
+        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
+    ) -> ndarray:
+        squared = ebin.squared_dist_of_coordinates(features_a, features_b, self.lam)
+        return integrate(squared, self.space.template.face_areas)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Return the end point of the geodesic with this initial velocity.

@@ -178,7 +178,16 @@ class NormalFieldMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        return integrate(sphere.squared_dist(point_a, point_b), self.space.template.face_areas)
+        return self._squared_dist_of_features((point_a,), (point_b,))
+
+    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
+        return (self.space.check_point(points, "points"),)
+
+    def _squared_dist_of_features(
+        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
+    ) -> ndarray:
+        squared = sphere.squared_dist(*features_a, *features_b)
+        return integrate(squared, self.space.template.face_areas)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Follow great circles for unit time.

@@ -130,8 +130,27 @@ def squared_dist(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
     -------
     array, shape (...)
     """
-    x1, y1, s1 = coordinates(g1)
-    x2, y2, s2 = coordinates(g2)
+    return squared_dist_of_coordinates(coordinates(g1), coordinates(g2), lam)
+
+
+def squared_dist_of_coordinates(
+    coordinates1: tuple[ndarray, ...], coordinates2: tuple[ndarray, ...], lam: float
+) -> ndarray:
+    """Return the squared distance of matrices given by their `coordinates`.
+
+    Parameters
+    ----------
+    coordinates1, coordinates2 : tuple of array, shape (...)
+        x, y and s of both matrices.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    x1, y1, s1 = coordinates1
+    x2, y2, s2 = coordinates2
     half = half_angle_sine_squared(excess(x1, y1, x2, y2), lam)
     return 16.0 * lam * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
 

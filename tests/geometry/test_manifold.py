@@ -17,12 +17,13 @@ from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.srnf import FlatMetric, SquareRootNormalFields, SRNFMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 
 SPACES = {
     "metric fields": (MetricFields(sphere_template()), 240, (80, 2, 2), EbinMetric),
     "normal fields": (NormalFields(sphere_template()), 160, (80, 3), NormalFieldMetric),
-    "square root normals": (SquareRootNormalFields(sphere_template()), 240, (80, 3), FlatMetric),
+    "vectors": (VectorSpace((80, 3)), 240, (80, 3), FlatMetric),
     "surfaces": (AlignedSurfaces(sphere_template()), 126, (42, 3), ElasticMetric),
     "product": (
         ProductManifold([MetricFields(triangle_template()), NormalFields(triangle_template())]),
@@ -145,7 +146,7 @@ def test_equip_with_metric():
     space.equip_with_metric()
     assert isinstance(space.metric, ElasticMetric)
     assert (space.metric.a, space.metric.lam, space.metric.c) == (1.0, 1e-4, 0.0)
-    for cls in (AlignedSurfaces, MetricFields, NormalFields, SquareRootNormalFields):
+    for cls in (AlignedSurfaces, MetricFields, NormalFields):
         assert not hasattr(cls(sphere_template(), equip=False), "metric")
 
 

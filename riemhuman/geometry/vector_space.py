@@ -1,0 +1,189 @@
+"""Vector spaces of arrays, with a flat metric."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.metric import RiemannianMetric
+
+
+class VectorSpace(Manifold):
+    """All real arrays of one shape.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        Shape of the arrays.
+    equip : bool
+        Whether to equip the space with `FlatMetric`.
+    """
+
+    def __init__(self, shape: tuple[int, ...], equip: bool = True) -> None:
+        super().__init__(int(np.prod(shape)), tuple(shape), equip)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        """Return `FlatMetric`."""
+        return FlatMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        r"""Tell whether all entries are finite.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Candidate points.
+        atol : float
+            Not used.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        return self._finite_values(point, "point")[1]
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the array itself: every array is tangent.
+
+        Parameters
+        ----------
+        vector : array, shape (..., \*shape)
+            Arrays.
+        base_point : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        return real_array(vector, "vector", self.shape)
+
+    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+        r"""Draw arrays of independent standard normal numbers.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of arrays.
+        rng : int or numpy.random.Generator
+            Seed, or the generator to draw from.
+
+        Returns
+        -------
+        array, shape (n_samples, \*shape), or (\*shape,) for one sample
+        """
+        n_samples = sample_count(n_samples)
+        return stack_samples(generator(rng).standard_normal((n_samples, *self.shape)), n_samples)
+
+
+class FlatMetric(RiemannianMetric):
+    """The weighted sum of squares Σ_t w_t ‖a_t‖² on a vector space.
+
+    With template areas for weights, the L² metric of fields on a template.
+
+    Parameters
+    ----------
+    space : VectorSpace
+        The space.
+    weights : array, shape (shape[0],), optional
+        A weight w_t ≥ 0 for each index of the first axis of a point; by default all are 1.
+    """
+
+    def __init__(self, space: Manifold, weights: ndarray | None = None) -> None:
+        super().__init__(space)
+        length = space.shape[0]
+        weights = np.ones(length) if weights is None else real_array(weights, "weights", (length,))
+        if weights.min() < 0:
+            raise ArgumentError(f"weights must be at least 0; found {weights.min():g}")
+        self._weights = weights.reshape((-1,) + (1,) * (len(space.shape) - 1))
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return Σ_t w_t ⟨a_t, b_t⟩.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+            Arrays.
+        base_point : array, shape (..., \*shape)
+            Base point; the inner product is the same at all of them.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+        # The base point takes part in broadcasting alone.
+        product = tangent_vec_a * tangent_vec_b + np.zeros(np.shape(base_point))
+        return np.sum(self._weights * product, axis=self.space._point_axes)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        r"""Return Σ_t w_t ‖a_t − b_t‖².
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        return self._squared_dist_of_features((point_a,), (point_b,))
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return base_point + tangent_vec.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Arrays.
+        base_point : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        return self.space.check_point(base_point, "base_point") + tangent_vec
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return point − base_point.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Points.
+        base_point : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        return self.space.check_point(point, "point") - base_point
+
+    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
+        return (self.space.check_point(points, "points"),)
+
+    def _squared_dist_of_features(
+        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
+    ) -> ndarray:
+        difference = features_a[0] - features_b[0]
+        return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        return self.geodesic(start, initial_tangent_vec=self.log(end, start))

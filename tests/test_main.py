@@ -1,0 +1,85 @@
+"""The main job: what it prints, what it refuses."""
+
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from riemhuman.__main__ import main
+from riemhuman.datasets import load_open_bodies
+from riemhuman.surfaces import save_mesh
+
+
+def test_prints_the_tables(capsys):
+    assert main(["--resolution", "coarse"]) == 0
+    printed = capsys.readouterr().out
+    assert "100 bodies: 10 people, 10 poses, 1,202 vertices, 2,400 triangles" in printed
+    assert len(re.findall(r"4,950 distances \.\.\. \d+\.\d s", printed)) == 3
+    who, how = printed.split("How do they stand?")
+    shape_on_people, shape_on_poses = (
+        float(re.search(r"shape metric \(1, 0.0001, 0\)  +(\d+\.\d)", part)[1])
+        for part in (who.split("Who is it?")[1], how)
+    )
+    pose_on_people, pose_on_poses = (
+        float(re.search(r"pose metric \(0, 0, 1\)  +(\d+\.\d)", part)[1])
+        for part in (who.split("Who is it?")[1], how)
+    )
+    assert shape_on_people > 90 > 20 > shape_on_poses
+    assert pose_on_poses > 90 > 20 > pose_on_people
+
+
+def test_reads_registrations(tmp_path, capsys):
+    bodies = load_open_bodies("coarse")
+    for i, points in enumerate(bodies.points):
+        save_mesh(tmp_path / f"tr_reg_{i:03d}.ply", points, bodies.template.faces)
+    assert main(["--faust", str(tmp_path)]) == 0
+    registrations = capsys.readouterr().out
+    assert main(["--resolution", "coarse"]) == 0
+    embedded = capsys.readouterr().out
+
+    def shape_row(text):
+        return re.search(r"shape metric .*\d$", text, re.MULTILINE)[0]
+
+    # The shape metric sees neither the template nor rigid motions.
+    assert shape_row(registrations) == shape_row(embedded)
+
+
+def test_refuses_a_missing_folder(tmp_path, capsys):
+    assert main(["--faust", str(tmp_path / "absent")]) == 2
+    captured = capsys.readouterr()
+    assert "absent" in captured.err
+    assert "Traceback" not in captured.err
+
+
+def test_keyboard_interrupt_ends_quietly(monkeypatch, capsys):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", interrupt)
+    assert main([]) == 130
+    assert capsys.readouterr().err == "riemhuman: interrupted\n"
+
+
+def test_runs_as_a_module():
+    finished = subprocess.run(
+        [sys.executable, "-m", "riemhuman", "--help"], capture_output=True, text=True, check=True
+    )
+    assert "--faust FOLDER" in finished.stdout
+
+
+@pytest.mark.parametrize("arguments", [["--resolution", "huge"], ["unknown"]])
+def test_usage_errors(arguments):
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+
+
+def test_matrices_are_those_of_dist():
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+
+    bodies = load_open_bodies("coarse")
+    metric = ElasticMetric(AlignedSurfaces(bodies.template))
+    few = bodies.points[::33]
+    np.testing.assert_allclose(
+        metric.dist_pairwise(few), metric.dist(few[:, None], few[None]), rtol=1e-13, atol=0
+    )
