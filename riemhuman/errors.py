@@ -29,6 +29,10 @@ class OutsideManifoldError(RiemhumanError, ValueError):
     """A geodesic leaves the manifold, or no minimising geodesic inside it exists."""
 
 
+class FrameIndexError(RiemhumanError, IndexError):
+    """A motion is asked for a frame it does not have."""
+
+
 class FileError(RiemhumanError, OSError):
     """A file or folder is missing or cannot be read or written."""
 

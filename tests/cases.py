@@ -220,12 +220,13 @@ def edges_metric(space):
 
 def build_cases() -> list[Case]:
     """Return all cases."""
+    weighted_vectors = VectorSpace((3, 2)).equip_with_metric(FlatMetric, weights=[1.0, 0.5, 2.0])
     cases = [ebin_case("sphere", lam) for lam in (1e-4, 0.05, 1.0, 10.0)]
     cases += [
         ebin_case("triangle", 0.5),
         field_case("normals sphere", NormalFields(sphere_template())),
         field_case("normals triangle", NormalFields(triangle_template())),
-        field_case("flat", VectorSpace((3, 2)).equip_with_metric(FlatMetric, weights=[1.0, 0.5, 2.0])),
+        field_case("flat", weighted_vectors),
         product_case("product", [2.0, 0.3]),
         product_case("product of one", [0.0, 1.5]),
     ]

@@ -1,4 +1,4 @@
-"""Independent computations that the tests compare with: written from the formulas, not from the code.
+"""Independent computations to compare with: written from the formulas, not from the code.
 
 Matrices here are single 2 × 2 arrays. `exact_*` works with 60 decimal digits, so that its own
 rounding never counts; `matrix_*` uses SciPy's matrix functions.
@@ -116,7 +116,7 @@ def traceless(matrix):
 
 
 def ebin_inner_product(a, b, g, lam):
-    """Return (tr(g⁻¹a₀ g⁻¹b₀) + λ tr(g⁻¹a) tr(g⁻¹b)) √det g of one matrix (equation 2, corrected)."""
+    """Return (tr(g⁻¹a₀ g⁻¹b₀) + λ tr(g⁻¹a) tr(g⁻¹b)) √det g (equation 2, corrected)."""
     a, b = np.linalg.solve(g, a), np.linalg.solve(g, b)
     shear = np.trace(traceless(a) @ traceless(b))
     return (shear + lam * np.trace(a) * np.trace(b)) * np.sqrt(np.linalg.det(g))

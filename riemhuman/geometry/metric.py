@@ -401,6 +401,21 @@ class RiemannianMetric:
         energy, gradient = value_and_grad(self.energy)(path)
         return float(energy), gradient
 
+    def remove_drift(self, path: ndarray) -> ndarray:
+        r"""Move interior points of a path by motions the metric does not see, if there are any.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        array, shape (n_times, \*shape)
+            A path of the same energy; by default the same path.
+        """
+        return path
+
     def length(self, path: ndarray) -> ndarray:
         r"""Return the length of discrete paths, the sum of the lengths of their segments.
 

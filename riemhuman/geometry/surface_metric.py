@@ -9,6 +9,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.strain import elastic_blocks
 
 if TYPE_CHECKING:
@@ -55,6 +56,28 @@ class SurfaceMetric(PullbackMetric):
             template.face_areas,
             **self._weights,
         )
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        """Take rigid motions out of a path that the metric does not see.
+
+        No metric of the family sees translations of a surface, and those without normals (c = 0)
+        see no rotations either: a minimiser of the energy is free to drift. Of all paths that
+        differ by such motions of the interior surfaces, this one keeps as much of the body as it
+        can on the straight path between the ends, by the sum of distances.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, V, 3)
+            Path.
+
+        Returns
+        -------
+        array, shape (n_times, V, 3)
+            A path of the same energy with the same ends.
+        """
+        path = self.check_points(path, "path")
+        sees_rotations = self._weights.get("c", 0.0) > 0 or self._weights.get("b", 0.0) > 0
+        return still_path(path, self.space.template.vertex_areas, rotations=not sees_rotations)
 
     def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
         """Return the sparse matrix M of the metric: ⟨h, k⟩_f = h·(M k), vertices flattened.

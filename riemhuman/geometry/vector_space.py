@@ -98,7 +98,10 @@ class FlatMetric(RiemannianMetric):
     def __init__(self, space: Manifold, weights: ndarray | None = None) -> None:
         super().__init__(space)
         length = space.shape[0]
-        weights = np.ones(length) if weights is None else real_array(weights, "weights", (length,))
+        if weights is None:
+            weights = np.ones(length)
+        # A copy: a metric keeps its parameters.
+        weights = real_array(weights, "weights", (length,), batched=False).copy()
         if weights.min() < 0:
             raise ArgumentError(f"weights must be at least 0; found {weights.min():g}")
         self._weights = weights.reshape((-1,) + (1,) * (len(space.shape) - 1))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,14 +15,11 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.dispersion import Dispersion
-from riemhuman.solvers.minimization import Minimum, minimize
+from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
-
-# Iterations after which the Gram matrix is formed anew at the point reached.
-_ITERATIONS_PER_GRAM = 25
 
 
 class Basis(Protocol):
@@ -111,26 +108,15 @@ class BasisMean:
         origin = self._origin(dispersion, initial_point)
         family = _Family(metric.space, origin, self._directions(dispersion, origin))
 
-        coefficients = np.zeros(len(family.directions))
-        rounds: list[Minimum] = []
-        n_left = self.max_iterations
-        while n_left > 0:
-            minimum, coefficients = self._descend(
-                dispersion, family, coefficients, min(n_left, _ITERATIONS_PER_GRAM)
-            )
-            rounds.append(minimum)
-            n_left -= max(minimum.n_iterations, 1)
-            if minimum.converged or minimum.interrupted or minimum.n_iterations == 0:
-                break
-
+        minimum = self._minimize(dispersion, family)
         result = MeanResult(
-            family.point(coefficients),
-            rounds[-1].value,
-            np.concatenate([rounds[0].values, *(later.values[1:] for later in rounds[1:])]),
-            sum(minimum.n_iterations for minimum in rounds),
-            sum(minimum.n_evaluations for minimum in rounds),
-            rounds[-1].converged,
-            rounds[-1].message,
+            family.point(minimum.x),
+            minimum.value,
+            minimum.values,
+            minimum.n_iterations,
+            minimum.n_evaluations,
+            minimum.converged,
+            minimum.message,
         )
         warn_unless_converged(self, result)
         return result
@@ -162,44 +148,46 @@ class BasisMean:
         _, sizes, rows = np.linalg.svd(outside, full_matrices=False)
         return np.concatenate([self.basis.flat, rows[sizes > 1e-6 * np.abs(origin).max()]])
 
-    def _descend(
-        self, dispersion: Dispersion, family: _Family, start: ndarray, max_iterations: int
-    ) -> tuple[Minimum, ndarray]:
-        """Minimise from `start`, preconditioned by the Gram matrix there."""
-        point = family.point(start)
-        variance = dispersion.value(point)
+    def _minimize(self, dispersion: Dispersion, family: _Family) -> Minimum:
+        """Return the coefficients β of least variance."""
+        start = np.zeros(len(family.directions))
+        origin = family.point(start)
+        variance = dispersion.value(origin)
         # Distances of points that coincide to rounding error have no gradient to follow.
-        if variance <= (1e-14 * np.abs(point).max()) ** 2:
-            nothing = Minimum(start, variance, np.array([variance]), 0, 1, True, False, "")
-            return replace(nothing, message="all points coincide"), start
-        vectors = family.directions.reshape(-1, *point.shape)
-        factor = CholeskyFactor(2.0 * dispersion.metric.gram_matrix(vectors, point) / variance)
+        if variance <= (1e-14 * np.abs(origin).max()) ** 2:
+            values = np.array([variance])
+            return Minimum(start, variance, values, 0, 1, True, False, "all points coincide")
 
-        def coefficients(variables: ndarray) -> ndarray:
-            return start + factor.solve_transposed(variables)
+        def around(coefficients: ndarray) -> LocalProblem:
+            point = family.point(coefficients)
+            unit = dispersion.value(point)
+            vectors = family.directions.reshape(-1, *point.shape)
+            gram = dispersion.metric.gram_matrix(vectors, point)
+            factor = CholeskyFactor(2.0 * gram / unit)
 
-        def objective(variables: ndarray) -> tuple[float, ndarray]:
-            point, pull_back = family.point_and_pull_back(coefficients(variables))
-            value, gradient = dispersion.value_and_gradient(point)
-            return value / variance, factor.solve(pull_back(gradient)) / variance
+            def position(variables: ndarray) -> ndarray:
+                return coefficients + factor.solve_transposed(variables)
 
-        def after_iteration(iteration: int, value: float, variables: ndarray) -> None:
+            def objective(variables: ndarray) -> tuple[float, ndarray]:
+                point, pull_back = family.point_and_pull_back(position(variables))
+                value, gradient = dispersion.value_and_gradient(point)
+                return value / unit, factor.solve(pull_back(gradient)) / unit
+
+            return LocalProblem(objective, position, unit)
+
+        def report(iteration: int, value: float, coefficients: ndarray) -> None:
             if self.callback is not None:
-                self.callback(iteration, value * variance, family.point(coefficients(variables)))
+                self.callback(iteration, value, family.point(coefficients))
 
-        minimum = minimize(
-            objective,
-            np.zeros_like(start),
-            max_iterations=max_iterations,
+        return minimize_in_rounds(
+            around,
+            start,
+            max_iterations=self.max_iterations,
             expected_decrease=self.tolerance,
-            callback=after_iteration,
+            callback=report,
             progress=self.progress,
             description="mean",
         )
-        in_units = replace(
-            minimum, value=minimum.value * variance, values=minimum.values * variance
-        )
-        return in_units, coefficients(minimum.x)
 
 
 @dataclass(frozen=True)

@@ -8,28 +8,21 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
-from riemhuman.solvers.minimization import Minimum, minimize
+from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
+from riemhuman.solvers.poisson_path import PoissonPath
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
-from riemhuman.solvers.simple_paths import check_end_points, linear_path
+from riemhuman.solvers.simple_paths import LinearPath, check_end_points
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 METHODS = ("preconditioned", "l-bfgs-b", "bfgs")
-
-# Coarse levels only have to find the valley; the last one goes to its floor.
-_COARSE_TOLERANCE = 1e-4
-
-# The energy has several valleys where the straight path is far from a geodesic. Where the best
-# path has less than this share of the straight path's energy, both starts are followed.
-_FAR_FROM_STRAIGHT = 0.9
 
 # Surfaces of the path over which the Gram matrix is averaged.
 _N_NODES = 3
@@ -37,14 +30,15 @@ _N_NODES = 3
 
 @dataclass(frozen=True)
 class BasisPath:
-    r"""Paths f(t_i) = (1 − t_i) f₀ + t_i f₁ + Σ_j α_ij D_j of least energy, without exponential map.
+    r"""Paths of least energy over a basis, without exponential map: Algorithm 1 of the paper.
 
-    Algorithm 1 of the paper, corrected: α has one block for every interior time.
+    .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j
 
-    The default method minimises in variables preconditioned by the metric's Gram matrix on the
-    basis. It finds a path of two segments first, where few variables follow a bend that the
-    straight path cuts short, refines it in time, and forms the Gram matrix anew along it. Where
-    the result is far from the straight path, it descends from that one, too, and keeps the better.
+    for every interior time (corrected: α has one block for each of them). In the paper l is the
+    straight path (1 − t) f₀ + t f₁ (corrected) and α is found by a quasi-Newton method; that is
+    ``method="l-bfgs-b"`` or ``"bfgs"``. The default method differs twice: l turns every triangle
+    (`PoissonPath`), so that limbs bend instead of shrinking, and α is preconditioned by the
+    metric's Gram matrix on the basis, averaged over a few surfaces of the path.
 
     Parameters
     ----------
@@ -53,21 +47,25 @@ class BasisPath:
     n_times : int
         Number of points of the path, both ends included.
     method : str
-        "preconditioned", or "l-bfgs-b" and "bfgs", which minimise in α from the straight path with
-        SciPy's stopping tests, as in the paper.
+        "preconditioned", or "l-bfgs-b" and "bfgs", which minimise in α with SciPy's stopping tests,
+        as in the paper.
     energy : PathEnergy
         Energy to minimise.
-    coarse_segments : tuple of int
-        Numbers of segments of the coarse levels of the preconditioned method, in rising order.
+    initial : object, optional
+        Solver that gives l, with as many times. By default `PoissonPath` for the preconditioned
+        method and `LinearPath` for the others.
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
         energy, as far as the preconditioned gradient tells.
     max_iterations : int
-        Most iterations, on each level.
+        Most iterations.
+    remove_drift : bool
+        Whether to take motions that the metric does not see, such as rigid motions of interior
+        surfaces where c = 0, out of the path found; its energy stays the same.
     options : mapping
-        Options of SciPy's minimiser.
+        More options of SciPy's minimiser.
     callback : callable, optional
-        Called with (iteration, energy, path) after each iteration with all times.
+        Called with (iteration, energy, path) after each iteration.
     progress : bool
         Whether to show a progress bar.
     """
@@ -76,9 +74,10 @@ class BasisPath:
     n_times: int = 11
     method: str = "preconditioned"
     energy: PathEnergy = SegmentEnergy()
-    coarse_segments: tuple[int, ...] = (2,)
+    initial: GeodesicSolver | None = None
     tolerance: float = 1e-5
     max_iterations: int = 1000
+    remove_drift: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
@@ -88,8 +87,6 @@ class BasisPath:
         whole_number(self.max_iterations, "max_iterations", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         one_of(self.method, "method", METHODS)
-        for segments in self.coarse_segments:
-            whole_number(segments, "coarse_segments", minimum=2)
 
     def solve(
         self,
@@ -107,13 +104,11 @@ class BasisPath:
         start, end : array, shape (V, 3)
             Surfaces f₀ and f₁.
         initial_path : array, shape (n_times, V, 3), optional
-            Path to start from, between the same ends, instead of the coarse levels; deformations
-            are added to it.
+            Path l between the same ends, for a warm start.
 
         Returns
         -------
         PathResult
-            `energies` are those of the finest level; evaluations on coarser ones are counted in.
 
         Raises
         ------
@@ -128,162 +123,112 @@ class BasisPath:
         """
         start, end = check_end_points(metric, start, end)
         self.basis.check_fits(start.shape[0])
-        line = linear_path(start, end, self.n_times)
-        if initial_path is not None:
-            line = self._check_initial_path(metric, line, initial_path)
-
+        if initial_path is None:
+            initial_path = self._initial_solver().solve(metric, start, end).path
+        line = self._check_initial_path(metric, start, end, initial_path)
+        energy = self.energy.value(metric, line)
+        if not np.isfinite(energy):
+            raise ArgumentError(
+                "the initial path has no finite energy: a surface on it has a triangle without "
+                "area; pass another initial_path"
+            )
         if self.n_times == 2:
-            value = self.energy.value(metric, line)
-            return PathResult(line, value, np.array([value]), 0, 1, True, "a single segment")
+            return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
 
-        descent = _Descent(self, metric)
-        straight = np.zeros((self.n_times - 2, len(self.basis)))
-        start_coefficients = straight
-        coarse_levels = self._coarse_levels() if initial_path is None else []
-        for n_segments in coarse_levels:
-            level = linear_path(start, end, n_segments + 1)
-            known = interpolate_in_time(start_coefficients, n_segments)
-            found = descent.run(level, known, _COARSE_TOLERANCE)
-            start_coefficients = interpolate_in_time(found.coefficients, self.n_times - 1)
-        best = descent.run(line, start_coefficients, self.tolerance, report=True)
-        if coarse_levels and best.minimum.value < _FAR_FROM_STRAIGHT * best.line_energy:
-            other = descent.run(line, straight, self.tolerance, report=True)
-            best = min(best, other, key=lambda found: found.minimum.value)
-
-        minimum = best.minimum
+        minimum = self._minimize(metric, line)
+        path = self._path(line, minimum.x)
         result = PathResult(
-            self._path(line, best.coefficients),
+            metric.remove_drift(path) if self.remove_drift else path,
             minimum.value,
             minimum.values,
             minimum.n_iterations,
-            descent.n_evaluations,
-            minimum.converged and not descent.interrupted,
-            "interrupted from the keyboard" if descent.interrupted else minimum.message,
+            minimum.n_evaluations,
+            minimum.converged,
+            minimum.message,
         )
         warn_unless_converged(self, result)
         return result
 
-    def _coarse_levels(self) -> list[int]:
-        if self.method != "preconditioned":
-            return []
-        return [level for level in self.coarse_segments if level < self.n_times - 1]
-
-    def _path(self, line: ndarray, coefficients: ndarray) -> ndarray:
-        path = line.copy()
-        path[1:-1] += self.basis.combine(coefficients)
-        return path
+    def _initial_solver(self) -> GeodesicSolver:
+        if self.initial is not None:
+            return self.initial
+        solver_class = PoissonPath if self.method == "preconditioned" else LinearPath
+        return solver_class(self.n_times, self.energy)
 
     def _check_initial_path(
-        self, metric: RiemannianMetric, line: ndarray, initial_path: ndarray
+        self, metric: RiemannianMetric, start: ndarray, end: ndarray, initial_path: ndarray
     ) -> ndarray:
         path = metric.check_points(initial_path, "initial_path")
         if len(path) != self.n_times:
             raise ArgumentError(
                 f"initial_path must have n_times = {self.n_times} times; found {len(path)}"
             )
-        gap = max(np.abs(path[0] - line[0]).max(), np.abs(path[-1] - line[-1]).max())
-        if gap > 1e-9 * np.abs(line).max():
+        gap = max(np.abs(path[0] - start).max(), np.abs(path[-1] - end).max())
+        if gap > 1e-9 * np.abs(path).max():
             raise ArgumentError(
                 f"initial_path must run from start to end; its ends are off by up to {gap:.3g}"
             )
         return path
 
+    def _minimize(self, metric: RiemannianMetric, line: ndarray) -> Minimum:
+        """Return the coefficients α of least energy, shape (n_times − 2, K)."""
+        start = np.zeros((self.n_times - 2, len(self.basis)))
 
-@dataclass(frozen=True)
-class _Found:
-    """Where a descent on one level has arrived."""
+        def energy(coefficients: ndarray) -> tuple[float, ndarray]:
+            path = self._path(line, coefficients)
+            value, gradient = self.energy.value_and_gradient(metric, path)
+            return value, gradient[1:-1].reshape(len(start), -1) @ self.basis.flat.T
 
-    minimum: Minimum
-    coefficients: ndarray
-    line_energy: float
+        def around(coefficients: ndarray) -> LocalProblem:
+            path = self._path(line, coefficients)
+            unit = self.energy.value(metric, path) or 1.0
+            nodes = path[1 : -1 : max(1, (self.n_times - 2) // _N_NODES)]
+            gram = metric.gram_matrix(self.basis.vectors, nodes)
+            change = PathPreconditioner(CholeskyFactor(gram / unit), self.n_times - 1)
 
+            def position(variables: ndarray) -> ndarray:
+                return coefficients + change.coefficients(variables.reshape(start.shape))
 
-class _Descent:
-    """Minimises the energy over the coefficients, on one level of times after the other."""
+            def objective(variables: ndarray) -> tuple[float, ndarray]:
+                value, gradient = energy(position(variables))
+                return value / unit, change.gradient(gradient).ravel() / unit
 
-    def __init__(self, solver: BasisPath, metric: RiemannianMetric) -> None:
-        self._solver = solver
-        self._metric = metric
-        self.n_evaluations = 0
-        self.interrupted = False
+            return LocalProblem(objective, position, unit)
 
-    def run(
-        self, line: ndarray, start: ndarray, tolerance: float, report: bool = False
-    ) -> _Found:
-        """Descend from the path `line` plus deformations with coefficients `start`."""
-        solver, metric = self._solver, self._metric
-        line_energy = solver.energy.value(metric, line)
-        first_path = solver._path(line, start)
-        first_energy = solver.energy.value(metric, first_path) if start.any() else line_energy
-        if not np.isfinite(first_energy):
-            raise ArgumentError(
-                "the initial path has no finite energy: a surface on it has a triangle without "
-                "area; pass another initial_path"
+        def report(iteration: int, value: float, coefficients: ndarray) -> None:
+            if self.callback is not None:
+                path = self._path(line, coefficients.reshape(start.shape))
+                self.callback(iteration, value, path)
+
+        if self.method == "preconditioned":
+            return minimize_in_rounds(
+                around,
+                start,
+                max_iterations=self.max_iterations,
+                expected_decrease=self.tolerance,
+                options=self.options,
+                callback=report,
+                progress=self.progress,
+                description="geodesic",
             )
-        if self.interrupted:
-            nothing = Minimum(start, first_energy, np.array([first_energy]), 0, 0, False, True, "")
-            return _Found(nothing, start, line_energy)
 
-        preconditioned = solver.method == "preconditioned"
-        change = self._preconditioner(first_path, first_energy) if preconditioned else None
-        # In units of the first energy SciPy's first step is neither too short nor too long.
-        scale = first_energy if preconditioned and first_energy > 0 else 1.0
-
-        def coefficients(variables: ndarray) -> ndarray:
-            steps = variables.reshape(start.shape)
-            return start + (steps if change is None else change.coefficients(steps))
-
-        def objective(variables: ndarray) -> tuple[float, ndarray]:
-            path = solver._path(line, coefficients(variables))
-            energy, gradient = solver.energy.value_and_gradient(metric, path)
-            slope = gradient[1:-1].reshape(len(start), -1) @ solver.basis.flat.T
-            slope = slope if change is None else change.gradient(slope)
-            return energy / scale, slope.ravel() / scale
-
-        def after_iteration(iteration: int, value: float, variables: ndarray) -> None:
-            if solver.callback is not None and report:
-                path = solver._path(line, coefficients(variables))
-                solver.callback(iteration, value * scale, path)
+        def flat_energy(variables: ndarray) -> tuple[float, ndarray]:
+            value, gradient = energy(variables.reshape(start.shape))
+            return value, gradient.ravel()
 
         minimum = minimize(
-            objective,
-            np.zeros(start.size),
-            method="BFGS" if solver.method == "bfgs" else "L-BFGS-B",
-            max_iterations=solver.max_iterations,
-            expected_decrease=tolerance if preconditioned else None,
-            options=solver.options,
-            callback=after_iteration,
-            progress=solver.progress,
-            description=f"{len(line) - 1} segments",
+            flat_energy,
+            start.ravel(),
+            method=self.method.upper(),
+            max_iterations=self.max_iterations,
+            options=self.options,
+            callback=report,
+            progress=self.progress,
+            description="geodesic",
         )
-        self.n_evaluations += minimum.n_evaluations
-        self.interrupted = minimum.interrupted
-        in_units = replace(minimum, value=minimum.value * scale, values=minimum.values * scale)
-        return _Found(in_units, coefficients(minimum.x), line_energy)
+        return replace(minimum, x=minimum.x.reshape(start.shape))
 
-    def _preconditioner(self, path: ndarray, energy: float) -> PathPreconditioner:
-        nodes = path[1 : -1 : max(1, (len(path) - 2) // _N_NODES)]
-        gram = self._metric.gram_matrix(self._solver.basis.vectors, nodes)
-        scale = energy if energy > 0 else 1.0
-        return PathPreconditioner(CholeskyFactor(gram / scale), len(path) - 1)
-
-
-def interpolate_in_time(coefficients: ndarray, n_segments: int) -> ndarray:
-    """Return coefficients of the interior times at another number of segments, by a spline.
-
-    Parameters
-    ----------
-    coefficients : array, shape (n − 1, K)
-        Coefficients at the interior times of n segments; they vanish at both ends.
-    n_segments : int
-        New number of segments.
-
-    Returns
-    -------
-    array, shape (n_segments − 1, K)
-    """
-    if not coefficients.any():
-        return np.zeros((n_segments - 1, coefficients.shape[1]))
-    known = np.pad(coefficients, ((1, 1), (0, 0)))
-    spline = make_interp_spline(np.linspace(0, 1, len(known)), known, k=min(3, len(known) - 1))
-    return spline(np.linspace(0, 1, n_segments + 1)[1:-1])
+    def _path(self, line: ndarray, coefficients: ndarray) -> ndarray:
+        path = line.copy()
+        path[1:-1] += self.basis.combine(coefficients)
+        return path

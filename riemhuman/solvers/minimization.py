@@ -166,5 +166,101 @@ def minimize(
     )
 
 
+@dataclass(frozen=True)
+class LocalProblem:
+    """A minimisation in variables that suit the neighbourhood of one point.
+
+    Attributes
+    ----------
+    objective : callable
+        Takes variables to value and gradient, in units of `unit`; 0 stands for the point itself.
+    position : callable
+        Takes variables to x.
+    unit : float
+        Unit of the values.
+    """
+
+    objective: Objective
+    position: Callable[[ndarray], ndarray]
+    unit: float
+
+
+def minimize_in_rounds(
+    local_problem: Callable[[ndarray], LocalProblem],
+    start: ndarray,
+    *,
+    max_iterations: int,
+    expected_decrease: float,
+    iterations_per_round: int = 25,
+    options: Mapping[str, Any] | None = None,
+    callback: Callable[[int, float, ndarray], Any] | None = None,
+    progress: bool = False,
+    description: str = "minimising",
+) -> Minimum:
+    """Minimise a smooth function, with the preconditioner formed anew after every round.
+
+    Parameters
+    ----------
+    local_problem : callable
+        Takes x to the problem in preconditioned variables around it.
+    start : array
+        Starting point.
+    max_iterations : int
+        Most iterations of all rounds together.
+    expected_decrease : float
+        Stopping test, see `minimize`.
+    iterations_per_round : int
+        Most iterations of one round.
+    options : mapping, optional
+        More options of SciPy's method.
+    callback : callable, optional
+        Called with (iteration, value, x) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+    description : str
+        What the progress bar says.
+
+    Returns
+    -------
+    Minimum
+    """
+    x, values, n_evaluations = start, np.empty(0), 0
+    while True:
+        local = local_problem(x)
+        n_before = max(len(values) - 1, 0)
+
+        def report(iteration: int, value: float, variables: ndarray) -> None:
+            if callback is not None:
+                position = local.position(variables)  # noqa: B023, used within this round
+                callback(n_before + iteration, value * local.unit, position)  # noqa: B023
+
+        found = minimize(
+            local.objective,
+            np.zeros(start.size),
+            max_iterations=min(iterations_per_round, max_iterations - n_before),
+            expected_decrease=expected_decrease,
+            options=options,
+            callback=report,
+            progress=progress,
+            description=description,
+        )
+        x = local.position(found.x)
+        n_evaluations += found.n_evaluations
+        values = np.concatenate([values[:-1], found.values * local.unit])
+        n_iterations = len(values) - 1
+        stuck = found.n_iterations == 0
+        if found.converged or found.interrupted or stuck or n_iterations >= max_iterations:
+            return Minimum(
+                x,
+                found.value * local.unit,
+                values,
+                n_iterations,
+                n_evaluations,
+                found.converged,
+                found.interrupted,
+                found.message,
+            )
+
+
 def _is_met(expected_decrease: float, value: float, gradient: ndarray) -> bool:
     return 0.5 * float(gradient @ gradient) <= expected_decrease * value

@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.basis_path import interpolate_in_time
+from riemhuman.solvers.refinement import interpolate_in_time
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.minimization import Minimum, minimize
 from riemhuman.solvers.preconditioner import PathPreconditioner
@@ -52,6 +52,9 @@ class PathStraightening:
         the preconditioned gradient tells.
     max_iterations : int
         Most iterations, on each level.
+    remove_drift : bool
+        Whether to take motions that the metric does not see, such as rigid motions of interior
+        surfaces where c = 0, out of the path found; its energy stays the same.
     callback : callable, optional
         Called with (iteration, energy, path) after each iteration with all times.
     progress : bool
@@ -63,6 +66,7 @@ class PathStraightening:
     coarse_segments: tuple[int, ...] = (2, 4)
     tolerance: float = 1e-5
     max_iterations: int = 1000
+    remove_drift: bool = True
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
@@ -137,20 +141,26 @@ class _Descent:
         reached: Minimum | None = None
         try:
             for n_segments in levels:
-                path, reached = self._refined(path, n_segments), None
-                path, reached = self._descend(path)
+                path, reached = self._better_start(path, n_segments), None
+                path, reached = self._level(path)
                 if reached.interrupted:
                     break
         except KeyboardInterrupt:
             reached = None
         if reached is None or len(path) < n_times:
-            path = self._refined(path, n_times - 1)
+            path = self._better_start(path, n_times - 1)
             value = self._solver.energy.value(self._metric, path)
             return PathResult(
-                path, value, np.array([value]), 0, self._n_evaluations, False, "interrupted from the keyboard"
+                path,
+                value,
+                np.array([value]),
+                0,
+                self._n_evaluations,
+                False,
+                "interrupted from the keyboard",
             )
         return PathResult(
-            path,
+            self._metric.remove_drift(path) if self._solver.remove_drift else path,
             reached.value,
             reached.values,
             reached.n_iterations,
@@ -159,12 +169,23 @@ class _Descent:
             reached.message,
         )
 
-    def _descend(self, path: ndarray) -> tuple[ndarray, Minimum]:
-        """Minimise from a path, with its times."""
+    def _level(self, path: ndarray) -> tuple[ndarray, Minimum]:
+        """Descend from a path, and anew from where a line search has got stuck."""
+        limit = self._solver.max_iterations
+        path, reached = self._descend(path, limit)
+        values = reached.values
+        while not (reached.converged or reached.interrupted or len(values) > limit):
+            path, reached = self._descend(path, limit - len(values) + 1)
+            values = np.concatenate([values, reached.values[1:]])
+            if reached.value >= reached.values[0] * (1.0 - self._solver.tolerance):
+                break
+        return path, replace(reached, values=values, n_iterations=len(values) - 1)
+
+    def _descend(self, path: ndarray, max_iterations: int) -> tuple[ndarray, Minimum]:
+        """Minimise from a path, with its times, preconditioned by the metric along it."""
         solver, metric = self._solver, self._metric
         is_last = len(path) == solver.n_times
-        path = self._on_manifold(path)
-        first_energy = solver.energy.value(metric, path) if self._belongs(path) else np.inf
+        first_energy = self._energy(path)
         if not np.isfinite(first_energy):
             raise ArgumentError(
                 "the initial path leaves the manifold or has no finite energy; pass another "
@@ -196,14 +217,12 @@ class _Descent:
 
         def after_iteration(iteration: int, value: float, variables: ndarray) -> None:
             if solver.callback is not None and is_last:
-                solver.callback(
-                    iteration, value * scale, self._on_manifold(coordinates(variables))
-                )
+                solver.callback(iteration, value * scale, self._on_manifold(coordinates(variables)))
 
         minimum = minimize(
             objective,
             np.zeros(path[1:-1].size),
-            max_iterations=solver.max_iterations,
+            max_iterations=max_iterations,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
             callback=after_iteration,
             progress=solver.progress,
@@ -213,18 +232,24 @@ class _Descent:
         in_units = replace(minimum, value=minimum.value * scale, values=minimum.values * scale)
         return self._on_manifold(coordinates(minimum.x)), in_units
 
-    def _refined(self, path: ndarray, n_segments: int) -> ndarray:
-        """Return a path at other times, by a spline of its deviation from the straight path."""
+    def _better_start(self, path: ndarray, n_segments: int) -> ndarray:
+        """Return a path at other times, or the straight one where that has less energy."""
         if n_segments == len(path) - 1:
-            return path
+            return self._on_manifold(path)
+        straight = linear_path(path[0], path[-1], n_segments + 1)
         deviation = path - linear_path(path[0], path[-1], len(path))
-        refined = linear_path(path[0], path[-1], n_segments + 1)
         spline = interpolate_in_time(deviation[1:-1].reshape(len(path) - 2, -1), n_segments)
-        refined[1:-1] += spline.reshape(refined[1:-1].shape)
-        refined = self._on_manifold(refined)
-        if not self._belongs(refined):
-            refined = self._on_manifold(_piecewise_linear(path, n_segments))
-        return refined
+        smooth = straight.copy()
+        smooth[1:-1] += spline.reshape(smooth[1:-1].shape)
+        starts = [self._on_manifold(start) for start in (smooth, straight)]
+        return min(starts, key=self._energy)
+
+    def _energy(self, path: ndarray) -> float:
+        """Return the energy, infinite where the path leaves the manifold."""
+        if not self._belongs(path):
+            return np.inf
+        value = self._solver.energy.value(self._metric, path)
+        return value if np.isfinite(value) else np.inf
 
     def _on_manifold(self, path: ndarray) -> ndarray:
         path = path.copy()
@@ -234,10 +259,3 @@ class _Descent:
 
     def _belongs(self, path: ndarray) -> bool:
         return bool(np.all(self._metric.space.belongs(path[1:-1])))
-
-
-def _piecewise_linear(path: ndarray, n_segments: int) -> ndarray:
-    position = np.linspace(0.0, len(path) - 1.0, n_segments + 1)
-    index = np.minimum(position.astype(int), len(path) - 2)
-    weight = (position - index).reshape((-1,) + (1,) * (path.ndim - 1))
-    return (1.0 - weight) * path[index] + weight * path[index + 1]

@@ -49,7 +49,7 @@ class LinearPath:
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_times)
         path[1:-1] = metric.space.regularize(path[1:-1])
-        return _known_path(metric, self.energy, path, "the straight path")
+        return known_path(metric, self.energy, path, "the straight path")
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ class ClosedFormGeodesic:
             )
         start, end = check_end_points(metric, start, end)
         path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_times))
-        return _known_path(metric, self.energy, path, "closed form")
+        return known_path(metric, self.energy, path, "closed form")
 
 
 def check_end_points(
@@ -179,8 +179,25 @@ def linear_path(start: ndarray, end: ndarray, n_times: int) -> ndarray:
     return (1.0 - t) * start + t * end
 
 
-def _known_path(
+def known_path(
     metric: RiemannianMetric, energy: PathEnergy, path: ndarray, message: str
 ) -> PathResult:
+    r"""Return the result of a solver that need not search.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    energy : PathEnergy
+        Energy that the result states.
+    path : array, shape (n_times, \*shape)
+        The path.
+    message : str
+        How it was found.
+
+    Returns
+    -------
+    PathResult
+    """
     value = energy.value(metric, path)
     return PathResult(path, value, np.array([value]), 0, 1, True, message)

@@ -14,7 +14,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.preconditioner import CholeskyFactor
 
 # Metrics are singular on what they do not see: translations, and bends of a surface if c = 0.
-_RIDGE = 1e-6
+_RIDGE = 1e-4
 
 # Random vectors that show how strongly a metric weighs each entry of a point.
 _N_PROBES = 3

@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.surfaces.assembly import TriangleAssembler
 from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, refuse_faces
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
+from riemhuman.surfaces.poisson import PoissonInterpolator
 
 # A triangle is flat when its height is within rounding of zero: relative to its longest side, or
 # to the coordinates it was computed from.
@@ -183,6 +184,11 @@ class Template:
     def assembler(self) -> TriangleAssembler:
         """Sums triangle matrices into a sparse (3V, 3V) matrix."""
         return TriangleAssembler(self.faces, self.n_vertices)
+
+    @cached_property
+    def interpolator(self) -> PoissonInterpolator:
+        """Interpolates surfaces over this template by their deformation gradients."""
+        return PoissonInterpolator(self.faces, self.differential_operator, self.face_areas)
 
     def check_points(self, points: Any, name: str = "points") -> Any:
         """Return surfaces as a float64 array after checking that they fit this template.

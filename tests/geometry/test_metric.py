@@ -71,7 +71,7 @@ def test_capabilities_are_as_declared(case):
         if capability in case.can:
             assert np.all(np.isfinite(call()))
         else:
-            with pytest.raises(NotDefinedError, match="no closed form for .*geodesic_solver="):
+            with pytest.raises(NotDefinedError, match=r"no closed form for .*geodesic_solver="):
                 call()
 
 
@@ -229,8 +229,9 @@ def test_gradients_of_squared_norm(case):
         direction = case.tangent_vecs[1]
         direction = case.space.to_tangent(direction, x)
         # Some inner products do not depend on the base point; autograd warns of that.
-        at = lambda p: metric.squared_norm(v, regularize(p)) + 0.0 * anp.sum(p)
-        check_gradient(at, x, direction)
+        check_gradient(
+            lambda p: metric.squared_norm(v, regularize(p)) + 0.0 * anp.sum(p), x, direction
+        )
         check_gradient(lambda p: metric.squared_norm(p, x), v, direction)
         assert np.all(grad(lambda p: metric.norm(p, x))(0 * v) == 0)
 

@@ -74,7 +74,7 @@ def test_refusals():
     long = n.copy()
     long[4] *= 1.001
     assert not SPACE.belongs(long)
-    with pytest.raises(ArgumentError, match="point_a must hold unit vectors; .* at triangle 4$"):
+    with pytest.raises(ArgumentError, match=r"point_a must hold unit vectors; .* at triangle 4$"):
         METRIC.dist(long, n)
     with pytest.raises(ArgumentError, match="base_point must hold unit vectors"):
         METRIC.exp(n, long)

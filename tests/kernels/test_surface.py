@@ -30,11 +30,28 @@ def test_partial_derivatives_are_those_of_the_linear_map(name):
         np.testing.assert_allclose(f_v[t], columns[1], atol=1e-12)
 
 
+def check_that_the_template_has_the_identity(template, operator):
+    g = surface.first_fundamental_form(*surface.partial_derivatives(template.vertices, operator))
+    np.testing.assert_allclose(g, np.tile(np.eye(2), (template.n_faces, 1, 1)), atol=1e-13)
+
+
 @pytest.mark.parametrize("name", TEMPLATES)
 def test_the_template_itself_has_the_identity(name):
     template = TEMPLATES[name]()
-    g = surface.first_fundamental_form(*derivatives(template, template.vertices))
-    np.testing.assert_allclose(g, np.tile(np.eye(2), (template.n_faces, 1, 1)), atol=1e-13)
+    check_that_the_template_has_the_identity(template, template.differential_operator)
+
+
+def test_tangent_in_place_of_cotangent_fails():
+    """The supplement's u₃/v₃ = tan θ; distances are blind to it, because it only shears frames."""
+    template = sphere_template()
+    inverse_u2, _, skew = template.frame_coefficients.T
+    operator = template.differential_operator.tolil(copy=True)
+    for t, (one, two, _) in enumerate(template.faces):
+        change = inverse_u2[t] ** 2 / skew[t] - skew[t]
+        operator[template.n_faces + t, one] += change
+        operator[template.n_faces + t, two] -= change
+    with pytest.raises(AssertionError):
+        check_that_the_template_has_the_identity(template, operator.tocsr())
 
 
 @pytest.mark.parametrize("name", TEMPLATES)

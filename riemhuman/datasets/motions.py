@@ -1,0 +1,147 @@
+"""The record of one motion: surfaces in time, computed or read when they are asked for."""
+
+from __future__ import annotations
+
+import operator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import overload
+
+import numpy as np
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
+
+# Frames made at a time: enough to share the cost of a call, few enough to stay small.
+_FRAMES_AT_A_TIME = 16
+
+
+class Motion(ABC):
+    """One person in one motion: a sequence of registered surfaces.
+
+    ``motion[i]`` is frame i, shape (V, 3); ``motion[i:j:k]`` are frames, shape (n, V, 3). Only
+    frames that are asked for are made, and none is kept: ``motion[:]`` is the whole motion.
+
+    Parameters
+    ----------
+    subject, sequence : str
+        Who moves, and how.
+    frames_per_second : float
+        Frame rate.
+    n_frames : int
+        Number of frames.
+    faces : array of int, shape (F, 3)
+        Triangles of every frame.
+    """
+
+    def __init__(
+        self,
+        subject: str,
+        sequence: str,
+        frames_per_second: float,
+        n_frames: int,
+        faces: np.ndarray,
+    ) -> None:
+        self._subject = subject
+        self._sequence = sequence
+        self._frames_per_second = frames_per_second
+        self._n_frames = n_frames
+        self._faces = faces
+
+    @property
+    def subject(self) -> str:
+        """Who moves."""
+        return self._subject
+
+    @property
+    def sequence(self) -> str:
+        """Name of the motion."""
+        return self._sequence
+
+    @property
+    def frames_per_second(self) -> float:
+        """Frame rate."""
+        return self._frames_per_second
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self._n_frames
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Triangles of every frame, shape (F, 3)."""
+        return self._faces
+
+    def __len__(self) -> int:
+        return self._n_frames
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        for first in range(0, len(self), _FRAMES_AT_A_TIME):
+            yield from self[first : first + _FRAMES_AT_A_TIME]
+
+    @overload
+    def __getitem__(self, index: int) -> np.ndarray: ...
+    @overload
+    def __getitem__(self, index: slice) -> np.ndarray: ...
+    def __getitem__(self, index: int | slice) -> np.ndarray:
+        if isinstance(index, slice):
+            return self._frames(range(len(self))[index])
+        try:
+            number = operator.index(index)
+        except TypeError as error:
+            raise ArgumentTypeError(
+                f"a motion is indexed by a whole number or a slice; found {index!r}"
+            ) from error
+        if not -len(self) <= number < len(self):
+            raise FrameIndexError(f"{self} has no frame {number}")
+        number %= len(self)
+        return self._frames(range(number, number + 1))[0]
+
+    def __repr__(self) -> str:
+        return (
+            f"<{type(self).__name__} {self.sequence!r} of {self.subject!r}, {len(self)} frames at "
+            f"{self.frames_per_second:g} a second>"
+        )
+
+    @abstractmethod
+    def _frames(self, numbers: range) -> np.ndarray:
+        """Return these frames, shape (n, V, 3)."""
+
+
+def chosen(wanted: Sequence[str] | str | None, name: str, known: Sequence[str]) -> tuple[str, ...]:
+    """Return the names asked for, all of them by default, after checking that they are known.
+
+    Parameters
+    ----------
+    wanted : sequence of str or str, optional
+        Names asked for.
+    name : str
+        Name of the argument, for messages.
+    known : sequence of str
+        Names there are.
+
+    Returns
+    -------
+    names : tuple of str
+        In the order asked for.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `wanted` is neither a name nor several.
+    ArgumentError
+        If none or an unknown name is asked for, or one twice.
+    """
+    if wanted is None:
+        return tuple(known)
+    try:
+        names = (wanted,) if isinstance(wanted, str) else tuple(wanted)
+    except TypeError as error:
+        raise ArgumentTypeError(f"{name} must be a list of names; found {wanted!r}") from error
+    unknown = [each for each in names if each not in known]
+    if unknown or not names or len(set(names)) < len(names):
+        found = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
+        raise ArgumentError(
+            f"{name} must be different names, at least one, out of {', '.join(known)}; {found}"
+        )
+    return names

@@ -1,0 +1,244 @@
+"""The open motions: ten people in fourteen motions, computed from the body model that ships."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.checks import real_number
+from riemhuman.datasets.motions import Motion, chosen
+from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS, Choreography, Curve
+from riemhuman.datasets.open_poses import pose_vectors
+from riemhuman.surfaces.template import Template
+
+# Shape coefficients in standard deviations; those not written are zero. None of these people is
+# among those of `load_open_bodies`.
+_SUBJECTS: dict[str, tuple[float, ...]] = {
+    "tall sturdy woman": (0.5, 1.7, 0.5, -0.3, -0.5, -0.1, 0.3, -0.8, 0.3, 0.7),
+    "slim young woman": (-1.3, 1.5, 1.1, 0.6, 0.1, 1.2, -0.4, -0.4, 0.4, 1.2),
+    "broad-hipped woman": (-0.4, 1.2, 1.0, -0.1, 0.0, -0.7, 0.1, 0.5, 0.0, -0.7),
+    "older slight woman": (-1.3, -0.1, -1.9, -0.9, -1.1, 0.4, 0.3, 0.4, 0.7, 1.9),
+    "average woman": (-0.4, 1.4, 0.9, 0.0, -0.1, 0.2, -0.1, -0.2, 0.5, 0.6),
+    "average man": (0.8, -1.0, 0.3, -0.4, 0.5, 0.8, 0.3, -0.7, 0.7, 0.5),
+    "lean runner": (1.4, -1.3, 0.7, -2.3, 0.9, 1.0, 0.6, 1.9, -0.1, 1.1),
+    "big muscular man": (1.6, -0.6, 0.2, -0.4, 1.0, 0.3, 0.7, -2.0, -2.6, 0.4),
+    "short slim man": (-0.9, -1.9, 0.6, -1.1, 0.6, 1.3, 1.0, -1.7, 0.9, -1.2),
+    "older heavy man": (0.5, -0.3, -0.7, 2.1, 0.3, -0.7, -0.3, 0.4, 0.8, 0.3),
+}
+
+# How much a performance differs from the motion as written: standard deviations.
+_TEMPO = 0.04
+_START = 0.05  # of a cycle
+_AMPLITUDE = 0.05  # each joint's, about its mean angle
+_LAG = 0.01  # each joint's, of a cycle
+_HABIT_DEGREES = 1.5  # each angle's
+_SEED = 2022
+_FRAMES_AT_A_TIME = 16
+
+
+class OpenMotion(Motion):
+    """One person of the open motions in one of them, with its ground truth.
+
+    Frame i is ``model(betas, pose_vectors[i], translations[i])``, made when it is asked for.
+
+    Parameters
+    ----------
+    subject, sequence : str
+        Names of the person and the motion.
+    model : BodyModel
+        The open model, at any resolution.
+    frames_per_second : float
+        Frame rate.
+    """
+
+    def __init__(
+        self, subject: str, sequence: str, model: BodyModel, frames_per_second: float
+    ) -> None:
+        written = OPEN_MOTIONS[sequence]
+        seed = [_SEED, list(_SUBJECTS).index(subject), list(OPEN_MOTIONS).index(sequence)]
+        self._performance = _Performance(written, np.random.default_rng(seed))
+        n_frames = int(self._performance.seconds * frames_per_second) + 1
+        super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
+        self._model = model
+
+    @property
+    def model(self) -> BodyModel:
+        """The open model."""
+        return self._model
+
+    @property
+    def template(self) -> Template:
+        """The template of the model."""
+        return self._model.template
+
+    @cached_property
+    def betas(self) -> np.ndarray:
+        """Shape coefficients of the person, shape (B,)."""
+        written = _SUBJECTS[self.subject]
+        return np.pad(written, (0, self._model.n_betas - len(written)))
+
+    @cached_property
+    def pose_vectors(self) -> np.ndarray:
+        """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
+        turns = self._performance.joint_turns(self._times, self._model.joint_names)
+        return pose_vectors(turns, self._model)
+
+    @cached_property
+    def translations(self) -> np.ndarray:
+        """Translation in every frame, shape (n_frames, 3), metres."""
+        names = self._model.joint_names
+        feet = [name.endswith(("ankle", "toes")) for name in names]
+        standing = [names.index(f"{side}_ankle") for side in self._performance.standing_on]
+        rest = self._model.joints(self.betas)
+        moved = rest - self._model.joints(self.betas, self.pose_vectors)
+        translations = np.zeros((len(self), 3))
+        if standing:
+            translations[:] = moved[:, standing].mean(axis=1)
+        height = self._performance.height(self._times)
+        translations[:, 1] = moved[:, feet, 1].max(axis=1) + height
+        return translations
+
+    @property
+    def _times(self) -> np.ndarray:
+        return np.arange(len(self)) / self.frames_per_second
+
+    def _frames(self, numbers: range) -> np.ndarray:
+        frames = np.empty((len(numbers), self._model.n_vertices, 3))
+        for first in range(0, len(numbers), _FRAMES_AT_A_TIME):
+            some = np.asarray(numbers[first : first + _FRAMES_AT_A_TIME])
+            frames[first : first + len(some)] = self._model(
+                self.betas, self.pose_vectors[some], self.translations[some]
+            )
+        return frames
+
+
+def load_open_motions(
+    resolution: str = "full",
+    subjects: Sequence[str] | str | None = None,
+    sequences: Sequence[str] | str | None = None,
+    frames_per_second: float = 60,
+) -> tuple[OpenMotion, ...]:
+    """Return the open body model in motion: ten people, fourteen motions of some seconds each.
+
+    The motions have the names of Dynamic FAUST's and are in their spirit: joint angles written
+    down over a cycle (`riemhuman.datasets.open_motion_curves`). Every person performs them a
+    little differently in tempo, start, amplitude and habit. The five women and five men are not
+    those of `load_open_bodies`, so that a basis learnt here is tested there on people it has
+    not seen. The same motions come at every call, whatever is chosen, and both resolutions show
+    the same performances.
+
+    Parameters
+    ----------
+    resolution : {"full", "coarse"}
+        Resolution of the model, see `load_open_model`.
+    subjects : sequence of str or str, optional
+        Names of the people wanted; all by default.
+    sequences : sequence of str or str, optional
+        Names of the motions wanted; all by default.
+    frames_per_second : float
+        Frame rate.
+
+    Returns
+    -------
+    motions : tuple of OpenMotion
+        Every motion of the first person, of the second, and so on. Frames are made when they are
+        asked for.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If names or the frame rate are of another type.
+    ArgumentError
+        If there is no such resolution, person or motion, or the frame rate is not positive.
+    """
+    people = chosen(subjects, "subjects", tuple(_SUBJECTS))
+    names = chosen(sequences, "sequences", tuple(OPEN_MOTIONS))
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    model = load_open_model(resolution)
+    return tuple(OpenMotion(person, name, model, rate) for person in people for name in names)
+
+
+class _Performance:
+    """A choreography as one person performs it."""
+
+    def __init__(self, written: Choreography, rng: np.random.Generator) -> None:
+        self._written = written
+        self._cycle = written.seconds * np.exp(rng.normal(0.0, _TEMPO))
+        self._start = rng.normal(0.0, _START)
+        self._angles = {
+            joint: _Turn(axes, curves, rng, delay) for joint, axes, curves, delay in _sided(written)
+        }
+
+    @property
+    def seconds(self) -> float:
+        return self._cycle * self._written.cycles
+
+    @property
+    def standing_on(self) -> tuple[str, ...]:
+        return self._written.standing_on
+
+    def height(self, times: np.ndarray) -> np.ndarray:
+        return _values(self._written.height, self._phases(times))
+
+    def joint_turns(self, times: np.ndarray, joint_names: Sequence[str]) -> np.ndarray:
+        """Return the rotations of all joints from the T-pose, shape (n, J, 3, 3)."""
+        turns = np.tile(np.eye(3), (len(times), len(joint_names), 1, 1))
+        for joint, turn in self._angles.items():
+            turns[:, joint_names.index(joint)] = turn(self._phases(times))
+        return turns
+
+    def _phases(self, times: np.ndarray) -> np.ndarray:
+        return times / self._cycle + self._start
+
+
+class _Turn:
+    """The rotation of one joint over the cycle, with its own amplitude, lag and habit."""
+
+    def __init__(
+        self, axes: str, curves: Sequence[Curve], rng: np.random.Generator, delay: float
+    ) -> None:
+        self._axes = axes
+        self._curves = curves
+        self._delay = delay + rng.normal(0.0, _LAG)
+        self._amplitude = 1.0 + rng.normal(0.0, _AMPLITUDE)
+        self._habit = rng.normal(0.0, _HABIT_DEGREES, len(axes))
+
+    def __call__(self, phases: np.ndarray) -> np.ndarray:
+        angles = np.stack([_values(curve, phases - self._delay) for curve in self._curves], axis=-1)
+        means = np.array([np.mean(curve) for curve in self._curves])
+        angles = means + self._amplitude * (angles - means) + self._habit
+        return Rotation.from_euler(self._axes, angles, degrees=True).as_matrix()
+
+
+def _sided(written: Choreography) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
+    """Yield joint, axes, curves and delay in cycles, with joints that stand for both sides split."""
+    central = {"pelvis", "lower_spine", "middle_spine", "upper_spine", "chest", "neck", "head"}
+    for joint, (axes, *curves) in written.angles.items():
+        if joint in central or joint.startswith(("left_", "right_")):
+            yield joint, axes, tuple(curves), 0.0
+            continue
+        yield f"left_{joint}", axes, tuple(curves), 0.0
+        mirrored = tuple(
+            curve if axis == "x" else _negative(curve)
+            for axis, curve in zip(axes, curves, strict=True)
+        )
+        yield f"right_{joint}", axes, mirrored, 0.5 if written.alternating else 0.0
+
+
+def _negative(curve: Curve) -> Curve:
+    return tuple(-value for value in curve) if isinstance(curve, tuple) else -curve
+
+
+def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
+    """Return a curve at phases in cycles: periodic, smooth, and within the values written."""
+    written = np.atleast_1d(np.asarray(curve, dtype=np.float64))
+    # Its slope at a value depends on the two beside it.
+    numbers = np.arange(-2, len(written) + 3)
+    periodic = PchipInterpolator(numbers / len(written), written[numbers % len(written)])
+    return periodic(phases % 1.0)

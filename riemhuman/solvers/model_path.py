@@ -1,0 +1,168 @@
+"""Paths through the pose and shape parameters of a body model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial.transform import Rotation
+
+from riemhuman.checks import one_of, real_array, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.solvers.results import PathResult
+from riemhuman.solvers.simple_paths import check_end_points, linear_path
+
+ROTATIONS = ("axis-angle", "geodesic")
+
+
+class ModelParameters(NamedTuple):
+    """Parameters of a body model that give one surface.
+
+    Attributes
+    ----------
+    betas : array, shape (B,)
+        Shape coefficients.
+    pose : array, shape (J, 3) or (3 J,)
+        Axis-angle rotation of each joint, radians.
+    trans : array, shape (3,)
+        Translation, metres.
+    """
+
+    betas: ndarray
+    pose: ndarray
+    trans: ndarray
+
+
+@dataclass(frozen=True)
+class ModelPath:
+    """The path of a body model whose parameters run evenly from one body's to another's.
+
+    The SMPL path of section 5.2 of the paper. It runs between the model's own surfaces, which are
+    near the end points but not the same; the result's message says how near.
+
+    Parameters
+    ----------
+    model : callable
+        Body model: takes betas, pose and trans to surfaces, as `BodyModel` does.
+    n_times : int
+        Number of points of the path, both ends included.
+    rotations : str
+        "axis-angle" interpolates the axis-angle vectors linearly, as the paper; "geodesic" turns
+        every joint about one axis, by the shortest way.
+    energy : PathEnergy
+        Energy that the result states.
+    parameters : callable, optional
+        Takes a surface, shape (V, 3), to its `ModelParameters`, where `solve` is not told them.
+    """
+
+    model: Callable[[ndarray, ndarray, ndarray], ndarray]
+    n_times: int = 11
+    rotations: str = "axis-angle"
+    energy: PathEnergy = SegmentEnergy()
+    parameters: Callable[[ndarray], ModelParameters] | None = None
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_times, "n_times", minimum=2)
+        one_of(self.rotations, "rotations", ROTATIONS)
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        start: ndarray,
+        end: ndarray,
+        *,
+        start_parameters: ModelParameters | None = None,
+        end_parameters: ModelParameters | None = None,
+    ) -> PathResult:
+        """Return the model's path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            A metric on surfaces, for the energy.
+        start, end : array, shape (V, 3)
+            Surfaces.
+        start_parameters, end_parameters : ModelParameters, optional
+            Their parameters (betas, pose, trans); by default the solver's `parameters` finds them.
+
+        Returns
+        -------
+        PathResult
+            Its message says how far the path's ends are from the surfaces.
+
+        Raises
+        ------
+        ArgumentError
+            If parameters are missing or malformed, or surfaces do not fit the metric's space.
+        """
+        start, end = check_end_points(metric, start, end)
+        first = self._parameters_of(start, start_parameters, "start_parameters")
+        last = self._parameters_of(end, end_parameters, "end_parameters")
+        for name, one, other in zip(ModelParameters._fields, first, last, strict=True):
+            if one.shape != other.shape:
+                raise ArgumentError(
+                    f"start_parameters and end_parameters must have {name} of one shape; found "
+                    f"{one.shape} and {other.shape}"
+                )
+        betas, pose, trans = (
+            linear_path(one, other, self.n_times) for one, other in zip(first, last, strict=True)
+        )
+        if self.rotations == "geodesic":
+            pose = _rotation_geodesics(first.pose, last.pose, self.n_times)
+        path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
+        gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
+        value = self.energy.value(metric, path)
+        message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
+        return PathResult(path, value, np.array([value]), 0, 1, True, message)
+
+    def _parameters_of(
+        self, surface: ndarray, parameters: ModelParameters | None, name: str
+    ) -> ModelParameters:
+        if parameters is None:
+            if self.parameters is None:
+                raise ArgumentError(
+                    f"{name} (betas, pose, trans) are needed, or ModelPath(..., parameters=...), "
+                    "a function that finds them from a surface; found neither"
+                )
+            parameters = self.parameters(surface)
+        return _checked(parameters, name)
+
+
+def _checked(parameters: Any, name: str) -> ModelParameters:
+    try:
+        values = tuple(parameters)
+    except TypeError:
+        values = ()
+    if len(values) != len(ModelParameters._fields):
+        raise ArgumentError(
+            f"{name} must be the three arrays betas, pose and trans; found "
+            f"{type(parameters).__name__}" + (f" of {len(values)}" if values else "")
+        )
+    betas, pose, trans = values
+    pose = real_array(pose, f"pose of {name}")
+    if pose.ndim == 0 or pose.size % 3 or (pose.ndim > 1 and pose.shape[1:] != (3,)):
+        raise ArgumentError(
+            f"pose of {name} must have shape (n_joints, 3) or (3 n_joints,); found {pose.shape}"
+        )
+    return ModelParameters(
+        real_array(betas, f"betas of {name}", ("n_betas",), batched=False),
+        pose.reshape(-1, 3),
+        real_array(trans, f"trans of {name}", (3,), batched=False),
+    )
+
+
+def _rotation_geodesics(start: ndarray, end: ndarray, n_times: int) -> ndarray:
+    """Return R₀ exp(t log(R₀⁻¹R₁)) of every joint, as axis-angle vectors."""
+    first, last = Rotation.from_rotvec(start), Rotation.from_rotvec(end)
+    turn = (first.inv() * last).as_rotvec()
+    times = np.linspace(0.0, 1.0, n_times)
+    return np.stack([(first * Rotation.from_rotvec(t * turn)).as_rotvec() for t in times])
+
+
+def _largest_distance(points: ndarray, others: ndarray) -> float:
+    return float(np.linalg.norm(points - others, axis=-1).max())

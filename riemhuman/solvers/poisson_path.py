@@ -1,0 +1,61 @@
+"""Paths that turn every triangle: a start for geodesics that a straight path would collapse."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import whole_number
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.solvers.results import PathResult
+from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
+
+
+@dataclass(frozen=True)
+class PoissonPath:
+    """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
+
+    Parameters
+    ----------
+    n_times : int
+        Number of points of the path, both ends included.
+    energy : PathEnergy
+        Energy that the result states.
+    """
+
+    n_times: int = 11
+    energy: PathEnergy = SegmentEnergy()
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_times, "n_times", minimum=2)
+
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        """Return the path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            A metric on surfaces over a template.
+        start, end : array, shape (V, 3)
+            Surfaces whose triangles have an area.
+
+        Returns
+        -------
+        PathResult
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle of an end point has no area, so that it has no rotation.
+        """
+        start, end = check_end_points(metric, start, end)
+        metric.space.check_immersed(start, "start")
+        metric.space.check_immersed(end, "end")
+        path = linear_path(start, end, self.n_times)
+        times = np.linspace(0.0, 1.0, self.n_times)
+        interpolator = metric.space.template.interpolator
+        path[1:-1] = interpolator.interpolate(start, end, times[1:-1])
+        return known_path(metric, self.energy, path, "interpolated deformation gradients")

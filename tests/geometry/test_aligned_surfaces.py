@@ -1,0 +1,351 @@
+"""Surfaces over a template and the paper's family of metrics: fields, invariances, refusals."""
+
+import numpy as np
+import oracles
+import pytest
+from autograd import grad
+from cases import (
+    CASES,
+    TEMPLATES,
+    deformations,
+    name_of,
+    sphere_template,
+    surface_cases,
+    surfaces,
+)
+from scipy.spatial.transform import Rotation
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.surfaces.template import Template
+
+METRICS = [case for case in surface_cases() if case.name != "edges"]
+every_metric = pytest.mark.parametrize("case", METRICS, ids=name_of)
+
+
+@pytest.fixture(autouse=True)
+def _strict_floats():
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+def rotations(rng=0):
+    return Rotation.random(2, rng=np.random.default_rng(rng)).as_matrix()
+
+
+def over(metric, template):
+    """Return the metric of the same family and parameters over another template."""
+    space = AlignedSurfaces(template)
+    if isinstance(metric, ElasticMetric):
+        return ElasticMetric(space, metric.a, metric.lam, metric.c)
+    return SRNFMetric(space)
+
+
+# Values.
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_distance_from_single_triangles(name):
+    """Equation 5, triangle by triangle, from corner coordinates."""
+    template = TEMPLATES[name]()
+    a, lam, c = 0.7, 0.4, 0.3
+    f1, f2 = surfaces(template, 2)
+    expected = 0.0
+    for area, corners in zip(template.face_areas, template.faces, strict=True):
+        p = template.vertices[corners]
+        first = (p[1] - p[0]) / np.linalg.norm(p[1] - p[0])
+        second = p[2] - p[0] - np.dot(p[2] - p[0], first) * first
+        frame = np.stack([first, second / np.linalg.norm(second)], axis=1)
+        g, n = [], []
+        for q in (f1[corners], f2[corners]):
+            columns = np.linalg.solve((p[1:] - p[0]) @ frame, q[1:] - q[0])
+            g.append(columns @ columns.T)
+            n.append(np.cross(q[1] - q[0], q[2] - q[0]))
+        expected += area * (
+            a * float(oracles.exact_squared_dist(*g, lam)) + c * float(oracles.exact_arc(*n)) ** 2
+        )
+    metric = ElasticMetric(AlignedSurfaces(template), a, lam, c)
+    np.testing.assert_allclose(metric.squared_dist(f1, f2), expected, rtol=1e-10)
+
+
+def test_fields_of_the_template():
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    g, n = space.to_fields(template.vertices)
+    np.testing.assert_allclose(g, np.tile(np.eye(2), (80, 1, 1)), atol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(n, axis=1), 1.0, rtol=1e-14)
+    np.testing.assert_array_equal(g, space.metric_field(template.vertices))
+    np.testing.assert_array_equal(n, space.normal_field(template.vertices))
+    np.testing.assert_allclose(space.square_root_normals(template.vertices), n, rtol=1e-12)
+    outward = template.vertices[template.faces].mean(axis=1)
+    assert np.all(np.sum(n * outward, axis=1) > 0)
+
+
+def test_differential_of_the_fields():
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f, h, step = surfaces(template, 3), deformations(template, 3, rng=5), 1e-6
+    ahead, behind = space.to_fields(f + step * h), space.to_fields(f - step * h)
+    for found, a, b in zip(space.to_fields_differential(h, f), ahead, behind, strict=True):
+        np.testing.assert_allclose(found, (a - b) / (2 * step), atol=1e-8)
+
+
+def test_default_parameters_are_the_shape_metric():
+    metric = ElasticMetric(AlignedSurfaces(sphere_template()))
+    assert (metric.a, metric.lam, metric.c) == (1.0, 1e-4, 0.0)
+
+
+@pytest.mark.parametrize("name", ["sphere", "open"])
+def test_weights_enter_linearly(name):
+    space = AlignedSurfaces(TEMPLATES[name]())
+    f1, f2 = surfaces(space.template, 2)
+    stretch = ElasticMetric(space, 1.0, 0.2, 0.0).squared_dist(f1, f2)
+    turn = ElasticMetric(space, 0.0, 0.2, 1.0).squared_dist(f1, f2)
+    both = ElasticMetric(space, 2.0, 0.2, 3.0).squared_dist(f1, f2)
+    np.testing.assert_allclose(both, 2 * stretch + 3 * turn, rtol=1e-13)
+
+
+# Invariances.
+
+
+def is_unchanged(metric, before, after):
+    scale = metric.dist(*before) + 1e-3
+    return abs(metric.dist(*after) - metric.dist(*before)) < 1e-10 * scale
+
+
+@every_metric
+def test_translations_of_each(case):
+    f1, f2 = case.points[:2]
+    assert "translation" in case.invariant_under
+    assert is_unchanged(case.metric, (f1, f2), (f1 + [0.3, -2.0, 1.0], f2))
+    assert is_unchanged(case.metric, (f1, f2), (f1, f2 + [5.0, 0.1, 0.2]))
+
+
+@every_metric
+def test_rotations(case):
+    f1, f2 = case.points[:2]
+    first, second = rotations()
+    assert is_unchanged(case.metric, (f1, f2), (f1 @ first, f2 @ first))
+    seen_alone = "rotation" not in case.invariant_under
+    for moved in ((f1 @ first, f2), (f1, f2 @ first), (f1 @ first, f2 @ second)):
+        assert is_unchanged(case.metric, (f1, f2), moved) != seen_alone
+
+
+@every_metric
+def test_reflections(case):
+    f1, f2 = case.points[:2]
+    mirror = np.diag([-1.0, 1.0, 1.0])
+    assert is_unchanged(case.metric, (f1, f2), (f1 @ mirror, f2 @ mirror))
+    seen_alone = "rotation" not in case.invariant_under
+    assert is_unchanged(case.metric, (f1, f2), (f1 @ mirror, f2)) != seen_alone
+
+
+@every_metric
+def test_inner_products_do_not_see_rigid_motions(case):
+    f, h = case.points[0], case.tangent_vecs[0]
+    turn = rotations()[0]
+    norm = case.metric.norm(h, f)
+    np.testing.assert_allclose(case.metric.norm(h @ turn, f @ turn), norm, rtol=1e-11)
+    np.testing.assert_allclose(case.metric.norm(h + [1.0, 2.0, 3.0], f), norm, rtol=1e-11)
+    assert case.metric.norm(np.ones_like(f), f) < 1e-12
+    spin = f @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    sees = "rotation" not in case.invariant_under
+    assert (case.metric.norm(spin, f) > 1e-3) == sees
+
+
+@every_metric
+def test_vertices_may_be_relabelled(case):
+    """The same new labels for the template and both surfaces, and another order of triangles."""
+    template, (f1, f2) = case.space.template, case.points[:2]
+    rng = np.random.default_rng(3)
+    order = rng.permutation(template.n_vertices)
+    faces = np.argsort(order)[template.faces][rng.permutation(template.n_faces)]
+    relabelled = over(case.metric, Template(template.vertices[order], faces))
+    np.testing.assert_allclose(
+        relabelled.dist(f1[order], f2[order]), case.metric.dist(f1, f2), rtol=1e-11
+    )
+
+
+@every_metric
+def test_corners_may_be_turned_and_triangles_flipped(case):
+    """Another first corner is another frame; the other orientation turns all normals."""
+    template, (f1, f2) = case.space.template, case.points[:2]
+    turned = np.stack([np.roll(face, k % 3) for k, face in enumerate(template.faces)])
+    for faces in (turned, template.faces[:, ::-1]):
+        metric = over(case.metric, Template(template.vertices, faces))
+        np.testing.assert_allclose(metric.dist(f1, f2), case.metric.dist(f1, f2), rtol=1e-11)
+
+
+@every_metric
+def test_choice_of_the_template(case):
+    """Two templates of the same faces: w √det g is the triangle's own area in both."""
+    template, (f1, f2) = case.space.template, case.points[:2]
+    stretched = template.vertices * [1.7, 0.6, 1.1] + deformations(template, 1, rng=9, size=0.2)[0]
+    other = over(case.metric, Template(stretched, template.faces))
+    here, there = case.metric.dist(f1, f2), other.dist(f1, f2)
+    if "template" in case.invariant_under:
+        np.testing.assert_allclose(there, here, rtol=1e-10)
+    else:
+        assert abs(there - here) > 1e-3 * here
+
+
+@every_metric
+def test_scaling_of_both(case):
+    """The Ebin part and SRNF scale with lengths, the normals part not at all."""
+    f1, f2 = case.points[:2]
+    before, after = case.metric.squared_dist(f1, f2), case.metric.squared_dist(3 * f1, 3 * f2)
+    normals = 0.0
+    if isinstance(case.metric, ElasticMetric) and case.metric.c > 0:
+        turn = ElasticMetric(case.space, 0.0, 0.0, 1.0).squared_dist(f1, f2)
+        normals = case.metric.c * turn
+    np.testing.assert_allclose(after - normals, 9 * (before - normals), rtol=1e-10, atol=1e-12)
+
+
+def test_scaling_of_one():
+    """Scaling by k walks along the rays: 4 √(aλ) |k − 1| √area, and turns no normal."""
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f = surfaces(template, 1)[0]
+    corners = f[template.faces]
+    edges = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = 0.5 * np.linalg.norm(np.cross(*edges), axis=1).sum()
+    for a, lam, c in ((1.0, 1e-4, 0.0), (2.0, 0.5, 3.0)):
+        metric = ElasticMetric(space, a, lam, c)
+        expected = 4 * np.sqrt(a * lam) * 0.25 * np.sqrt(area)
+        np.testing.assert_allclose(metric.dist(f, 1.25 * f), expected, rtol=1e-11)
+    assert ElasticMetric(space, 0.0, 0.0, 1.0).dist(f, 1.25 * f) < 1e-12
+
+
+# Degenerate surfaces.
+
+
+def flattened(template, f, face=7):
+    flat = f.copy()
+    flat[template.faces[face, 1]] = flat[template.faces[face, 0]]
+    return flat
+
+
+def test_surfaces_with_degenerate_triangles_are_legal_without_normals():
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f, g = surfaces(template, 2)
+    flat = flattened(template, f)
+    assert not space.belongs(flat)
+    np.testing.assert_array_equal(space.belongs(np.stack([f, flat, g])), [True, False, True])
+    for lam in (1e-4, 0.3):
+        metric = ElasticMetric(space, 1.0, lam, 0.0)
+        limit = metric.dist(flat, g)
+        assert metric.dist(flat, flat) == 0
+        for step in (1e-3, 1e-5, 1e-7):
+            gap = abs(metric.dist(flat + step * (f - flat), g) - limit)
+            assert gap < 20 * np.sqrt(lam * step)
+        for argument in (0, 1):
+            for pair in ((flat, g), (g, flat), (flat, flat)):
+                assert np.all(np.isfinite(grad(metric.squared_dist, argument)(*pair)))
+                assert np.all(np.isfinite(grad(metric.dist, argument)(*pair)))
+        t = np.linspace(0, 1, 5)[:, None, None]
+        assert metric.length((1 - t) * flat + t * g) >= limit
+        matrix = metric.dist_pairwise(np.stack([f, flat, g]))
+        np.testing.assert_allclose(matrix[1, 2], limit, rtol=1e-13)
+
+
+def test_a_point_of_a_surface_is_at_the_apex():
+    """A surface shrunk to a point: 4 √(aλ) √area, whatever the other surface looks like."""
+    template = sphere_template()
+    f = surfaces(template, 1)[0]
+    metric = ElasticMetric(AlignedSurfaces(template), 1.0, 0.2, 0.0)
+    expected = 4 * metric.dist(f, 1.25 * f)
+    np.testing.assert_allclose(metric.dist(f, np.zeros_like(f)), expected, rtol=1e-11)
+
+
+def test_degenerate_triangles_are_refused_by_index():
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f = surfaces(template, 1)[0]
+    flat = flattened(template, f)
+    normals = ElasticMetric(space, 1.0, 1.0, 1.0)
+    stretch = ElasticMetric(space, 1.0, 1.0, 0.0)
+    first = next(k for k, face in enumerate(template.faces) if {*template.faces[7, :2]} <= {*face})
+    message = rf"triangle.* must have an area.*triangle {first}, the first of 2 such triangles"
+    for call in (
+        lambda: normals.dist(flat, f),
+        lambda: normals.dist(f, flat),
+        lambda: normals.energy(np.stack([flat, f])),
+        lambda: space.to_fields(flat),
+        lambda: space.normal_field(flat),
+        lambda: space.to_fields_differential(f, flat),
+        lambda: space.check_immersed(flat),
+        lambda: stretch.norm(f, flat),
+        lambda: stretch.metric_matrix(flat),
+    ):
+        with pytest.raises(DegenerateSurfaceError, match=message.replace(", the", r".*, the")):
+            call()
+    with pytest.raises(DegenerateSurfaceError, match=rf"triangle {first} of item \(2,\)"):
+        normals.dist_pairwise(np.stack([f, f, flat]))
+    np.testing.assert_array_equal(space.check_immersed(f), f)
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize(
+    ("parameters", "message"),
+    [
+        ((1.0, 0.0, 0.0), r"lam must be above 0 where a > 0 \(found lam = 0\)"),
+        ((1.0, 0.0, 1.0), r"lam must be above 0 where a > 0 \(found lam = 0\)"),
+        ((-1.0, 1.0, 1.0), "a must be a finite number of at least 0; found -1"),
+        ((1.0, -0.5, 0.0), "lam must be a finite number of at least 0; found -0.5"),
+        ((1.0, 1.0, -1e-9), "c must be a finite number of at least 0; found -1e-09"),
+        ((np.nan, 1.0, 1.0), "a must be a finite number of at least 0; found nan"),
+        ((1.0, np.inf, 1.0), "lam must be a finite number of at least 0; found inf"),
+        ((0.0, 1.0, 0.0), "a and c must not both be 0"),
+    ],
+)
+def test_weights_are_checked(parameters, message):
+    with pytest.raises(ArgumentError, match=message):
+        ElasticMetric(AlignedSurfaces(sphere_template()), *parameters)
+
+
+@pytest.mark.parametrize("wrong", [None, "one", 1j, [1.0, 2.0]])
+def test_weights_must_be_numbers(wrong):
+    with pytest.raises(ArgumentTypeError, match="lam must be a real number; found"):
+        ElasticMetric(AlignedSurfaces(sphere_template()), 1.0, wrong, 0.0)
+
+
+def test_lambda_has_no_effect_without_a():
+    space = AlignedSurfaces(sphere_template())
+    f1, f2 = surfaces(space.template, 2)
+    first, second = (ElasticMetric(space, 0.0, lam, 1.0) for lam in (0.0, 5.0))
+    assert first.dist(f1, f2) == second.dist(f1, f2)
+
+
+@every_metric
+def test_another_number_of_vertices_is_refused(case):
+    f = case.points[0]
+    more = np.concatenate([f, f[:1]])
+    n = len(f)
+    message = rf"must have shape \(\.\.\., {n}, 3\); found \({n + 1}, 3\)"
+    for call in (
+        lambda: case.metric.dist(more, f),
+        lambda: case.metric.dist(f, more),
+        lambda: case.metric.norm(more, f),
+        lambda: case.space.to_fields(more),
+        lambda: case.space.metric_field(more),
+        lambda: case.space.square_root_normals(more),
+        lambda: case.space.belongs(more),
+        lambda: case.space.to_tangent(more, f),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            call()
+
+
+def test_the_first_bad_entry_is_named():
+    f = CASES["all sphere"].points[:2].copy()
+    f[1, 5, 2] = np.nan
+    f[1, 6, 0] = np.inf
+    with pytest.raises(
+        ArgumentError,
+        match=r"point_a holds 2 NaN or infinite entries, the first at index \(1, 5, 2\)",
+    ):
+        CASES["all sphere"].metric.dist(f, f[0])

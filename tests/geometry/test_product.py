@@ -1,0 +1,140 @@
+"""Products: weighted sums of their factors (Theorem 2)."""
+
+import numpy as np
+import pytest
+from autograd import grad
+from cases import CASES, HalfPlane, HyperbolicInnerProduct, sphere_template, triangle_template
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.product import ProductManifold, ProductMetric
+
+CASE = CASES["product"]
+SPACE, METRIC = CASE.space, CASE.metric
+EBIN, NORMALS = SPACE.factors
+
+
+def parts(points):
+    return SPACE.project_from_product(points)
+
+
+def test_points_are_joined_and_split():
+    g, n = EBIN.random_point(3, rng=1), NORMALS.random_point(3, rng=2)
+    joined = SPACE.embed_to_product([g, n])
+    assert joined.shape == (3, 80 * 4 + 80 * 3)
+    for part, expected in zip(parts(joined), (g, n), strict=True):
+        np.testing.assert_array_equal(part, expected)
+    np.testing.assert_array_equal(SPACE.component(joined[0], 1), n[0])
+    broadcast = SPACE.embed_to_product([g, n[0]])
+    np.testing.assert_array_equal(SPACE.component(broadcast, 1), np.stack([n[0]] * 3))
+    slope = grad(lambda x: np.sum(SPACE.embed_to_product([g, x]) * np.arange(560)))(n[0])
+    np.testing.assert_allclose(slope.ravel(), 3 * np.arange(320.0, 560.0))
+
+
+def test_sums_of_the_factors():
+    (a, b), (v, w) = CASE.points[:2], CASE.tangent_vecs[:2]
+    w = SPACE.to_tangent(w, a)
+    (ga, na), (gb, nb), (gv, nv), (gw, nw) = parts(a), parts(b), parts(v), parts(w)
+    expected = 2.0 * EBIN.metric.squared_dist(ga, gb) + 0.3 * NORMALS.metric.squared_dist(na, nb)
+    np.testing.assert_allclose(METRIC.squared_dist(a, b), expected, rtol=1e-14)
+    expected = 2.0 * EBIN.metric.inner_product(gv, gw, ga)
+    expected += 0.3 * NORMALS.metric.inner_product(nv, nw, na)
+    np.testing.assert_allclose(METRIC.inner_product(v, w, a), expected, rtol=1e-12)
+    np.testing.assert_array_equal(parts(METRIC.log(b, a))[0], EBIN.metric.log(gb, ga))
+    np.testing.assert_array_equal(
+        parts(METRIC.exp(0.1 * v, a))[1], NORMALS.metric.exp(0.1 * nv, na)
+    )
+    path = METRIC.geodesic(a, b)([0.3, 0.4])
+    np.testing.assert_array_equal(parts(path)[0], EBIN.metric.geodesic(ga, gb)([0.3, 0.4]))
+    equal = ProductMetric(SPACE)
+    assert equal.weights == (1.0, 1.0)
+    expected = EBIN.metric.squared_dist(ga, gb) + NORMALS.metric.squared_dist(na, nb)
+    np.testing.assert_allclose(equal.squared_dist(a, b), expected, rtol=1e-14)
+
+
+def test_factors_of_weight_zero_are_not_looked_at():
+    metric = ProductMetric(SPACE, weights=[0.0, 1.5])
+    a, b = CASE.points[:2].copy()
+    expected = 1.5 * NORMALS.metric.squared_dist(parts(a)[1], parts(b)[1])
+    a[:320] = -1.0
+    np.testing.assert_allclose(metric.squared_dist(a, b), expected, rtol=1e-14)
+    np.testing.assert_allclose(metric.dist_pairwise(np.stack([a, b]))[0, 1] ** 2, expected)
+    plane = HalfPlane().equip_with_metric(HyperbolicInnerProduct)
+    mixed = ProductManifold([plane, NORMALS])
+    assert not ProductMetric(mixed).has_closed_form_dist
+    assert not ProductMetric(mixed).has_closed_form_geodesic
+    assert ProductMetric(mixed, weights=[0.0, 1.0]).has_closed_form_dist
+
+
+def test_product_with_a_factor_without_closed_form():
+    plane = HalfPlane().equip_with_metric(HyperbolicInnerProduct)
+    space = ProductManifold([plane, NormalFields(triangle_template())])
+    angle = np.linspace(0, 1, 201)
+    line = np.stack([0 * angle, 2.0**angle], axis=1)
+    circle = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)[:, None]
+    path = space.embed_to_product([line, circle])
+    area = triangle_template().face_areas[0]
+    expected = np.sqrt(np.log(2) ** 2 + area)
+    np.testing.assert_allclose(space.metric.length(path), expected, rtol=1e-5)
+    with pytest.raises(NotDefinedError, match="HyperbolicInnerProduct has no closed form"):
+        space.metric.dist(path[0], path[-1])
+
+
+def test_parallel_transport():
+    space = ProductManifold([NORMALS, NormalFields(triangle_template())])
+    a, b = space.random_point(2, rng=3)
+    v = space.random_tangent_vec(a, rng=4)
+    moved = space.metric.parallel_transport(v, a, end_point=b)
+    for k, factor in enumerate(space.factors):
+        expected = factor.metric.parallel_transport(
+            space.component(v, k), space.component(a, k), end_point=space.component(b, k)
+        )
+        np.testing.assert_allclose(space.component(moved, k), expected, atol=1e-14)
+    same = space.metric.parallel_transport(v, a, direction=space.metric.log(b, a))
+    np.testing.assert_array_equal(same, moved)
+    with pytest.raises(ArgumentError, match="needs direction or end_point, and not both"):
+        space.metric.parallel_transport(v, a)
+    with pytest.raises(NotDefinedError, match="EbinMetric has no parallel transport"):
+        METRIC.parallel_transport(*CASE.points[:2], direction=CASE.points[0])
+
+
+def test_products_of_products():
+    inner = ProductManifold([MetricFields(triangle_template()), NormalFields(triangle_template())])
+    outer = ProductManifold([inner, HalfPlane().equip_with_metric(HyperbolicInnerProduct)])
+    points = outer.random_point(3, rng=5)
+    assert points.shape == (3, 9)
+    assert np.all(outer.belongs(points))
+
+
+def test_the_factor_that_fails_is_named():
+    ebin = MetricFields(sphere_template()).equip_with_metric(EbinMetric, lam=1e-4)
+    space = ProductManifold([ebin, NORMALS])
+    a, b = space.random_point(2, rng=6)
+    with pytest.raises(OutsideManifoldError, match="point must be within an angle"):
+        space.metric.log(b, a)
+    a[3] = -1.0
+    with pytest.raises(ArgumentError, match=r"point_a must hold .* matrices; .* triangle 0"):
+        space.metric.dist(a, b)
+
+
+def test_refusals():
+    with pytest.raises(ArgumentError, match="factors must hold at least one manifold; found none"):
+        ProductManifold([])
+    with pytest.raises(ArgumentError, match="one array for each of 2 factors; found 1"):
+        SPACE.embed_to_product([EBIN.random_point()])
+    with pytest.raises(ArgumentError, match=r"points\[1\] must have shape \(\.\.\., 80, 3\)"):
+        SPACE.embed_to_product([EBIN.random_point(), EBIN.random_point()])
+    with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(3,\)"):
+        ProductMetric(SPACE, weights=[1.0, 2.0, 3.0])
+    with pytest.raises(ArgumentError, match=r"weights\[1\] must be a finite number of at least 0"):
+        ProductMetric(SPACE, weights=[1.0, -1.0])
+    with pytest.raises(ArgumentError, match="weights must not all be 0"):
+        ProductMetric(SPACE, weights=[0.0, 0.0])
+    with pytest.raises(ArgumentError, match="weights must have shape"):
+        ProductMetric(SPACE, weights=2.0)
+    with pytest.raises(ArgumentTypeError, match="weights must be an array of real numbers"):
+        ProductMetric(SPACE, weights="heavy")
+    bare = ProductManifold([NORMALS, MetricFields(triangle_template(), equip=False)], equip=False)
+    with pytest.raises(ArgumentError, match=r"factors\[1\] must be equipped.*MetricFields"):
+        ProductMetric(bare)

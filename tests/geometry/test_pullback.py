@@ -1,0 +1,110 @@
+"""Pull-backs of any metric by any map: inner products through the differential."""
+
+import autograd.numpy as anp
+import numpy as np
+import oracles
+import pytest
+from autograd import grad
+from cases import CASES, name_of, sphere_template, surface_cases, surfaces
+
+from riemhuman.errors import NotDefinedError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.vector_space import VectorSpace
+
+every_surface_metric = pytest.mark.parametrize("case", surface_cases(), ids=name_of)
+
+
+def generic(metric):
+    """Return the same pull-back without the formulas a subclass has of its own."""
+    return PullbackMetric(metric.space, metric.target_metric, metric.map)
+
+
+@every_surface_metric
+def test_analytic_differential_equals_the_generic_one(case):
+    points, (v, w) = case.points, case.tangent_vecs[:2]
+    twin = generic(case.metric)
+    np.testing.assert_allclose(
+        case.metric.differential(v, points), twin.differential(v, points), atol=1e-10
+    )
+    expected = twin.inner_product(v, w, points)
+    found = case.metric.inner_product(v, w, points)
+    np.testing.assert_allclose(found, expected, atol=1e-11 * np.abs(expected).max())
+
+
+@every_surface_metric
+def test_differential_against_finite_differences(case):
+    x, v, step = case.points[0], case.tangent_vecs[0], 1e-6
+    expected = (case.metric.map(x + step * v) - case.metric.map(x - step * v)) / (2 * step)
+    np.testing.assert_allclose(
+        case.metric.differential(v, x), expected, atol=1e-7 * np.abs(expected).max()
+    )
+
+
+def test_differential_of_a_map_that_reshapes():
+    """Base points with more leading axes than the tangent vectors, and the reverse."""
+    metric, (x, y), v = (
+        CASES["edges"].metric,
+        CASES["edges"].points[:2],
+        CASES["edges"].tangent_vecs,
+    )
+    batch = metric.differential(v[0], np.stack([x, y]))
+    assert batch.shape == (2, 2, 3)
+    np.testing.assert_allclose(batch[1], metric.differential(v[0], y))
+    assert metric.differential(v, x).shape == (4, 2, 3)
+
+
+@every_surface_metric
+def test_dist_is_that_of_the_images(case):
+    a, b = case.points[:2]
+    expected = case.metric.target_metric.dist(case.metric.map(a), case.metric.map(b))
+    assert case.metric.dist(a, b) == expected
+    assert case.metric.energy(case.points) == case.metric.target_metric.energy(
+        case.metric.map(case.points)
+    )
+
+
+def test_norms_are_differentiable_through_the_generic_differential():
+    case = CASES["all open"]
+    metric, x, v, w = generic(case.metric), case.points[0], *case.tangent_vecs[:2]
+    for value, at, direction in (
+        (lambda p: metric.norm(v, p), x, w),
+        (lambda p: metric.norm(p, x), v, w),
+    ):
+        assert oracles.taylor_slope(value, at, direction, grad(value)(at)) >= 1.9
+
+
+def test_a_map_of_ones_own():
+    """The vertices, and ten times their distances from the vertical axis."""
+    space = AlignedSurfaces(sphere_template())
+
+    def widths(f):
+        return anp.stack([f, 10.0 * anp.sqrt(f[..., :1] ** 2 + f[..., 2:] ** 2) + 0 * f], axis=-1)
+
+    metric = PullbackMetric(space, VectorSpace((42, 3, 2)).metric, widths)
+    a, b = surfaces(sphere_template(), 2)
+    dist = metric.dist(a, b)
+    np.testing.assert_allclose(dist, np.linalg.norm(widths(a) - widths(b)), rtol=1e-13)
+    t = np.linspace(0, 1, 9)[:, None, None]
+    assert metric.length((1 - t) * a + t * b) >= dist
+
+
+def test_geodesics_need_a_solver():
+    case = CASES["all sphere"]
+    for call in (
+        lambda: case.metric.geodesic(*case.points[:2]),
+        lambda: case.metric.exp(case.tangent_vecs[0], case.points[0]),
+        lambda: case.metric.log(*case.points[:2]),
+    ):
+        with pytest.raises(
+            NotDefinedError,
+            match=r"ElasticMetric has no closed form for \w+; .*geodesic_solver=riemhuman\.solv",
+        ):
+            call()
+    with pytest.raises(NotDefinedError, match="no closed form for exp"):
+        case.metric.geodesic(case.points[0], initial_tangent_vec=case.tangent_vecs[0])(1.0)
+
+
+def test_solvers_are_kept():
+    metric = ElasticMetric(AlignedSurfaces(sphere_template()), geodesic_solver="a solver")
+    assert metric.geodesic_solver == "a solver"

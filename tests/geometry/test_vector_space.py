@@ -1,0 +1,46 @@
+"""Vector spaces with flat metrics."""
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+
+
+def test_weighted_sum_of_squares():
+    metric = FlatMetric(VectorSpace((2, 3)), weights=[2.0, 0.5])
+    a, b = np.arange(12.0).reshape(2, 2, 3) ** 1.5
+    expected = 2.0 * np.sum((a[0] - b[0]) ** 2) + 0.5 * np.sum((a[1] - b[1]) ** 2)
+    np.testing.assert_allclose(metric.squared_dist(a, b), expected, rtol=1e-14)
+    expected = 2.0 * np.dot(a[0], b[0]) + 0.5 * np.dot(a[1], b[1])
+    np.testing.assert_allclose(metric.inner_product(a, b, a), expected, rtol=1e-14)
+    unweighted = VectorSpace((2, 3)).metric
+    np.testing.assert_allclose(unweighted.dist(a, b), np.linalg.norm(a - b), rtol=1e-14)
+
+
+def test_geodesics_are_straight():
+    metric = VectorSpace((4,)).metric
+    a, b = np.random.default_rng(0).normal(size=(2, 4))
+    np.testing.assert_allclose(metric.geodesic(a, b)([0.25]), [0.75 * a + 0.25 * b], atol=1e-15)
+    np.testing.assert_array_equal(metric.log(b, a), b - a)
+    np.testing.assert_array_equal(metric.exp(b, a), a + b)
+
+
+def test_weights_are_checked_and_kept():
+    space = VectorSpace((2, 3))
+    with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(3,\)"):
+        FlatMetric(space, weights=[1.0, 2.0, 3.0])
+    with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(1, 2\)"):
+        FlatMetric(space, weights=[[1.0, 2.0]])
+    with pytest.raises(ArgumentError, match="weights must be at least 0; found -2"):
+        FlatMetric(space, weights=[1.0, -2.0])
+    with pytest.raises(ArgumentError, match="weights holds 1 NaN"):
+        FlatMetric(space, weights=[1.0, np.nan])
+    with pytest.raises(ArgumentTypeError, match="weights must be an array of real numbers"):
+        FlatMetric(space, weights=["one", "two"])
+    weights = np.ones(2)
+    metric = FlatMetric(space, weights=weights)
+    a, b = np.zeros((2, 3)), np.ones((2, 3))
+    before = metric.squared_dist(a, b)
+    weights[:] = 7.0
+    assert metric.squared_dist(a, b) == before

@@ -1,0 +1,191 @@
+"""The compiled loops agree with the differentiable definitions, and their series with mpmath."""
+
+import numba
+import numpy as np
+import pytest
+from autograd import value_and_grad
+from cases import CASES, TEMPLATES, name_of, surface_cases, surfaces
+from mpmath import mp
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.kernels import compiled
+
+COMPILED = [case for case in surface_cases() if isinstance(case.metric, SurfaceMetric)]
+
+
+def check_against_definition(metric, path, rtol=1e-10):
+    energy, gradient = metric.energy_and_gradient(path)
+    expected, expected_gradient = value_and_grad(metric.energy)(path)
+    np.testing.assert_allclose(energy, expected, rtol=rtol)
+    scale = np.abs(expected_gradient).max()
+    np.testing.assert_allclose(gradient, expected_gradient, rtol=0, atol=rtol * scale)
+
+
+@pytest.mark.parametrize("case", COMPILED, ids=name_of)
+def test_compiled_energy_agrees_with_definition(case):
+    check_against_definition(case.metric, case.points)
+
+
+@pytest.mark.parametrize("size", [1e-5, 1e-3, 0.03, 0.3, 3.0])
+@pytest.mark.parametrize("case", COMPILED, ids=name_of)
+def test_compiled_energy_agrees_at_all_distances(case, size):
+    template = case.space.template
+    path = surfaces(template, 5, rng=12, size=size)
+    if size == 1e-5:
+        # Rounding in the differences of near-equal surfaces is all that differs.
+        check_against_definition(case.metric, path, rtol=1e-8)
+    else:
+        check_against_definition(case.metric, path)
+
+
+def test_checker_sees_a_broken_twin():
+    class OtherWeights(ElasticMetric):
+        @property
+        def _weights(self):
+            return {"a": self.a, "lam": self.lam, "c": self.c * (1 + 1e-9)}
+
+    case = CASES["all sphere"]
+    with pytest.raises(AssertionError):
+        check_against_definition(OtherWeights(case.space, 1.0, 1.0, 1.0), case.points)
+
+
+# Triangles without area.
+
+
+def collapsed_path(template):
+    """Return a path with a triangle shrunk to an edge, and one shrunk to a point."""
+    path = surfaces(template, 4, rng=13)
+    faces = template.faces
+    path[2, faces[3, 1]] = path[2, faces[3, 0]]
+    path[3, faces[5]] = path[3, faces[5, 0]]
+    return path
+
+
+@pytest.mark.parametrize("template_name", ["sphere", "open"])
+def test_degenerate_triangles(template_name):
+    template = TEMPLATES[template_name]()
+    space = AlignedSurfaces(template, equip=False)
+    path = collapsed_path(template)
+    for metric in (ElasticMetric(space, 1.0, 0.3, 0.0), SRNFMetric(space)):
+        check_against_definition(metric, path)
+    energy, gradient = ElasticMetric(space, 1.0, 0.3, 0.2).energy_and_gradient(path)
+    assert energy == np.inf
+    assert np.all(np.isfinite(gradient))
+
+
+def test_collinear_triangle():
+    """Rounding leaves it some 1e-17 of area, which both forms take for none."""
+    template = TEMPLATES["sphere"]()
+    path = surfaces(template, 3, rng=13)
+    one, two, three = template.faces[0]
+    path[1, three] = 0.25 * path[1, one] + 0.75 * path[1, two]
+    space = AlignedSurfaces(template, equip=False)
+    check_against_definition(ElasticMetric(space, 1.0, 0.3, 0.0), path)
+    assert ElasticMetric(space, 0.0, 0.0, 1.0).energy_and_gradient(path)[0] == np.inf
+
+
+def test_a_surface_of_no_area_at_all():
+    template = TEMPLATES["sphere"]()
+    metric = ElasticMetric(AlignedSurfaces(template, equip=False), 1.0, 0.5, 0.0)
+    path = np.stack([template.vertices, 0.0 * template.vertices, template.vertices])
+    energy, gradient = metric.energy_and_gradient(path)
+    # Each half runs to the apex of the cone: d² = 16 λ s², s² the area ratio 1.
+    np.testing.assert_allclose(energy, 2 * 2 * 8.0 * template.face_areas.sum(), rtol=1e-13)
+    np.testing.assert_array_equal(gradient[1], 0.0)
+
+
+def test_path_that_stands_still():
+    for case in COMPILED:
+        energy, gradient = case.metric.energy_and_gradient(np.repeat(case.points[:1], 3, axis=0))
+        assert energy == 0.0
+        np.testing.assert_array_equal(gradient, 0.0)
+
+
+def test_turned_inside_out():
+    """Normals at angle π: the energy is finite, and so is its gradient."""
+    template = TEMPLATES["triangle"]()
+    space = AlignedSurfaces(template, equip=False)
+    normal = space.normal_field(template.vertices)[0]
+    axis = np.linalg.svd(normal[None])[2][1]
+    turn = 2 * np.outer(axis, axis) - np.eye(3)
+    path = np.stack([template.vertices, template.vertices @ turn])
+    energy, gradient = ElasticMetric(space, 0.0, 0.0, 1.0).energy_and_gradient(path)
+    np.testing.assert_allclose(energy, np.pi**2 * template.face_areas.sum(), rtol=1e-7)
+    assert np.all(np.isfinite(gradient))
+
+
+def test_result_does_not_depend_on_threads():
+    case = CASES["all sphere"]
+    energy, gradient = case.metric.energy_and_gradient(case.points)
+    threads = numba.get_num_threads()
+    try:
+        numba.set_num_threads(1)
+        alone, gradient_alone = case.metric.energy_and_gradient(case.points)
+    finally:
+        numba.set_num_threads(threads)
+    assert alone == energy
+    np.testing.assert_array_equal(gradient_alone, gradient)
+
+
+def test_arguments_are_left_alone():
+    case = CASES["mixed open"]
+    path = case.points.copy()
+    case.metric.energy_and_gradient(path)
+    np.testing.assert_array_equal(path, case.points)
+
+
+# The scalar functions around their switch points.
+
+
+@mp.workdps(40)
+def exact_half_angle(m, kappa):
+    """Return sin²(½ min(π, κ arccosh(1 + m))) and its derivative in m."""
+    m, kappa = mp.mpf(float(m)), mp.mpf(float(kappa))
+    theta = kappa * mp.acosh(1 + m)
+    if theta >= mp.pi:
+        return 1.0, 0.0
+    slope = mp.sin(theta) / 2 * kappa / mp.sqrt(m * (m + 2))
+    return float(mp.sin(theta / 2) ** 2), float(slope)
+
+
+@mp.workdps(40)
+def exact_squared_arc(p):
+    """Return θ² and its derivative in p, for chord √p = 2 sin ½θ."""
+    theta = 2 * mp.asin(mp.sqrt(mp.mpf(float(p))) / 2)
+    return float(theta**2), float(theta / mp.sin(theta))
+
+
+def around(switch):
+    return switch * (1 + np.array([-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 1e-3]))
+
+
+HALF_ANGLE = compiled._half_angle.py_func
+SQUARED_ARC = compiled._squared_arc.py_func
+
+
+@pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
+def test_half_angle(lam):
+    kappa = 0.5 / np.sqrt(2.0 * lam)
+    # Where the power series of the sine gives way: κ²ℓ² = 0.05.
+    second_switch = float(mp.cosh(mp.sqrt(0.05) / kappa) - 1)
+    excesses = np.concatenate(
+        [np.logspace(-30, 6, 200), around(0.02), around(min(second_switch, 0.02))]
+    )
+    for m in excesses:
+        value, slope = HALF_ANGLE(m, kappa)
+        expected, expected_slope = exact_half_angle(m, kappa)
+        np.testing.assert_allclose(value, expected, rtol=2e-14)
+        # Near θ = π the slope has a zero.
+        np.testing.assert_allclose(slope, expected_slope, rtol=2e-13, atol=1e-14 * kappa**2)
+    assert HALF_ANGLE(0.0, kappa) == (0.0, pytest.approx(0.5 * kappa**2, rel=1e-15))
+
+
+def test_squared_arc():
+    squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
+    for p in squared_chords:
+        np.testing.assert_allclose(SQUARED_ARC(p), exact_squared_arc(p), rtol=5e-14)
+    assert SQUARED_ARC(0.0) == (0.0, 1.0)
+    assert SQUARED_ARC(4.0) == (pytest.approx(np.pi**2), 0.0)
+    assert SQUARED_ARC(4.0 + 1e-12)[1] == 0.0

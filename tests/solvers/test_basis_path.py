@@ -1,0 +1,266 @@
+"""Geodesics over a basis: what they reach, what they refuse, how they stop."""
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+
+import bodies_in_motion as bodies
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers import BasisPath, FiniteDifferenceEnergy, LinearPath
+from riemhuman.surfaces import DeformationBasis
+
+WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
+PAIRS = [
+    ("resting", "arm raised"),
+    ("resting", "other build"),
+    ("resting", "elbow bent"),
+    ("other build", "knee raised"),
+]
+
+
+def elastic(weights):
+    return ElasticMetric(bodies.space(), *weights)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """Return the path of the first pair under (1, 1, 0) with default settings."""
+    solver = BasisPath(bodies.basis())
+    return solver.solve(elastic((1, 1, 0)), bodies.body("resting"), bodies.body("arm raised"))
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+@pytest.mark.parametrize("pair", PAIRS, ids="-".join)
+def test_energy_lies_between_the_bound_and_the_straight_path(weights, pair):
+    metric = elastic(weights)
+    start, end = (bodies.body(name) for name in pair)
+    result = BasisPath(bodies.basis()).solve(metric, start, end)
+    assert result.converged
+    assert metric.squared_dist(start, end) <= result.energy
+    assert result.energy <= LinearPath().solve(metric, start, end).energy * (1 + 1e-12)
+    np.testing.assert_allclose(metric.energy(result.path), result.energy, rtol=1e-10)
+    np.testing.assert_array_equal(result.path[[0, -1]], [start, end])
+    assert np.all(np.diff(result.energies) <= 1e-12 * result.energies[0])
+    assert result.energies[-1] == pytest.approx(result.energy)
+    assert len(result.energies) == result.n_iterations + 1
+    assert result.n_evaluations >= result.n_iterations
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_no_worse_than_the_papers_recipe(weights):
+    metric = elastic(weights)
+    start, end = bodies.body("resting"), bodies.body("elbow bent")
+    ours = BasisPath(bodies.basis()).solve(metric, start, end)
+    options = {"ftol": 0.0, "gtol": 0.0, "maxfun": 10_000}
+    recipe = BasisPath(bodies.basis(), method="l-bfgs-b", max_iterations=300, options=options)
+    with pytest.warns(ConvergenceWarning, match="300 iterations"):
+        theirs = recipe.solve(metric, start, end)
+    assert ours.energy <= theirs.energy * 1.001
+    assert ours.n_evaluations < theirs.n_evaluations / 3
+
+
+def test_bfgs_reaches_the_same_energy():
+    few = bodies.basis().truncated(8)
+    metric = elastic((1, 1, 0))
+    ends = bodies.body("resting"), bodies.body("arm raised")
+    reached = [
+        BasisPath(few, n_times=4, method=method, options=options).solve(metric, *ends).energy
+        for method, options in (
+            ("preconditioned", {}),
+            ("bfgs", {"gtol": 1e-6}),
+            ("l-bfgs-b", {"ftol": 1e-14, "gtol": 1e-8}),
+        )
+    ]
+    np.testing.assert_allclose(reached, reached[0], rtol=1e-4)
+
+
+def test_gradient_vanishes_on_the_basis(solved):
+    metric = elastic((1, 1, 0))
+    basis = bodies.basis()
+    _, gradient = metric.energy_and_gradient(solved.path)
+    _, straight = metric.energy_and_gradient(
+        LinearPath().solve(metric, solved.path[0], solved.path[-1]).path
+    )
+    on_basis = np.linalg.norm(basis.coefficients(gradient[1:-1]))
+    assert on_basis < 0.02 * np.linalg.norm(basis.coefficients(straight[1:-1]))
+
+
+def test_path_differs_from_the_straight_one_by_the_basis(solved):
+    straight = LinearPath().solve(elastic((1, 1, 0)), solved.path[0], solved.path[-1]).path
+    difference = solved.path - straight
+    np.testing.assert_allclose(bodies.basis().project(difference), difference, atol=1e-12)
+
+
+def test_reversal_of_time(solved):
+    metric = elastic((1, 1, 0))
+    back = BasisPath(bodies.basis()).solve(metric, solved.path[-1], solved.path[0])
+    assert back.energy == pytest.approx(solved.energy, rel=1e-4)
+
+
+def test_closer_to_the_models_own_motion_than_the_straight_path():
+    body = bodies.model()
+    betas = np.random.default_rng(3).normal(size=(5, body.n_betas))[0]
+    angles = np.linspace(0, 1, 11)[:, None, None] * bodies.pose(left_elbow=(0, -120, 0))
+    motion = body(betas=betas, pose=angles)
+    metric = elastic((1, 1, 0))
+
+    def deviation(path):
+        return np.linalg.norm(path - motion, axis=-1).mean()
+
+    ours = BasisPath(bodies.basis()).solve(metric, motion[0], motion[-1]).path
+    straight = LinearPath().solve(metric, motion[0], motion[-1]).path
+    assert deviation(ours) < 0.5 * deviation(straight)
+
+
+def test_warm_start_needs_next_to_nothing(solved):
+    metric = elastic((1, 1, 0))
+    again = BasisPath(bodies.basis(), tolerance=1e-4).solve(
+        metric, solved.path[0], solved.path[-1], initial_path=solved.path
+    )
+    assert again.n_iterations <= 1
+    assert again.energy == pytest.approx(solved.energy, rel=1e-6)
+
+
+def test_other_path_energies_srnf_and_few_times():
+    ends = bodies.body("resting"), bodies.body("arm raised")
+    metric = elastic((1, 1, 0))
+    finite = BasisPath(bodies.basis(), n_times=5, energy=FiniteDifferenceEnergy())
+    closed = BasisPath(bodies.basis(), n_times=5)
+    assert finite.solve(metric, *ends).energy == pytest.approx(
+        closed.solve(metric, *ends).energy, rel=0.05
+    )
+    srnf = SRNFMetric(bodies.space())
+    assert closed.solve(srnf, *ends).energy <= LinearPath(5).solve(srnf, *ends).energy
+    segment = BasisPath(bodies.basis(), n_times=2).solve(metric, *ends)
+    assert segment.energy == pytest.approx(metric.squared_dist(*ends))
+    assert BasisPath(bodies.basis(), n_times=3).solve(metric, *ends).path.shape[0] == 3
+
+
+class VertexMetric(RiemannianMetric):
+    """A user's metric by its inner product alone: the geodesics are the straight paths."""
+
+    def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+        """Return Σ ⟨a, b⟩."""
+        return anp.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1)) + 0.0 * anp.sum(
+            base_point, axis=(-2, -1)
+        )
+
+
+class VertexDistance(RiemannianMetric):
+    """The same by its squared distance alone."""
+
+    def squared_dist(self, point_a, point_b):
+        """Return Σ ‖a − b‖²."""
+        return anp.sum((point_a - point_b) ** 2, axis=(-2, -1))
+
+
+@pytest.mark.parametrize("metric_class", [VertexMetric, VertexDistance])
+def test_users_metrics_run_unchanged(metric_class):
+    ends = bodies.body("resting"), bodies.body("arm raised")
+    few = bodies.basis().truncated(5)
+    wave = few.combine(np.outer([0.1, 0.2, 0.1], np.ones(5)))
+    bulge = LinearPath(5).solve(metric_class(bodies.space()), *ends).path
+    straight_energy = float(np.sum((ends[1] - ends[0]) ** 2))
+    bulge[1:-1] += wave
+    result = BasisPath(few, n_times=5).solve(
+        metric_class(bodies.space()), *ends, initial_path=bulge
+    )
+    assert result.energies[0] > 1.02 * straight_energy
+    assert result.energy == pytest.approx(straight_energy, rel=1e-5)
+
+
+def test_as_geodesic_solver_of_a_metric():
+    ends = bodies.body("resting"), bodies.body("arm raised")
+    solver = BasisPath(bodies.basis(), n_times=5)
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0, geodesic_solver=solver)
+    geodesic = metric.geodesic(ends[0], end_point=ends[1])
+    path = solver.solve(metric, *ends).path
+    np.testing.assert_allclose(geodesic([0.0, 0.5, 1.0]), path[[0, 2, 4]], atol=1e-12)
+    np.testing.assert_allclose(geodesic(0.125)[0], 0.5 * (path[0] + path[1]), atol=1e-12)
+
+
+def test_callback_sees_every_iteration(solved):
+    seen = []
+    metric = elastic((0, 0, 1))
+    solver = BasisPath(
+        bodies.basis(), n_times=5, callback=lambda *arguments: seen.append(arguments)
+    )
+    result = solver.solve(metric, bodies.body("resting"), bodies.body("other build"))
+    iterations, energies, paths = zip(*seen[-result.n_iterations :], strict=True)
+    assert list(iterations) == list(range(1, result.n_iterations + 1))
+    np.testing.assert_allclose(energies, result.energies[1:])
+    np.testing.assert_allclose(metric.energy(paths[-1]), energies[-1], rtol=1e-10)
+
+
+def test_interruption_keeps_what_was_reached():
+    def interrupt(iteration, energy, path):
+        if iteration == 3:
+            raise KeyboardInterrupt
+
+    metric = elastic((1, 1, 0))
+    ends = bodies.body("resting"), bodies.body("elbow bent")
+    solver = BasisPath(bodies.basis(), callback=interrupt)
+    with pytest.warns(ConvergenceWarning, match="interrupted") as caught:
+        result = solver.solve(metric, *ends)
+    assert len(caught) == 1
+    assert not result.converged
+    assert result.energy < 0.9 * LinearPath().solve(metric, *ends).energy
+    assert metric.energy(result.path) == pytest.approx(result.energy)
+
+
+def test_too_few_iterations_are_said_once():
+    solver = BasisPath(bodies.basis(), max_iterations=2)
+    with pytest.warns(ConvergenceWarning, match="2 iterations") as caught:
+        result = solver.solve(
+            elastic((1, 1, 0)), bodies.body("resting"), bodies.body("elbow bent")
+        )
+    assert len(caught) == 1
+    assert not result.converged
+    assert result.n_iterations == 2
+
+
+def test_progress_is_shown_on_request(capsys):
+    ends = bodies.body("resting"), bodies.body("other build")
+    BasisPath(bodies.basis(), n_times=4).solve(elastic((0, 0, 1)), *ends)
+    assert capsys.readouterr().err == ""
+    BasisPath(bodies.basis(), n_times=4, progress=True).solve(elastic((0, 0, 1)), *ends)
+    assert "segments" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "message"),
+    [
+        ({"n_times": 1}, ArgumentError, "n_times.*at least 2.*1"),
+        ({"n_times": 2.5}, ArgumentTypeError, "n_times"),
+        ({"method": "adam"}, ArgumentError, "method.*'preconditioned'.*'adam'"),
+        ({"tolerance": 0.0}, ArgumentError, "tolerance"),
+        ({"max_iterations": 0}, ArgumentError, "max_iterations"),
+    ],
+)
+def test_refuses_settings(settings, error, message):
+    with pytest.raises(error, match=message):
+        BasisPath(bodies.basis(), **settings)
+
+
+def test_refuses_what_does_not_fit(solved):
+    metric = elastic((1, 1, 0))
+    start, end = solved.path[0], solved.path[-1]
+    solver = BasisPath(bodies.basis())
+    with pytest.raises(ArgumentError, match="end"):
+        solver.solve(metric, start, end[:-1])
+    with pytest.raises(ArgumentError, match="start.*NaN"):
+        solver.solve(metric, np.full_like(start, np.nan), end)
+    small = DeformationBasis(np.eye(6).reshape(6, 2, 3))
+    with pytest.raises(ArgumentError, match="2"):
+        BasisPath(small).solve(metric, start, end)
+    with pytest.raises(ArgumentError, match="n_times = 11.*10"):
+        solver.solve(metric, start, end, initial_path=solved.path[:-1])
+    with pytest.raises(ArgumentError, match="from start to end"):
+        solver.solve(metric, start, end, initial_path=solved.path[::-1])
+    collapsed = solved.path.copy()
+    collapsed[5] = 0.0
+    with pytest.raises(ArgumentError, match="no finite energy"):
+        solver.solve(elastic((1, 1, 1)), start, end, initial_path=collapsed)

@@ -1,0 +1,208 @@
+"""Checks say which argument was wrong, what was found and what was expected."""
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import grad
+
+from riemhuman import checks
+from riemhuman.errors import ArgumentError, ArgumentTypeError, OutsideManifoldError
+
+# Arrays.
+
+
+@pytest.mark.parametrize(
+    "array",
+    [
+        [[1, 2], [3, 4]],
+        ((1.0, 2.0), (3.0, 4.0)),
+        np.eye(2, dtype=np.float32),
+        np.eye(2, dtype=bool),
+    ],
+)
+def test_real_arrays_become_float64(array):
+    found = checks.real_array(array, "points", (2, 2))
+    assert found.dtype == np.float64
+    np.testing.assert_array_equal(found, np.asarray(array, dtype=float))
+
+
+def test_float64_is_not_copied():
+    array = np.eye(2)
+    assert checks.real_array(array, "points") is array
+
+
+@pytest.mark.parametrize(
+    ("shape", "batched", "found", "message"),
+    [
+        ((3, 3), True, (2, 3), r"f must have shape \(\.\.\., 3, 3\); found \(2, 3\)"),
+        ((3, 3), True, (3,), r"f must have shape \(\.\.\., 3, 3\); found \(3,\)"),
+        (
+            ("n_points", 3),
+            True,
+            (4, 2),
+            r"f must have shape \(\.\.\., n_points, 3\); found \(4, 2\)",
+        ),
+        (
+            ("n_points", 3),
+            False,
+            (2, 4, 3),
+            r"f must have shape \(n_points, 3\); found \(2, 4, 3\)",
+        ),
+        ((3,), True, (), r"f must have shape \(\.\.\., 3\); found \(\)"),
+    ],
+)
+def test_shapes(shape, batched, found, message):
+    with pytest.raises(ArgumentError, match=message):
+        checks.real_array(np.zeros(found), "f", shape, batched=batched)
+
+
+@pytest.mark.parametrize(
+    ("shape", "batched", "found"),
+    [
+        ((3, 3), True, (3, 3)),
+        ((3, 3), True, (5, 2, 3, 3)),
+        (("n", 3), False, (7, 3)),
+        (("n", 3), True, (0, 3)),
+        (None, True, (4, 2)),
+        ((), True, (2,)),
+    ],
+)
+def test_shapes_that_fit(shape, batched, found):
+    assert checks.real_array(np.zeros(found), "f", shape, batched=batched).shape == found
+
+
+@pytest.mark.parametrize(
+    ("array", "found"),
+    [
+        ("abc", "str 'abc'"),
+        (None, "NoneType None"),
+        (np.zeros(2, dtype=complex), "ndarray of dtype complex128"),
+        ([1.0, None], "list of dtype object"),
+        (["1", "2"], "list of dtype <U1"),
+        ({"a": 1}, "dict {'a': 1}"),
+        (np.array(["2020-01-01"], dtype="datetime64[D]"), "dtype datetime64"),
+    ],
+)
+def test_other_types(array, found):
+    with pytest.raises(
+        ArgumentTypeError, match="f must be an array of real numbers; found"
+    ) as error:
+        checks.real_array(array, "f")
+    assert found in str(error.value)
+
+
+def test_what_is_not_finite():
+    array = np.zeros((2, 3))
+    array[1, 0], array[1, 2] = np.nan, -np.inf
+    message = r"f holds 2 NaN or infinite entries, the first at index \(1, 0\); every entry must"
+    with pytest.raises(ArgumentError, match=message):
+        checks.real_array(array, "f")
+    assert checks.real_array(array, "f", finite=False) is array
+
+
+def test_traced_arrays_keep_their_tape():
+    seen = []
+
+    def function(x):
+        seen.append(checks.values_of(x))
+        return anp.sum(checks.real_array(x, "x", (3,)) ** 2)
+
+    np.testing.assert_array_equal(grad(function)(np.arange(3.0)), [0, 2, 4])
+    second = grad(lambda x: anp.sum(grad(function)(x)))(np.arange(3.0))
+    np.testing.assert_array_equal(second, [2, 2, 2])
+    assert all(type(values) is np.ndarray for values in seen)
+    with pytest.raises(ArgumentError, match="x must have shape"):
+        grad(function)(np.arange(4.0))
+    with pytest.raises(ArgumentError, match="x holds 1 NaN"):
+        grad(function)(np.array([0.0, np.nan, 1.0]))
+
+
+def test_integer_arrays():
+    for array in ([[0, 1, 2]], np.array([[0, 1, 2]], dtype=np.uint8), [[0.0, 1.0, 2.0]]):
+        found = checks.integer_array(array, "faces", ("n_faces", 3))
+        assert found.dtype == np.int64
+        np.testing.assert_array_equal(found, [[0, 1, 2]])
+    for wrong, message in (
+        ([[0.5, 1, 2]], "faces must be an array of whole numbers; found list of dtype float64"),
+        ([[np.nan, 1, 2]], "faces must be an array of whole numbers"),
+        ([["a", "b", "c"]], "faces must be an array of whole numbers"),
+        (
+            [[True, False, True]],
+            "faces must be an array of whole numbers; found list of dtype bool",
+        ),
+    ):
+        with pytest.raises(ArgumentTypeError, match=message):
+            checks.integer_array(wrong, "faces", ("n_faces", 3))
+    for wrong in ([0, 1, 2], [[0, 1]], [[[0, 1, 2]]]):
+        with pytest.raises(ArgumentError, match=r"faces must have shape \(n_faces, 3\); found"):
+            checks.integer_array(wrong, "faces", ("n_faces", 3))
+    faces = np.array([[0, 1, 2]])
+    assert checks.integer_array(faces, "faces", ("n_faces", 3)) is not faces
+
+
+# Numbers.
+
+
+def test_real_numbers():
+    for value in (2, 2.0, np.float32(2), np.int64(2), np.array(2.0)):
+        number = checks.real_number(value, "lam", minimum=0.0)
+        assert type(number) is float
+        assert number == 2.0
+    assert checks.real_number(0, "lam", minimum=0.0) == 0.0
+    for value, options, message in (
+        (-1, {"minimum": 0.0}, "lam must be a finite number of at least 0; found -1"),
+        (0, {"minimum": 0.0, "strict": True}, "lam must be a finite number above 0; found 0"),
+        (np.nan, {}, "lam must be a finite number; found nan"),
+        (-np.inf, {}, "lam must be a finite number; found -inf"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            checks.real_number(value, "lam", **options)
+    for value in (None, "small", 1j, [1.0, 2.0], object()):
+        with pytest.raises(ArgumentTypeError, match="lam must be a real number; found"):
+            checks.real_number(value, "lam")
+
+
+def test_whole_numbers():
+    for value in (3, np.int32(3), np.uint8(3)):
+        assert checks.whole_number(value, "n", minimum=3) == 3
+    assert checks.whole_number(-5, "n") == -5
+    with pytest.raises(ArgumentError, match="n must be a whole number of at least 3; found 2"):
+        checks.whole_number(2, "n", minimum=3)
+    for value in (3.0, "3", None, [3]):
+        with pytest.raises(ArgumentTypeError, match="n must be a whole number; found"):
+            checks.whole_number(value, "n")
+
+
+def test_one_of():
+    assert checks.one_of("b", "mode", ("a", "b")) == "b"
+    with pytest.raises(ArgumentError, match="mode must be one of 'a', 'b'; found 'c'"):
+        checks.one_of("c", "mode", ("a", "b"))
+
+
+def test_generators():
+    rng = np.random.default_rng(1)
+    assert checks.generator(rng) is rng
+    assert checks.generator(5).random() == np.random.default_rng(5).random()
+    with pytest.raises(ArgumentError, match="rng must be a whole number of at least 0; found -1"):
+        checks.generator(-1)
+    for wrong in (None, 0.5, "seed", np.random.RandomState(0)):
+        with pytest.raises(ArgumentTypeError, match="rng must be a whole number; found"):
+            checks.generator(wrong)
+
+
+# Triangles.
+
+
+def test_refuse_triangles():
+    checks.refuse_triangles(np.zeros((2, 5), dtype=bool), "all good", ArgumentError)
+    bad = np.zeros((2, 3, 5), dtype=bool)
+    bad[1, 2, 4] = True
+    with pytest.raises(OutsideManifoldError) as error:
+        checks.refuse_triangles(bad, "g must be small", OutsideManifoldError)
+    assert str(error.value) == "g must be small; found otherwise at triangle 4 of item (1, 2)"
+    bad[1, 2, 1] = True
+    with pytest.raises(ArgumentError) as error:
+        checks.refuse_triangles(bad[1, 2], "g must be small", ArgumentError)
+    assert str(error.value) == (
+        "g must be small; found otherwise at triangle 1, the first of 2 such triangles"
+    )

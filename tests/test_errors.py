@@ -1,0 +1,47 @@
+"""Every refusal is a RiemhumanError, and the built-in error people expect."""
+
+import inspect
+
+import pytest
+
+import riemhuman
+from riemhuman import errors
+
+EXPECTED = {
+    "ArgumentError": ValueError,
+    "ArgumentTypeError": TypeError,
+    "DegenerateSurfaceError": ValueError,
+    "NotDefinedError": NotImplementedError,
+    "OutsideManifoldError": ValueError,
+    "FileError": OSError,
+    "FileFormatError": ValueError,
+    "MissingDependencyError": ImportError,
+}
+
+
+@pytest.mark.parametrize(("name", "built_in"), EXPECTED.items())
+def test_errors_are_what_people_expect(name, built_in):
+    error = getattr(errors, name)
+    assert issubclass(error, errors.RiemhumanError)
+    assert issubclass(error, built_in)
+    with pytest.raises(built_in, match="found 3"):
+        raise error("expected 2; found 3")
+
+
+def test_none_is_forgotten():
+    classes = {
+        name
+        for name, member in inspect.getmembers(errors, inspect.isclass)
+        if issubclass(member, errors.RiemhumanError) and member is not errors.RiemhumanError
+    }
+    assert classes == set(EXPECTED)
+    assert riemhuman.RiemhumanError is errors.RiemhumanError
+
+
+def test_degenerate_surfaces_are_wrong_arguments():
+    assert issubclass(errors.DegenerateSurfaceError, errors.ArgumentError)
+
+
+def test_warnings_are_no_errors():
+    assert issubclass(errors.ConvergenceWarning, UserWarning)
+    assert not issubclass(errors.ConvergenceWarning, errors.RiemhumanError)
