@@ -13,6 +13,7 @@ EXPECTED = {
     "DegenerateSurfaceError": ValueError,
     "NotDefinedError": NotImplementedError,
     "OutsideManifoldError": ValueError,
+    "FrameIndexError": IndexError,
     "FileError": OSError,
     "FileFormatError": ValueError,
     "MissingDependencyError": ImportError,

@@ -3,5 +3,6 @@
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.faust import load_faust
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
+from riemhuman.datasets.open_motions import load_open_motions
 
-__all__ = ["Bodies", "load_faust", "load_open_bodies", "load_open_model"]
+__all__ = ["Bodies", "load_faust", "load_open_bodies", "load_open_model", "load_open_motions"]

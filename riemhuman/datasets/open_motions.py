@@ -32,12 +32,12 @@ _SUBJECTS: dict[str, tuple[float, ...]] = {
     "older heavy man": (0.5, -0.3, -0.7, 2.1, 0.3, -0.7, -0.3, 0.4, 0.8, 0.3),
 }
 
-# How much a performance differs from the motion as written: standard deviations.
-_TEMPO = 0.04
-_START = 0.05  # of a cycle
-_AMPLITUDE = 0.05  # each joint's, about its mean angle
-_LAG = 0.01  # each joint's, of a cycle
-_HABIT_DEGREES = 1.5  # each angle's
+# How much a performance differs at most from the motion as written.
+_TEMPO = 0.07
+_START = 0.1  # of a cycle
+_AMPLITUDE = 0.06  # each joint's, about its mean angle
+_LAG = 0.015  # each joint's, of a cycle
+_HABIT_DEGREES = 2.5  # each angle's
 _SEED = 2022
 _FRAMES_AT_A_TIME = 16
 
@@ -169,8 +169,8 @@ class _Performance:
 
     def __init__(self, written: Choreography, rng: np.random.Generator) -> None:
         self._written = written
-        self._cycle = written.seconds * np.exp(rng.normal(0.0, _TEMPO))
-        self._start = rng.normal(0.0, _START)
+        self._cycle = written.seconds * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
+        self._start = rng.uniform(-_START, _START)
         self._angles = {
             joint: _Turn(axes, curves, rng, delay) for joint, axes, curves, delay in _sided(written)
         }
@@ -205,9 +205,9 @@ class _Turn:
     ) -> None:
         self._axes = axes
         self._curves = curves
-        self._delay = delay + rng.normal(0.0, _LAG)
-        self._amplitude = 1.0 + rng.normal(0.0, _AMPLITUDE)
-        self._habit = rng.normal(0.0, _HABIT_DEGREES, len(axes))
+        self._delay = delay + rng.uniform(-_LAG, _LAG)
+        self._amplitude = 1.0 + rng.uniform(-_AMPLITUDE, _AMPLITUDE)
+        self._habit = rng.uniform(-_HABIT_DEGREES, _HABIT_DEGREES, len(axes))
 
     def __call__(self, phases: np.ndarray) -> np.ndarray:
         angles = np.stack([_values(curve, phases - self._delay) for curve in self._curves], axis=-1)

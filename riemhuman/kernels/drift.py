@@ -6,6 +6,8 @@ import numpy as np
 from numpy import ndarray
 
 _N_ROUNDS = 60
+# Rounds end when no vertex moves by more than this share of the body's size.
+_TOLERANCE = 1e-6
 # Distances below this share of the body's size count as none.
 _SMALLEST = 1e-4
 
@@ -33,14 +35,18 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
         Path with the same ends.
     """
     moved = path.copy()
-    smallest = _SMALLEST * np.ptp(path[0], axis=0).max()
+    size = np.ptp(path[0], axis=0).max()
     for i, t in enumerate(np.linspace(0.0, 1.0, len(path))[1:-1], start=1):
         target = (1.0 - t) * path[0] + t * path[-1]
         pull = weights
         for _ in range(_N_ROUNDS):
-            moved[i] = _fit(path[i], target, pull / pull.sum(), rotations)
-            distances = np.linalg.norm(moved[i] - target, axis=1)
-            pull = weights / np.maximum(distances, smallest)
+            fitted = _fit(path[i], target, pull / pull.sum(), rotations)
+            step = np.abs(fitted - moved[i]).max()
+            moved[i] = fitted
+            if step <= _TOLERANCE * size:
+                break
+            distances = np.linalg.norm(fitted - target, axis=1)
+            pull = weights / np.maximum(distances, _SMALLEST * size)
     return moved
 
 

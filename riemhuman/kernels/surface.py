@@ -129,7 +129,7 @@ def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: nda
 def square_root_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
     r"""Return the square root normal field :math:`q = \sqrt{A}\, n`, A = ‖f_u × f_v‖.
 
-    q and its gradient are 0 on a triangle without area (section 5.2 of the paper).
+    q and its gradient are 0 on a degenerate triangle (section 5.2 of the paper).
 
     Parameters
     ----------
@@ -141,8 +141,9 @@ def square_root_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
     array, shape (..., F, 3)
     """
     area_vectors = cross(f_u, f_v)
+    degenerate = is_degenerate(f_u, f_v)[..., None]
     roots = square_root(square_root(dot(area_vectors, area_vectors)))[..., None]
-    return np.where(roots > 0, area_vectors / np.where(roots > 0, roots, 1.0), 0.0)
+    return np.where(degenerate, 0.0, area_vectors / np.where(degenerate, 1.0, roots))
 
 
 def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:

@@ -36,9 +36,10 @@ class BasisPath:
 
     for every interior time (corrected: α has one block for each of them). In the paper l is the
     straight path (1 − t) f₀ + t f₁ (corrected) and α is found by a quasi-Newton method; that is
-    ``method="l-bfgs-b"`` or ``"bfgs"``. The default method differs twice: l turns every triangle
-    (`PoissonPath`), so that limbs bend instead of shrinking, and α is preconditioned by the
-    metric's Gram matrix on the basis, averaged over a few surfaces of the path.
+    ``method="l-bfgs-b"`` or ``"bfgs"``. The default method differs twice: l is the path that turns
+    every triangle (`PoissonPath`) where that has less energy, so that limbs bend instead of
+    shrinking, and α is preconditioned by the metric's Gram matrix on the basis, averaged over a
+    few surfaces of the path.
 
     Parameters
     ----------
@@ -52,8 +53,8 @@ class BasisPath:
     energy : PathEnergy
         Energy to minimise.
     initial : object, optional
-        Solver that gives l, with as many times. By default `PoissonPath` for the preconditioned
-        method and `LinearPath` for the others.
+        Solver that gives l, with as many times. By default the better of `PoissonPath` and
+        `LinearPath` for the preconditioned method and `LinearPath` for the others.
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
         energy, as far as the preconditioned gradient tells.
@@ -124,7 +125,7 @@ class BasisPath:
         start, end = check_end_points(metric, start, end)
         self.basis.check_fits(start.shape[0])
         if initial_path is None:
-            initial_path = self._initial_solver().solve(metric, start, end).path
+            initial_path = self._initial_path(metric, start, end)
         line = self._check_initial_path(metric, start, end, initial_path)
         energy = self.energy.value(metric, line)
         if not np.isfinite(energy):
@@ -149,11 +150,14 @@ class BasisPath:
         warn_unless_converged(self, result)
         return result
 
-    def _initial_solver(self) -> GeodesicSolver:
+    def _initial_path(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
         if self.initial is not None:
-            return self.initial
-        solver_class = PoissonPath if self.method == "preconditioned" else LinearPath
-        return solver_class(self.n_times, self.energy)
+            return self.initial.solve(metric, start, end).path
+        straight = LinearPath(self.n_times, self.energy).solve(metric, start, end)
+        if self.method != "preconditioned":
+            return straight.path
+        turning = PoissonPath(self.n_times, self.energy).solve(metric, start, end)
+        return min(straight, turning, key=lambda result: result.energy).path
 
     def _check_initial_path(
         self, metric: RiemannianMetric, start: ndarray, end: ndarray, initial_path: ndarray

@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.results import PathResult
-from riemhuman.solvers.simple_paths import check_end_points, linear_path
+from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
 
 ROTATIONS = ("axis-angle", "geodesic")
 
@@ -116,9 +116,8 @@ class ModelPath:
             pose = _rotation_geodesics(first.pose, last.pose, self.n_times)
         path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
-        value = self.energy.value(metric, path)
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
-        return PathResult(path, value, np.array([value]), 0, 1, True, message)
+        return known_path(metric, self.energy, path, message)
 
     def _parameters_of(
         self, surface: ndarray, parameters: ModelParameters | None, name: str

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from autograd.core import make_vjp
 from numpy import ndarray
+from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.refinement import interpolate_in_time
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
-from riemhuman.solvers.minimization import Minimum, minimize
+from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
 from riemhuman.solvers.simple_paths import check_end_points, check_initial_path, linear_path
@@ -122,7 +123,7 @@ class PathStraightening:
         if n_segments == 1:
             value = self.energy.value(metric, path)
             return PathResult(path, value, np.array([value]), 0, 1, True, "a single segment")
-        result = _Descent(self, metric).run(path, levels)
+        result = _Descent(self, metric, path).run(levels)
         warn_unless_converged(self, result)
         return result
 
@@ -130,118 +131,115 @@ class PathStraightening:
 class _Descent:
     """Minimises the energy over the interior points, on one level of times after the other."""
 
-    def __init__(self, solver: PathStraightening, metric: RiemannianMetric) -> None:
+    def __init__(self, solver: PathStraightening, metric: RiemannianMetric, path: ndarray) -> None:
         self._solver = solver
         self._metric = metric
+        self._path = path
         self._n_evaluations = 0
 
-    def run(self, path: ndarray, levels: list[int]) -> PathResult:
-        """Descend from a path with the times of the first level."""
-        n_times = self._solver.n_times
-        reached: Minimum | None = None
+    def run(self, levels: list[int]) -> PathResult:
+        """Descend on all levels; the path has the times of the first."""
+        found: Minimum | None = None
         try:
             for n_segments in levels:
-                path, reached = self._better_start(path, n_segments), None
-                path, reached = self._level(path)
-                if reached.interrupted:
+                found = None
+                self._path = self._better_start(n_segments)
+                found = self._descend(is_last=n_segments == levels[-1])
+                if found.interrupted:
                     break
         except KeyboardInterrupt:
-            reached = None
-        if reached is None or len(path) < n_times:
-            path = self._better_start(path, n_times - 1)
-            value = self._solver.energy.value(self._metric, path)
-            return PathResult(
-                path,
+            found = None
+        if found is None or len(self._path) < self._solver.n_times:
+            self._path = self._better_start(self._solver.n_times - 1)
+            value = self._energy(self._path)
+            found = Minimum(
+                self._path,
                 value,
                 np.array([value]),
                 0,
-                self._n_evaluations,
+                0,
                 False,
+                True,
                 "interrupted from the keyboard",
             )
+        remove_drift = self._metric.remove_drift if self._solver.remove_drift else np.copy
         return PathResult(
-            self._metric.remove_drift(path) if self._solver.remove_drift else path,
-            reached.value,
-            reached.values,
-            reached.n_iterations,
+            remove_drift(self._on_manifold(self._path)),
+            found.value,
+            found.values,
+            found.n_iterations,
             self._n_evaluations,
-            reached.converged,
-            reached.message,
+            found.converged,
+            found.message,
         )
 
-    def _level(self, path: ndarray) -> tuple[ndarray, Minimum]:
-        """Descend from a path, and anew from where a line search has got stuck."""
-        limit = self._solver.max_iterations
-        path, reached = self._descend(path, limit)
-        values = reached.values
-        while not (reached.converged or reached.interrupted or len(values) > limit):
-            path, reached = self._descend(path, limit - len(values) + 1)
-            values = np.concatenate([values, reached.values[1:]])
-            if reached.value >= reached.values[0] * (1.0 - self._solver.tolerance):
-                break
-        return path, replace(reached, values=values, n_iterations=len(values) - 1)
-
-    def _descend(self, path: ndarray, max_iterations: int) -> tuple[ndarray, Minimum]:
-        """Minimise from a path, with its times, preconditioned by the metric along it."""
+    def _descend(self, is_last: bool) -> Minimum:
+        """Minimise from the path, with its times."""
         solver, metric = self._solver, self._metric
-        is_last = len(path) == solver.n_times
-        first_energy = self._energy(path)
-        if not np.isfinite(first_energy):
+        ends, start = self._path[[0, -1]], self._path[1:-1]
+        if not np.isfinite(self._energy(self._path)):
             raise ArgumentError(
                 "the initial path leaves the manifold or has no finite energy; pass another "
                 "initial_path"
             )
-        # In units of the first energy SciPy's first step is neither too short nor too long.
-        scale = first_energy if first_energy > 0 else 1.0
-        n_interior = len(path) - 2
-        nodes = path[1 : -1 : max(1, n_interior // _N_NODES)]
-        change = PathPreconditioner(spatial_factor(metric, nodes, scale), len(path) - 1)
 
-        def coordinates(variables: ndarray) -> ndarray:
-            steps = change.coefficients(variables.reshape(n_interior, -1))
-            moved = path.copy()
-            moved[1:-1] += steps.reshape(n_interior, *metric.space.shape)
-            return moved
+        def path_of(interior: ndarray) -> ndarray:
+            return np.concatenate([ends[:1], interior, ends[1:]])
 
-        def objective(variables: ndarray) -> tuple[float, ndarray]:
-            moved = coordinates(variables)
-            points = self._on_manifold(moved)
-            if not self._belongs(points):
-                return _WALL, np.zeros_like(variables)
-            energy, gradient = solver.energy.value_and_gradient(metric, points)
-            if not np.isfinite(energy):
-                return _WALL, np.zeros_like(variables)
-            pull_back, _ = make_vjp(metric.space.regularize, moved[1:-1])
-            slope = pull_back(gradient[1:-1]).reshape(n_interior, -1)
-            return energy / scale, change.gradient(slope).ravel() / scale
+        def around(interior: ndarray) -> LocalProblem:
+            path = self._on_manifold(path_of(interior))
+            unit = self._energy(path) or 1.0
+            nodes = path[1 : -1 : max(1, len(start) // _N_NODES)]
+            change = PathPreconditioner(spatial_factor(metric, nodes, unit), len(path) - 1)
 
-        def after_iteration(iteration: int, value: float, variables: ndarray) -> None:
+            def position(variables: ndarray) -> ndarray:
+                steps = change.coefficients(variables.reshape(len(start), -1))
+                return path[1:-1] + steps.reshape(start.shape)
+
+            def objective(variables: ndarray) -> tuple[float, ndarray]:
+                self._n_evaluations += 1
+                moved = position(variables)
+                value, slope = self._energy_and_slope(path_of(moved))
+                if not np.isfinite(value):
+                    return _WALL, np.zeros_like(variables)
+                return value / unit, change.gradient(slope).ravel() / unit
+
+            return LocalProblem(objective, position, unit)
+
+        def report(iteration: int, value: float, interior: ndarray) -> None:
+            self._path = path_of(interior)
             if solver.callback is not None and is_last:
-                solver.callback(iteration, value * scale, self._on_manifold(coordinates(variables)))
+                solver.callback(iteration, value, self._on_manifold(self._path))
 
-        minimum = minimize(
-            objective,
-            np.zeros(path[1:-1].size),
-            max_iterations=max_iterations,
+        found = minimize_in_rounds(
+            around,
+            start,
+            max_iterations=solver.max_iterations,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
-            callback=after_iteration,
+            callback=report,
             progress=solver.progress,
-            description=f"{len(path) - 1} segments",
+            description=f"{len(self._path) - 1} segments",
         )
-        self._n_evaluations += minimum.n_evaluations
-        in_units = replace(minimum, value=minimum.value * scale, values=minimum.values * scale)
-        return self._on_manifold(coordinates(minimum.x)), in_units
+        self._path = path_of(found.x)
+        return found
 
-    def _better_start(self, path: ndarray, n_segments: int) -> ndarray:
-        """Return a path at other times, or the straight one where that has less energy."""
-        if n_segments == len(path) - 1:
-            return self._on_manifold(path)
-        straight = linear_path(path[0], path[-1], n_segments + 1)
-        deviation = path - linear_path(path[0], path[-1], len(path))
-        spline = interpolate_in_time(deviation[1:-1].reshape(len(path) - 2, -1), n_segments)
-        smooth = straight.copy()
-        smooth[1:-1] += spline.reshape(smooth[1:-1].shape)
-        starts = [self._on_manifold(start) for start in (smooth, straight)]
+    def _energy_and_slope(self, path: ndarray) -> tuple[float, ndarray]:
+        """Return the energy and its slope in the coordinates of the interior points."""
+        points = self._on_manifold(path)
+        if not self._belongs(points):
+            return np.inf, np.zeros_like(path[1:-1])
+        value, gradient = self._solver.energy.value_and_gradient(self._metric, points)
+        pull_back, _ = make_vjp(self._metric.space.regularize, path[1:-1])
+        return value, pull_back(gradient[1:-1]).reshape(len(path) - 2, -1)
+
+    def _better_start(self, n_segments: int) -> ndarray:
+        """Return the path at other times, or the straight one where that has less energy."""
+        if n_segments == len(self._path) - 1:
+            return self._on_manifold(self._path)
+        starts = [
+            self._on_manifold(_refined(self._path, n_segments)),
+            self._on_manifold(linear_path(self._path[0], self._path[-1], n_segments + 1)),
+        ]
         return min(starts, key=self._energy)
 
     def _energy(self, path: ndarray) -> float:
@@ -259,3 +257,12 @@ class _Descent:
 
     def _belongs(self, path: ndarray) -> bool:
         return bool(np.all(self._metric.space.belongs(path[1:-1])))
+
+
+def _refined(path: ndarray, n_segments: int) -> ndarray:
+    """Return a path at other times, by a spline."""
+    known = np.linspace(0.0, 1.0, len(path))
+    spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
+    refined = spline(np.linspace(0.0, 1.0, n_segments + 1))
+    refined[[0, -1]] = path[[0, -1]]
+    return refined

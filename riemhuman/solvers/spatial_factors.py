@@ -13,8 +13,12 @@ from scipy.sparse.linalg import splu, spsolve_triangular
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.preconditioner import CholeskyFactor
 
-# Metrics are singular on what they do not see: translations, and bends of a surface if c = 0.
+# The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
+# steps along them must not be endless.
 _RIDGE = 1e-4
+
+# Blocks of a metric of fields are singular only on directions that leave the manifold.
+_RIDGE_OF_BLOCKS = 1e-8
 
 # Random vectors that show how strongly a metric weighs each entry of a point.
 _N_PROBES = 3
@@ -90,7 +94,7 @@ class BlockCholeskyFactor(CholeskyFactor):
     def __init__(self, blocks: ndarray) -> None:
         k = blocks.shape[-1]
         sizes = np.trace(blocks, axis1=-2, axis2=-1) / k
-        ridge = _RIDGE * (sizes + (sizes.mean() if sizes.any() else 1.0))
+        ridge = _RIDGE_OF_BLOCKS * (sizes + (sizes.mean() if sizes.any() else 1.0))
         lower = np.linalg.cholesky(blocks + ridge[:, None, None] * np.eye(k))
         self._inverse = np.linalg.inv(lower)
 

@@ -139,7 +139,7 @@ def test_arguments_are_left_alone():
 # The scalar functions around their switch points.
 
 
-@mp.workdps(40)
+@mp.workdps(100)
 def exact_half_angle(m, kappa):
     """Return sin²(½ min(π, κ arccosh(1 + m))) and its derivative in m."""
     m, kappa = mp.mpf(float(m)), mp.mpf(float(kappa))
@@ -150,7 +150,7 @@ def exact_half_angle(m, kappa):
     return float(mp.sin(theta / 2) ** 2), float(slope)
 
 
-@mp.workdps(40)
+@mp.workdps(100)
 def exact_squared_arc(p):
     """Return θ² and its derivative in p, for chord √p = 2 sin ½θ."""
     theta = 2 * mp.asin(mp.sqrt(mp.mpf(float(p))) / 2)

@@ -105,9 +105,11 @@ def test_degenerate_triangles():
     np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), expected)
     with np.errstate(divide="raise", over="raise", invalid="raise"):
         q = surface.square_root_normals(f_u, f_v)
-        np.testing.assert_array_equal(q[1:3], 0.0)
+        np.testing.assert_array_equal(q[1:4], 0.0)
+        assert np.all(np.linalg.norm(q[[0, 4]], axis=1) > 0)
         for argument in (0, 1):
             slope = grad(lambda a, b: np.sum(surface.square_root_normals(a, b)), argument)
+            np.testing.assert_array_equal(slope(f_u, f_v)[1:4], 0.0)
             assert np.all(np.isfinite(slope(f_u, f_v)))
 
 

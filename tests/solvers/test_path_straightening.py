@@ -1,0 +1,337 @@
+"""Paths straightened in all coordinates: they are the geodesics where these are known."""
+
+import warnings
+
+import bodies_in_motion
+import numpy as np
+import pytest
+from cases import (
+    CASES,
+    HalfPlane,
+    HyperbolicDistance,
+    HyperbolicInnerProduct,
+    cases_that,
+    name_of,
+    sphere_template,
+)
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.solvers.basis_path import BasisPath
+from riemhuman.solvers.energies import FiniteDifferenceEnergy
+from riemhuman.solvers.path_straightening import PathStraightening
+from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath, linear_path
+
+# With λ = 1e-4 nearly all triangles of two surfaces are at θ = π, where d² has a corner.
+SMOOTH = [case for case in CASES.values() if not case.name.startswith("shape")]
+
+
+def solve(case, **settings):
+    return PathStraightening(**settings).solve(case.metric, *case.points[:2])
+
+
+@pytest.fixture(scope="module")
+def bent_arm():
+    """Return a metric and two bodies, an arm straight and bent by 120°."""
+    metric = ElasticMetric(bodies_in_motion.space(), a=1.0, lam=1.0, c=1.0)
+    return metric, bodies_in_motion.body("resting"), bodies_in_motion.body("elbow bent")
+
+
+# It finds geodesics.
+
+
+def check_geodesic(solver, case):
+    start, end = case.points[:2]
+    result = solver.solve(case.metric, start, end)
+    squared_dist = case.metric.squared_dist(start, end)
+    assert squared_dist * (1 - 1e-10) <= result.energy <= squared_dist * (1 + 1e-7)
+    geodesic = ClosedFormGeodesic(solver.n_times).solve(case.metric, start, end).path
+    assert case.metric.dist(result.path, geodesic).max() < 1e-3 * np.sqrt(squared_dist)
+
+
+@pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
+def test_it_agrees_with_closed_forms(case):
+    # A product does not tell which coordinates belong together: its preconditioner is coarser.
+    tolerance = 1e-10 if case.name == "product" else 1e-9
+    check_geodesic(PathStraightening(n_times=7, tolerance=tolerance), case)
+
+
+@pytest.mark.parametrize("name", ["ebin 1 sphere", "normals sphere", "product"])
+def test_straight_paths_do_not(name):
+    with pytest.raises(AssertionError):
+        check_geodesic(LinearPath(n_times=7), CASES[name])
+
+
+@pytest.mark.parametrize("case", SMOOTH, ids=name_of)
+def test_what_every_path_satisfies(case):
+    settings = {"n_times": 7, "coarse_segments": (2,)}
+    result = solve(case, **settings)
+    assert result.converged
+    assert result.path.shape == (7, *case.space.shape)
+    np.testing.assert_array_equal(result.path[[0, -1]], case.points[:2])
+    assert np.all(case.space.belongs(result.path))
+    straight = LinearPath(n_times=7).solve(case.metric, *case.points[:2]).energy
+    assert result.energy <= straight * (1 + 1e-12)
+    if case.metric.has_closed_form_dist:
+        assert result.energy >= case.metric.squared_dist(*case.points[:2]) * (1 - 1e-12)
+    np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-9)
+    assert len(result.energies) == result.n_iterations + 1
+    assert np.all(np.diff(result.energies) <= 1e-12 * result.energies[0])
+    again = solve(case, **settings)
+    np.testing.assert_array_equal(again.path, result.path)
+
+
+@pytest.mark.parametrize("name", ["all sphere", "pose open", "srnf sphere", "half-plane, distance"])
+def test_gradient_vanishes_at_the_path_found(name):
+    case = CASES[name]
+    result = solve(case, n_times=5, tolerance=1e-12)
+    start_path = linear_path(*case.points[:2], 5)
+    before, after = (
+        np.linalg.norm(case.metric.energy_and_gradient(path)[1][1:-1])
+        for path in (start_path, result.path)
+    )
+    assert after < 1e-3 * before
+
+
+def test_bent_arm(bent_arm):
+    """Straight, it costs three times as much; a basis of motions comes close from above."""
+    metric, start, end = bent_arm
+    result = PathStraightening().solve(metric, start, end)
+    assert result.converged
+    assert result.energy < 0.3 * LinearPath().solve(metric, start, end).energy
+    over_basis = BasisPath(bodies_in_motion.basis()).solve(metric, start, end)
+    assert result.energy < over_basis.energy
+    again = PathStraightening().solve(metric, start, end, over_basis.path)
+    np.testing.assert_allclose(again.energy, result.energy, rtol=1e-3)
+
+
+def test_metric_matrix_saves_iterations(bent_arm):
+    class WithoutMatrix(HyperbolicDistance):
+        """The same metric as far as the solver's methods tell, without `metric_matrix`."""
+
+        def __init__(self, metric):
+            super().__init__(metric.space)
+            self.squared_dist = metric.squared_dist
+            self.inner_product = metric.inner_product
+            self.energy = metric.energy
+            self.energy_and_gradient = metric.energy_and_gradient
+            self.covector = metric.covector
+
+    metric, start, end = bent_arm
+    settings = {"n_times": 4, "coarse_segments": (), "max_iterations": 60}
+    fast = PathStraightening(**settings).solve(metric, start, end)
+    with pytest.warns(ConvergenceWarning):
+        slow = PathStraightening(**settings).solve(WithoutMatrix(metric), start, end)
+    assert fast.converged
+    assert fast.energy < slow.energy
+
+
+# Far apart.
+
+
+def test_steps_that_leave_the_manifold_are_refused():
+    """Metric fields so far apart that long steps lose positive definiteness."""
+    space = MetricFields(sphere_template())
+    metric = EbinMetric(space, lam=0.5)
+    rng = np.random.default_rng(0)
+    points = space.random_point(2, rng=rng) * rng.uniform(0.01, 30.0, (2, *space.shape[:1], 1, 1))
+    result = PathStraightening(n_times=5, tolerance=1e-8).solve(metric, *points)
+    assert np.all(space.belongs(result.path))
+    np.testing.assert_allclose(result.energy, metric.squared_dist(*points), rtol=1e-4)
+
+
+def test_surfaces_beyond_the_cut_locus_do_not_raise():
+    case = CASES["shape sphere"]
+    with pytest.warns(ConvergenceWarning):
+        result = solve(case, n_times=5, max_iterations=5)
+    assert result.energy < LinearPath(5).solve(case.metric, *case.points[:2]).energy
+
+
+# Metrics of the user's.
+
+
+@pytest.mark.parametrize("metric_class", [HyperbolicInnerProduct, HyperbolicDistance])
+def test_user_metrics(metric_class):
+    start, end = np.array([-2.0, 0.5]), np.array([1.5, 1.0])
+    metric = metric_class(HalfPlane())
+    result = PathStraightening(n_times=41, tolerance=1e-10).solve(metric, start, end)
+    expected = HyperbolicDistance(HalfPlane()).squared_dist(start, end)
+    np.testing.assert_allclose(result.energy, expected, rtol=1e-3)
+    # Geodesics are circles around a point of the real axis.
+    center = (end @ end - start @ start) / (2 * (end[0] - start[0]))
+    radii = np.linalg.norm(result.path - [center, 0.0], axis=1)
+    np.testing.assert_allclose(radii, radii[0], rtol=2e-3)
+
+
+def test_as_geodesic_solver():
+    solver = PathStraightening(n_times=21, tolerance=1e-9)
+    metric = HyperbolicInnerProduct(HalfPlane(), geodesic_solver=solver)
+    start, end = np.array([0.0, 0.5]), np.array([1.0, 1.0])
+    expected = HyperbolicDistance(HalfPlane()).dist(start, end)
+    np.testing.assert_allclose(metric.dist(start, end), expected, rtol=1e-3)
+    np.testing.assert_array_equal(metric.geodesic(start, end)([0.0, 1.0]), [start, end])
+
+
+def test_other_energies():
+    case, energy = CASES["all sphere"], FiniteDifferenceEnergy()
+    result = solve(case, n_times=9, energy=energy)
+    np.testing.assert_allclose(energy.value(case.metric, result.path), result.energy, rtol=1e-9)
+    np.testing.assert_allclose(result.energy, solve(case, n_times=9).energy, rtol=1e-2)
+
+
+# Starts.
+
+
+def test_warm_start():
+    case = CASES["pose sphere"]
+    first = solve(case, n_times=6)
+    again = PathStraightening(n_times=6).solve(case.metric, *case.points[:2], first.path)
+    assert again.energy <= first.energy * (1 + 1e-12)
+    assert again.n_evaluations < first.n_evaluations
+
+
+@pytest.mark.parametrize("coarse_segments", [(), (2,), (2, 4), (3, 50)])
+def test_coarse_levels_do_not_change_the_result(coarse_segments):
+    case = CASES["mixed open"]
+    result = solve(case, coarse_segments=coarse_segments, tolerance=1e-8)
+    np.testing.assert_allclose(result.energy, solve(case, tolerance=1e-8).energy, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["all sphere", "normals sphere", "half-plane, inner product"])
+def test_equal_ends(name):
+    case = CASES[name]
+    result = PathStraightening(n_times=4).solve(case.metric, case.points[0], case.points[0])
+    assert result.energy == 0
+    assert result.converged
+    np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], atol=1e-15)
+
+
+def test_two_times():
+    case = CASES["all sphere"]
+    result = solve(case, n_times=2)
+    np.testing.assert_array_equal(result.path, case.points[:2])
+    assert result.energy == case.metric.squared_dist(*case.points[:2])
+
+
+def test_arguments_are_left_alone():
+    case = CASES["normals sphere"]
+    points = case.points.copy()
+    path = LinearPath(5).solve(case.metric, *points[:2]).path
+    given = path.copy()
+    PathStraightening(n_times=5).solve(case.metric, *points[:2], given)
+    np.testing.assert_array_equal(points, case.points)
+    np.testing.assert_array_equal(given, path)
+
+
+# Stopping.
+
+
+def test_not_converging_is_said_and_warned_of_once():
+    case = CASES["pose open"]
+    with pytest.warns(ConvergenceWarning, match="after 1 iterations") as caught:
+        result = solve(case, max_iterations=1)
+    assert len(caught) == 1
+    assert not result.converged
+    assert result.n_iterations == 1
+
+
+def test_callback_sees_the_last_level():
+    case, seen = CASES["normals sphere"], []
+    result = solve(case, n_times=6, tolerance=1e-8, callback=lambda *state: seen.append(state))
+    assert [iteration for iteration, _, _ in seen] == list(range(1, result.n_iterations + 1))
+    for iteration, energy, path in seen:
+        assert energy == result.energies[iteration]
+        np.testing.assert_allclose(case.metric.energy(path), energy, rtol=1e-10)
+
+
+def check_interrupted(result, case, n_times):
+    assert not result.converged
+    assert "interrupted" in result.message
+    assert result.path.shape == (n_times, *case.space.shape)
+    np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-10)
+
+
+def test_interruption_returns_the_best_path_so_far():
+    case, reached = CASES["pose open"], []
+
+    def callback(iteration, energy, path):
+        reached.append(energy)
+        if iteration == 3:
+            raise KeyboardInterrupt
+
+    with pytest.warns(ConvergenceWarning, match="interrupted from the keyboard"):
+        result = solve(case, tolerance=1e-10, callback=callback)
+    check_interrupted(result, case, 11)
+    assert len(reached) == 3
+    assert result.energy <= min(reached) * (1 + 1e-12)
+
+
+class Interrupting(FiniteDifferenceEnergy):
+    """An energy during which the user presses Ctrl-C at the k-th gradient."""
+
+    counts = [0, 0]  # noqa: RUF012
+
+    def value_and_gradient(self, metric, path):
+        self.counts[0] += 1
+        if self.counts[0] == self.counts[1]:
+            raise KeyboardInterrupt
+        return super().value_and_gradient(metric, path)
+
+
+@pytest.mark.parametrize("count", range(1, 12))
+def test_interruption_at_any_time_loses_nothing(count):
+    case, energy = CASES["half-plane, inner product"], Interrupting()
+    energy.counts[:] = 0, count
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        result = solve(case, n_times=6, tolerance=1e-14, energy=energy)
+    assert energy.counts[0] == count
+    check_interrupted(result, case, 6)
+    assert [warning.category for warning in caught] == [ConvergenceWarning]
+    straight = LinearPath(6, energy).solve(case.metric, *case.points[:2]).energy
+    assert result.energy <= straight * (1 + 1e-12)
+
+
+# Bad input.
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"n_times": 1},
+        {"n_times": 2.5},
+        {"max_iterations": 0},
+        {"tolerance": 0.0},
+        {"coarse_segments": (1,)},
+        {"coarse_segments": (2, "four")},
+    ],
+)
+def test_settings_are_checked(settings):
+    with pytest.raises((ArgumentError, ArgumentTypeError), match=next(iter(settings))):
+        PathStraightening(**settings)
+
+
+def test_points_of_another_space_are_refused():
+    case, other = CASES["all sphere"], CASES["all open"]
+    with pytest.raises(ArgumentError, match="start must have shape"):
+        PathStraightening().solve(case.metric, other.points[0], case.points[1])
+    path = linear_path(*case.points[:2], 7)
+    with pytest.raises(ArgumentError, match="n_times = 11 times; found 7"):
+        PathStraightening().solve(case.metric, *case.points[:2], path)
+    with pytest.raises(ArgumentError, match="run from start to end"):
+        PathStraightening(n_times=7).solve(case.metric, *case.points[1:3], path)
+
+
+def test_starts_off_the_manifold_are_refused():
+    """Between antipodal normals the straight path runs through 0."""
+    space = NormalFields(sphere_template())
+    start = space.random_point()
+    with pytest.raises(ArgumentError, match="leaves the manifold.*pass another initial_path"):
+        PathStraightening(n_times=5).solve(space.metric, start, -start)
+    case = CASES["all triangle"]
+    path = linear_path(*case.points[:2], 5)
+    path[2] = 0.0
+    with pytest.raises(ArgumentError, match="leaves the manifold.*pass another initial_path"):
+        PathStraightening(n_times=5).solve(case.metric, *case.points[:2], path)

@@ -1,0 +1,109 @@
+"""Paths without optimisation, and the checks that all path solvers share."""
+
+import numpy as np
+import pytest
+from cases import CASES, cases_that, name_of
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
+from riemhuman.solvers.energies import FiniteDifferenceEnergy
+from riemhuman.solvers.simple_paths import (
+    ClosedFormGeodesic,
+    LinearPath,
+    check_end_points,
+    check_initial_path,
+    linear_path,
+)
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_linear_path(case):
+    start, end = case.points[:2]
+    result = LinearPath(n_times=5).solve(case.metric, start, end)
+    assert result.path.shape == (5, *case.space.shape)
+    np.testing.assert_array_equal(result.path[[0, -1]], case.points[:2])
+    assert np.all(case.space.belongs(result.path))
+    middle = case.space.regularize(0.5 * (start + end))
+    np.testing.assert_allclose(result.path[2], middle, atol=1e-14)
+    assert result.energy == case.metric.energy(result.path)
+    np.testing.assert_array_equal(result.energies, [result.energy])
+    assert (result.n_iterations, result.n_evaluations, result.converged) == (0, 1, True)
+
+
+def check_geodesic(solver, case):
+    start, end = case.points[:2]
+    result = solver.solve(case.metric, start, end)
+    np.testing.assert_allclose(result.energy, case.metric.squared_dist(start, end), rtol=1e-10)
+    steps = case.metric.dist(result.path[:-1], result.path[1:])
+    np.testing.assert_allclose(steps, steps[0], rtol=1e-6)
+    np.testing.assert_allclose(result.path[[0, -1]], case.points[:2], atol=1e-12)
+
+
+@pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
+def test_closed_form_geodesics_have_constant_speed_and_least_energy(case):
+    check_geodesic(ClosedFormGeodesic(n_times=6), case)
+
+
+def test_straight_paths_are_no_geodesics():
+    with pytest.raises(AssertionError):
+        check_geodesic(LinearPath(n_times=6), CASES["normals sphere"])
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in CASES.values() if "geodesic" not in case.can], ids=name_of
+)
+def test_no_closed_form_is_said(case):
+    with pytest.raises(NotDefinedError, match="no closed-form geodesics; use BasisPath or Path"):
+        ClosedFormGeodesic().solve(case.metric, *case.points[:2])
+
+
+@pytest.mark.parametrize("solver_class", [LinearPath, ClosedFormGeodesic])
+def test_settings(solver_class):
+    case = CASES["normals triangle"]
+    energy = FiniteDifferenceEnergy()
+    result = solver_class(n_times=4, energy=energy).solve(case.metric, *case.points[:2])
+    assert result.energy == energy.value(case.metric, result.path)
+    assert len(solver_class().solve(case.metric, *case.points[:2]).path) == 11
+    for wrong in (1, 2.5, "many"):
+        with pytest.raises((ArgumentError, ArgumentTypeError), match="n_times must be"):
+            solver_class(n_times=wrong)
+
+
+def test_end_points_are_left_alone():
+    case = CASES["mixed open"]
+    start, end = case.points[0].copy(), case.points[1].copy()
+    LinearPath().solve(case.metric, start, end)
+    np.testing.assert_array_equal([start, end], case.points[:2])
+
+
+def test_end_points_are_checked():
+    metric, point = CASES["all triangle"].metric, CASES["all triangle"].points[0]
+    start, end = check_end_points(metric, point.astype(np.float32), point.tolist())
+    assert start.dtype == end.dtype == np.float64
+    with pytest.raises(ArgumentError, match=r"start must have shape .*\(1, 4, 3\)"):
+        check_end_points(metric, np.zeros((4, 3)), point)
+    with pytest.raises(ArgumentError, match="end holds 9 NaN"):
+        check_end_points(metric, point, np.nan * point)
+    with pytest.raises(ArgumentTypeError, match="end must be an array of real numbers"):
+        check_end_points(metric, point, "surface")
+
+
+def test_linear_path_is_exact_at_its_ends():
+    start, end = np.random.default_rng(0).standard_normal((2, 4))
+    path = linear_path(start, end, 8)
+    np.testing.assert_array_equal(path[[0, -1]], [start, end])
+    np.testing.assert_allclose(np.diff(path, axis=0), (end - start) / 7 + np.zeros((7, 4)))
+
+
+def test_initial_paths_are_checked():
+    metric, (start, end) = CASES["all triangle"].metric, CASES["all triangle"].points[:2]
+    path = linear_path(start, end, 5)
+    np.testing.assert_array_equal(check_initial_path(metric, start, end, 5, path), path)
+    np.testing.assert_array_equal(check_initial_path(metric, start, end, 5, path.tolist()), path)
+    with pytest.raises(ArgumentError, match="n_times = 6 times; found 5"):
+        check_initial_path(metric, start, end, 6, path)
+    with pytest.raises(ArgumentError, match="run from start to end; its ends are off by up to 0.5"):
+        check_initial_path(metric, start, end, 5, path + 0.5)
+    with pytest.raises(ArgumentError, match="initial_path holds 45 NaN"):
+        check_initial_path(metric, start, end, 5, np.nan * path)
+    with pytest.raises(ArgumentError, match="initial_path must have shape"):
+        check_initial_path(metric, start, end, 5, path[0])

@@ -1,0 +1,108 @@
+"""Factors of metrics in all coordinates."""
+
+import numpy as np
+import pytest
+from cases import CASES, HalfPlane, HyperbolicInnerProduct, cases_that, name_of
+from scipy import sparse
+
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers import spatial_factors
+from riemhuman.solvers.spatial_factors import (
+    BlockCholeskyFactor,
+    SparseCholeskyFactor,
+    spatial_factor,
+)
+
+RIDGE = spatial_factors._RIDGE
+
+
+def whitened(factor, matrix):
+    """Return L⁻¹ A L⁻ᵀ, which is nearly the identity where A is not nearly singular."""
+    size = matrix.shape[0]
+    left = factor.solve(matrix @ factor.solve_transposed(np.eye(size)))
+    return left
+
+
+def check_transposed(factor, size):
+    x, y = np.random.default_rng(0).standard_normal((2, size, 3))
+    np.testing.assert_allclose(
+        np.sum(factor.solve(x) * y), np.sum(x * factor.solve_transposed(y)), rtol=1e-9
+    )
+
+
+def test_sparse_factor():
+    rng = np.random.default_rng(1)
+    root = sparse.random_array((40, 40), density=0.05, rng=rng) + 2 * sparse.eye_array(40)
+    matrix = sparse.csr_array(root @ root.T)
+    factor = SparseCholeskyFactor(matrix)
+    np.testing.assert_allclose(whitened(factor, matrix), np.eye(40), atol=30 * RIDGE)
+    check_transposed(factor, 40)
+
+
+@pytest.mark.parametrize("scale", [0.0, 1e-9, 1e6])
+def test_singular_matrices_get_a_ridge(scale):
+    matrix = scale * sparse.csr_array(np.ones((6, 6)))
+    check_transposed(SparseCholeskyFactor(matrix), 6)
+    check_transposed(BlockCholeskyFactor(matrix.toarray().reshape(1, 6, 6)), 6)
+
+
+@pytest.mark.parametrize("name", ["all sphere", "stretch open", "srnf triangle"])
+def test_surface_metrics_give_their_matrix(name):
+    """In the directions that the metric sees, the factor makes it the identity."""
+    metric, points = CASES[name].metric, CASES[name].points[:2]
+    matrix = metric.metric_matrix(points) / 3.0
+    factor = spatial_factor(metric, points, 3.0)
+    assert isinstance(factor, SparseCholeskyFactor)
+    values = np.linalg.eigvalsh(whitened(factor, matrix.toarray()))
+    assert values.max() < 1.0
+    seen = np.linalg.eigvalsh(matrix.toarray()) > 0.05 * matrix.diagonal().mean()
+    assert np.sum(values > 0.97) >= np.sum(seen) > 0
+
+
+def dense_matrix(metric, point):
+    units = np.eye(point.size).reshape(-1, *point.shape)
+    tangent = metric.space.to_tangent(units, point + np.zeros_like(units))
+    images = metric.covector(tangent, point + np.zeros_like(units))
+    return images.reshape(point.size, point.size)
+
+
+@pytest.mark.parametrize("case", cases_that("geodesic"), ids=name_of)
+def test_blocks_are_exact_on_fields(case):
+    """On the tangent space, whose other directions carry no weight."""
+    if len(case.space.shape) == 1:
+        pytest.skip("a product hides which coordinates belong together")
+    matrix = dense_matrix(case.metric, case.points[0])
+    factor = spatial_factor(case.metric, case.points[:1], 1.0)
+    values = np.linalg.eigvalsh(whitened(factor, matrix))
+    is_zero = values < 1e-6
+    np.testing.assert_allclose(values[~is_zero], 1.0, atol=0.1)
+    assert np.sum(~is_zero) == case.space.dim
+
+
+@pytest.mark.parametrize("case", cases_that(), ids=name_of)
+def test_factors_exist_for_every_metric(case):
+    factor = spatial_factor(case.metric, case.points, 1.0)
+    check_transposed(factor, case.points[0].size)
+
+
+def test_small_points_are_one_block():
+    class Skewed(RiemannianMetric):
+        def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+            a, b = tangent_vec_a, tangent_vec_b
+            return (
+                2.0 * a[..., 0] * b[..., 0]
+                + 0.9 * (a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0])
+                + a[..., 1] * b[..., 1]
+                + 0.0 * base_point[..., 0]
+            )
+
+    factor = spatial_factor(Skewed(HalfPlane()), np.ones((1, 2)), 1.0)
+    matrix = np.array([[2.0, 0.9], [0.9, 1.0]])
+    np.testing.assert_allclose(whitened(factor, matrix), np.eye(2), atol=1e-2)
+
+
+def test_average_over_points():
+    metric = HyperbolicInnerProduct(HalfPlane())
+    factor = spatial_factor(metric, np.array([[0.0, 1.0], [0.0, 2.0]]), 1.0)
+    expected = (1.0 + 0.25) / 2 * np.eye(2)
+    np.testing.assert_allclose(whitened(factor, expected), np.eye(2), atol=1e-3)
