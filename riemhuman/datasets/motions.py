@@ -108,7 +108,12 @@ class Motion(ABC):
         """Return these frames, shape (n, V, 3)."""
 
 
-def chosen(wanted: Sequence[str] | str | None, name: str, known: Sequence[str]) -> tuple[str, ...]:
+def chosen(
+    wanted: Sequence[str] | str | None,
+    name: str,
+    known: Sequence[str],
+    source: str = "",
+) -> tuple[str, ...]:
     """Return the names asked for, all of them by default, after checking that they are known.
 
     Parameters
@@ -119,6 +124,8 @@ def chosen(wanted: Sequence[str] | str | None, name: str, known: Sequence[str]) 
         Name of the argument, for messages.
     known : sequence of str
         Names there are.
+    source : str
+        Where they are, for messages.
 
     Returns
     -------
@@ -142,6 +149,6 @@ def chosen(wanted: Sequence[str] | str | None, name: str, known: Sequence[str]) 
     if unknown or not names or len(set(names)) < len(names):
         found = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
         raise ArgumentError(
-            f"{name} must be different names, at least one, out of {', '.join(known)}; {found}"
+            f"{name} must be different names, at least one, out of {', '.join(known)}{source}; {found}"
         )
     return names

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,13 @@ from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
-from riemhuman.solvers.simple_paths import check_end_points, check_initial_path, linear_path
+from riemhuman.solvers.simple_paths import (
+    LinearPath,
+    check_end_points,
+    check_initial_path,
+    known_path,
+    linear_path,
+)
 from riemhuman.solvers.spatial_factors import spatial_factor
 
 # Coarse levels only have to find the valley; the last one goes to its floor.
@@ -27,6 +33,9 @@ _COARSE_TOLERANCE = 1e-4
 
 # Points of the path over which the metric's matrix is averaged.
 _N_NODES = 3
+
+# Relative rounding errors within which end points are the same.
+_ROUNDING = 1e-13
 
 # Height, in units of the first energy, of the wall around the manifold in the line search.
 _WALL = 2.0
@@ -121,11 +130,22 @@ class PathStraightening:
             levels = [n_segments]
             path = check_initial_path(metric, start, end, self.n_times, initial_path)
         if n_segments == 1:
-            value = self.energy.value(metric, path)
-            return PathResult(path, value, np.array([value]), 0, 1, True, "a single segment")
+            return known_path(metric, self.energy, path, "a single segment")
+        if self._coincide(metric, start, end):
+            straight = LinearPath(self.n_times, self.energy).solve(metric, start, end)
+            return replace(straight, message="the end points are no distance apart")
         result = _Descent(self, metric, path).run(levels)
         warn_unless_converged(self, result)
         return result
+
+    def _coincide(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> bool:
+        """Tell whether the metric sees no more between the ends than rounding errors of them."""
+        noise = np.random.default_rng(0).uniform(-_ROUNDING, _ROUNDING, start.shape)
+        near = metric.space.regularize(start * (1.0 + noise))
+        apart, rounding = (
+            self.energy.value(metric, np.stack([start, other])) for other in (end, near)
+        )
+        return apart <= rounding
 
 
 class _Descent:

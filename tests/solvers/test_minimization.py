@@ -73,7 +73,9 @@ def test_iteration_limit_is_said():
 
 def test_callback_sees_every_iteration():
     seen = []
-    found = minimize(rosenbrock, np.zeros(2), callback=lambda k, value, x: seen.append((k, value, x.copy())))
+    found = minimize(
+        rosenbrock, np.zeros(2), callback=lambda k, value, x: seen.append((k, value, x.copy()))
+    )
     assert [iteration for iteration, _, _ in seen] == list(range(1, found.n_iterations + 1))
     np.testing.assert_array_equal([value for _, value, _ in seen], found.values[1:])
     for _, value, x in seen:

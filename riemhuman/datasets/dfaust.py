@@ -1,0 +1,289 @@
+"""The registrations of Dynamic FAUST, read from HDF5 frame by frame."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from riemhuman.checks import integer_array
+from riemhuman.datasets.motions import Motion, chosen
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileError,
+    FileFormatError,
+)
+from riemhuman.optional import import_optional
+from riemhuman.surfaces.mesh_arrays import face_difference
+
+_FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
+_FACES = "faces"
+_FRAMES_PER_SECOND = 60.0
+# Frames that lie together in the file are read together, as far as this.
+_SPAN = 64
+
+
+class DynamicFaustMotion(Motion):
+    """One sequence of Dynamic FAUST; its file is open only while frames are read.
+
+    Parameters
+    ----------
+    path : path_like
+        HDF5 file.
+    subject, sequence : str
+        Names, as in the file.
+    n_frames : int
+        Number of frames.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        subject: str,
+        sequence: str,
+        n_frames: int,
+        faces: np.ndarray,
+    ) -> None:
+        super().__init__(subject, sequence, _FRAMES_PER_SECOND, n_frames, faces)
+        self._path = Path(path)
+
+    @property
+    def path(self) -> Path:
+        """The file the frames are read from."""
+        return self._path
+
+    def _frames(self, numbers: range) -> np.ndarray:
+        key = f"{self.subject}_{self.sequence}"
+        n_vertices = int(self.faces.max()) + 1
+        frames = np.empty((len(numbers), n_vertices, 3))
+        run = max(1, _SPAN // abs(numbers.step))
+        with _opened(self._path) as file:
+            if key not in file or file[key].shape != (n_vertices, 3, len(self)):
+                raise FileError(f"{self._path} has changed: {key} is not what it was")
+            for start in range(0, len(numbers), run):
+                some = np.asarray(numbers[start : start + run])
+                first, end = int(some.min()), int(some.max()) + 1
+                try:
+                    read = file[key][:, :, first:end]
+                except OSError as error:
+                    raise FileError(
+                        f"{self._path}: frames {first} to {end - 1} of {key} cannot be read: "
+                        f"{error}"
+                    ) from error
+                frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
+        bad = [number for number, frame in zip(numbers, frames) if not np.isfinite(frame).all()]
+        if bad:
+            raise FileFormatError(
+                f"{self._path}: NaN or infinite coordinates in frames "
+                f"{_shortened([str(number) for number in bad])} of {key}"
+            )
+        return frames
+
+
+def load_dfaust(
+    path: str | os.PathLike[str],
+    subjects: Sequence[str | int] | str | int | None = None,
+    sequences: Sequence[str] | str | None = None,
+) -> tuple[DynamicFaustMotion, ...]:
+    """Load registered sequences of Dynamic FAUST [1]_, to be read when frames are asked for.
+
+    The data set is not part of this library; its makers give it out to those who register. Needs
+    the extra ``data``.
+
+    Parameters
+    ----------
+    path : path_like
+        The folder with ``registrations_m.hdf5`` and ``registrations_f.hdf5``, or with one of
+        them; or a file.
+    subjects : sequence of str or int, or one of them, optional
+        People wanted, such as 50002; by default everybody there is.
+    sequences : sequence of str or str, optional
+        Motions wanted; by default all there are. Of people not asked for by name, those who lack
+        a motion are passed over in it.
+
+    Returns
+    -------
+    motions : tuple of DynamicFaustMotion
+        Every sequence of the first person, of the second, and so on; points in metres.
+
+    Raises
+    ------
+    FileError
+        If the path holds no such file, or a file cannot be read.
+    FileFormatError
+        If a file is not HDF5, holds no sequence, no triangles or others than the rest, or
+        sequences asked for are not numbers of shape (V, 3, n_frames): all of these are named.
+    ArgumentError
+        If a person or motion asked for is not there: the message says what is.
+    ArgumentTypeError
+        If an argument is not of a type named above.
+    MissingDependencyError
+        If h5py is not installed.
+
+    References
+    ----------
+    .. [1] Bogo, Romero, Pons-Moll, Black, "Dynamic FAUST: Registering Human Bodies in Motion",
+       CVPR 2017.
+    """
+    files = _find_files(path)
+    found: dict[str, dict[str, _Entry]] = {}
+    faces: np.ndarray | None = None
+    for file in files:
+        with _opened(file) as contents:
+            faces = _read_faces(contents, file, faces)
+            for key in contents:
+                match = re.fullmatch(r"(\d+)_(\w+)", key)
+                if match:
+                    entry = _Entry.of(contents[key], file)
+                    found.setdefault(match[1], {})[match[2]] = entry
+    if faces is None or not found:
+        raise FileFormatError(f"{_listed(files)} holds no sequence, such as 50002_hips")
+    pairs = _wanted(found, subjects, sequences, f" in {_listed(files)}")
+    _refuse_malformed(found, pairs, int(faces.max()) + 1)
+    return tuple(
+        DynamicFaustMotion(entry.file, subject, sequence, entry.shape[-1], faces)
+        for subject, sequence in pairs
+        for entry in [found[subject][sequence]]
+    )
+
+
+class _Entry(NamedTuple):
+    """Where a sequence is, and what its dataset looks like without reading it."""
+
+    file: Path
+    shape: tuple[int, ...]
+    kind: str
+
+    @classmethod
+    def of(cls, dataset: Any, file: Path) -> _Entry:
+        kind = dataset.dtype.kind if hasattr(dataset, "dtype") else ""
+        return cls(file, tuple(getattr(dataset, "shape", None) or ()), kind)
+
+    def problem(self, n_vertices: int) -> str | None:
+        """Say what is wrong with the dataset, if anything."""
+        if self.kind not in ("f", "i", "u"):
+            return "does not hold numbers"
+        if len(self.shape) != 3 or self.shape[:2] != (n_vertices, 3) or self.shape[2] == 0:
+            return f"has shape {self.shape}"
+        return None
+
+
+def _named(subjects: Any) -> Any:
+    """Return numbers of subjects as the names they are in the file."""
+    if isinstance(subjects, (int, np.integer)):
+        return str(subjects)
+    if isinstance(subjects, str) or not isinstance(subjects, Iterable):
+        return subjects
+    return [str(subject) for subject in subjects]
+
+
+def _find_files(path: str | os.PathLike[str]) -> list[Path]:
+    try:
+        root = Path(path).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(
+            f"path must be the path of a file or folder; found {path!r}"
+        ) from error
+    if not root.exists():
+        raise FileError(f"there is no file or folder {root}")
+    if not root.is_dir():
+        return [root]
+    files = [root / name for name in _FILES if (root / name).is_file()]
+    if not files:
+        raise FileError(f"{root} holds neither {_FILES[0]} nor {_FILES[1]}")
+    return files
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open an HDF5 file for reading and close it afterwards, whatever happens."""
+    h5py = import_optional("h5py", "data")
+    try:
+        if path.is_file() and not h5py.is_hdf5(path):
+            raise FileFormatError(f"{path} is not an HDF5 file")
+        file = h5py.File(path, "r")
+    except OSError as error:
+        raise FileError(f"cannot read {path}: {error}") from error
+    with file:
+        yield file
+
+
+def _read_faces(contents: Any, file: Path, expected: np.ndarray | None) -> np.ndarray:
+    """Return the triangles of a file, which must be those of the file before."""
+    if _FACES not in contents:
+        raise FileFormatError(
+            f"{file} holds no dataset {_FACES!r} of triangles; found "
+            f"{_shortened(sorted(contents)) or 'nothing'}"
+        )
+    try:
+        faces = integer_array(contents[_FACES], f"{_FACES} of {file}", ("n_faces", 3))
+    except (ArgumentError, ArgumentTypeError) as error:
+        raise FileFormatError(str(error)) from error
+    if not faces.size or faces.min() < 0:
+        raise FileFormatError(
+            f"{_FACES} of {file} must be numbers of vertices, from 0 on; found "
+            f"{faces.min() if faces.size else 'none'}"
+        )
+    difference = None if expected is None else face_difference(faces, expected)
+    if difference:
+        raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
+    faces.flags.writeable = False
+    return faces
+
+
+def _wanted(
+    found: Mapping[str, Mapping[str, Any]], subjects: Any, sequences: Any, source: str
+) -> list[tuple[str, str]]:
+    """Return the pairs of subject and sequence to load, refusing what is not there."""
+    performed = sorted(set().union(*found.values()))
+    names = chosen(sequences, "sequences", performed, source)
+    people = chosen(_named(subjects), "subjects", tuple(found), source)
+    missing = []
+    for subject in people if sequences is not None and subjects is not None else ():
+        lacking = [name for name in names if name not in found[subject]]
+        if lacking:
+            there = ", ".join(sorted(found[subject]))
+            missing.append(f"{subject} lacks {', '.join(lacking)} and has {there}")
+    if missing:
+        raise ArgumentError(
+            f"sequences must be there for all subjects asked for{source}; {'; '.join(missing)}"
+        )
+    return [(subject, name) for subject in people for name in names if name in found[subject]]
+
+
+def _refuse_malformed(
+    found: Mapping[str, Mapping[str, _Entry]],
+    pairs: Sequence[tuple[str, str]],
+    n_vertices: int,
+) -> None:
+    """Refuse sequences asked for that cannot be read, and name them all."""
+    problems = [
+        f"{subject}_{sequence} of {entry.file} {problem}"
+        for subject, sequence in pairs
+        for entry in [found[subject][sequence]]
+        for problem in [entry.problem(n_vertices)]
+        if problem
+    ]
+    if problems:
+        raise FileFormatError(
+            f"sequences must be numbers of shape ({n_vertices}, 3, n_frames), as their triangles "
+            f"ask for; {'; '.join(problems)}"
+        )
+
+
+def _listed(files: Sequence[Path]) -> str:
+    return " and ".join(str(file) for file in files)
+
+
+def _shortened(names: Sequence[str]) -> str:
+    """Return at most ten names as a list."""
+    more = f" and {len(names) - 10} more" if len(names) > 10 else ""
+    return ", ".join(names[:10]) + more

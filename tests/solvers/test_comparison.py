@@ -1,0 +1,139 @@
+"""Paths of several solvers beside each other."""
+
+import bodies_in_motion
+import numpy as np
+import pytest
+from cases import CASES
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers.basis_path import BasisPath
+from riemhuman.solvers.comparison import compare_paths, measure_path
+from riemhuman.solvers.model_path import ModelParameters, ModelPath
+from riemhuman.solvers.path_straightening import PathStraightening
+from riemhuman.solvers.simple_paths import LinearPath
+
+N_TIMES = 6
+
+
+@pytest.fixture(scope="module")
+def rows():
+    """Return linear, SRNF and model paths beside ours, on an elbow that bends by 120°."""
+    space, model, basis = bodies_in_motion.space(), bodies_in_motion.model(), None
+    basis = bodies_in_motion.basis()
+    metrics = {"elastic": ElasticMetric(space, 1.0, 1.0, 1.0), "srnf": SRNFMetric(space)}
+    start, end = bodies_in_motion.body("resting"), bodies_in_motion.body("elbow bent")
+    betas = np.random.default_rng(3).normal(size=(5, model.n_betas))[0]
+    poses = bodies_in_motion.pose(), bodies_in_motion.pose(left_elbow=(0, -120, 0))
+    first, last = (ModelParameters(betas, pose, np.zeros(3)) for pose in poses)
+
+    def parameters(surface):
+        return first if np.allclose(surface, start) else last
+
+    model_path = ModelPath(model, N_TIMES, parameters=parameters)
+    solvers = {
+        "linear": (LinearPath(N_TIMES), "elastic"),
+        "SRNF": (BasisPath(basis, N_TIMES), "srnf"),
+        "model": (model_path, "elastic"),
+        "ours": (BasisPath(basis, N_TIMES), "elastic"),
+        "straightened": (PathStraightening(N_TIMES), "elastic"),
+    }
+    reference = model_path.solve(metrics["elastic"], start, end).path
+    return compare_paths(metrics, start, end, solvers, reference)
+
+
+def by_name(rows):
+    return {row.name: row.measures for row in rows}
+
+
+def test_one_row_a_solver_in_order(rows):
+    assert [row.name for row in rows] == ["linear", "SRNF", "model", "ours", "straightened"]
+    assert [row.metric for row in rows] == ["elastic", "srnf", "elastic", "elastic", "elastic"]
+    for row in rows:
+        assert row.result.path.shape[0] == N_TIMES
+        assert row.seconds > 0
+        assert list(row.measures.energies) == ["elastic", "srnf"]
+        np.testing.assert_allclose(row.measures.energies[row.metric], row.result.energy, rtol=1e-9)
+
+
+def test_each_path_is_best_under_its_own_metric(rows):
+    measures = by_name(rows)
+    elastic = {name: values.energies["elastic"] for name, values in measures.items()}
+    assert elastic["straightened"] < elastic["ours"] < min(elastic["linear"], elastic["SRNF"])
+    assert measures["SRNF"].energies["srnf"] < measures["linear"].energies["srnf"]
+
+
+def test_linear_and_srnf_paths_distort_more_than_ours(rows):
+    measures = by_name(rows)
+    for measure in ("area_change", "edge_change"):
+        ours = getattr(measures["ours"], measure)
+        for other in ("linear", "SRNF"):
+            distorted = getattr(measures[other], measure)
+            assert ours.quantile_99 < 0.5 * distorted.quantile_99
+            assert ours.mean < distorted.mean
+
+
+def test_deviation_is_from_the_reference(rows):
+    measures = by_name(rows)
+    assert measures["model"].mean_deviation == measures["model"].max_deviation == 0
+    linear = measures["linear"]
+    # The chord of the hand's arc: it passes some 20 cm inside.
+    assert 100 < linear.max_deviation < 300
+    assert 0 < linear.mean_deviation < linear.max_deviation
+
+
+def test_rows_for_tables(rows):
+    table = [row.as_row() for row in rows]
+    assert all(list(line) == list(table[0]) for line in table)
+    assert all(
+        isinstance(value, (str, int, float, bool)) for line in table for value in line.values()
+    )
+    assert table[0]["energy_srnf"] == rows[0].measures.energies["srnf"]
+    assert table[0]["area_change_quantile_99"] == rows[0].measures.area_change.quantile_99
+
+
+def test_rigid_motion_distorts_nothing():
+    case = CASES["all sphere"]
+    surface = case.points[0]
+    turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    path = np.stack([surface, surface @ turn.T + 1.0, surface @ turn @ turn])
+    measures = measure_path({"all": case.metric}, path)
+    for change in (measures.area_change, measures.edge_change):
+        np.testing.assert_allclose(change, 0.0, atol=1e-12)
+    assert abs(measures.volume_change) < 1e-12
+    assert np.isnan(measures.mean_deviation)
+    assert np.isnan(measures.max_deviation)
+
+
+def test_swelling_is_measured_beyond_the_ends():
+    case = CASES["all sphere"]
+    surface = case.points[0]
+    path = np.stack([surface, 2.0 * surface, 1.25 * surface])
+    measures = measure_path({"all": case.metric}, path, reference=path + [0.0, 0.003, 0.004])
+    np.testing.assert_allclose(measures.area_change, (2 / 1.25) ** 2 - 1)
+    np.testing.assert_allclose(measures.edge_change, 2 / 1.25 - 1)
+    np.testing.assert_allclose(measures.volume_change, (2 / 1.25) ** 3 - 1)
+    np.testing.assert_allclose([measures.mean_deviation, measures.max_deviation], 5.0)
+
+
+def test_open_meshes_have_no_volume():
+    case = CASES["all open"]
+    assert np.isnan(measure_path({"all": case.metric}, case.points).volume_change)
+
+
+def test_bad_input():
+    case = CASES["all sphere"]
+    metrics, ends, path = {"all": case.metric}, case.points[:2], case.points
+    with pytest.raises(ArgumentError, match=r"solvers\['ours'\] names the metric 'pose'.*'all'"):
+        compare_paths(metrics, *ends, {"ours": (LinearPath(), "pose")})
+    with pytest.raises(ArgumentError, match="metrics is empty"):
+        measure_path({}, path)
+    with pytest.raises(ArgumentError, match=r"reference must have shape \(4, 42, 3\); found \(3"):
+        measure_path(metrics, path, path[1:])
+    with pytest.raises(ArgumentError, match="path has 20 vertices"):
+        measure_path(metrics, CASES["all open"].points)
+    flat = CASES["half-plane, distance"]
+    with pytest.raises(ArgumentError, match="metrics must be metrics on surfaces"):
+        measure_path({"flat": flat.metric}, flat.points)
+    assert compare_paths(metrics, *ends, {}) == []

@@ -1,0 +1,277 @@
+"""Fréchet means and medians: below every alternative, whatever the order and the start."""
+
+from dataclasses import dataclass
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+
+import bodies_in_motion as bodies
+from cases import sphere_template, triangle_template
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import (
+    ArgumentError,
+    ConvergenceWarning,
+    NotDefinedError,
+    OutsideManifoldError,
+)
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.product import ProductManifold
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
+from riemhuman.solvers.basis_mean import STARTS
+from riemhuman.solvers.dispersion import Dispersion, check_weights
+
+
+@dataclass(frozen=True)
+class AllDirections:
+    """The basis of all coordinates of a point."""
+
+    size: int
+
+    @property
+    def flat(self):
+        """The unit vectors."""
+        return np.eye(self.size)
+
+
+def equipped(a, lam, c):
+    space = AlignedSurfaces(load_open_bodies("coarse").template, equip=False)
+    return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
+
+
+def five_people():
+    """Return a space with the pose metric, and five people in one pose."""
+    return equipped(0.0, 0.0, 1.0), load_open_bodies("coarse").points[0:50:10]
+
+
+def one_person():
+    """Return a space with (1, 1, 0), and one person in ten poses."""
+    return equipped(1.0, 1.0, 0.0), load_open_bodies("coarse").points[:10]
+
+
+SETS = {"five people": five_people, "one person": one_person}
+
+
+@pytest.mark.parametrize("make", SETS.values(), ids=SETS)
+def test_mean_is_below_the_euclidean_mean_and_every_sample(make):
+    space, points = make()
+    mean = FrechetMean(space, BasisMean(bodies.basis())).fit(points)
+    dispersion = Dispersion(space.metric, points)
+    assert mean.result_.converged
+    assert mean.variance_ == pytest.approx(dispersion.value(mean.estimate_), rel=1e-10)
+    assert mean.variance_ < dispersion.value(points.mean(axis=0))
+    assert mean.variance_ < min(dispersion.value(point) for point in points)
+    assert np.all(np.diff(mean.result_.variances) <= 0)
+    assert mean.n_iter_ == len(mean.result_.variances) - 1
+
+
+@pytest.mark.parametrize("make", SETS.values(), ids=SETS)
+def test_mean_does_not_depend_on_the_order(make):
+    space, points = make()
+    solver = BasisMean(bodies.basis(), tolerance=1e-10)
+    mean = FrechetMean(space, solver).fit(points)
+    shuffled = FrechetMean(space, solver).fit(
+        points[np.random.default_rng(1).permutation(len(points))]
+    )
+    assert shuffled.variance_ == pytest.approx(mean.variance_, rel=1e-6)
+    gap = space.metric.dist(mean.estimate_, shuffled.estimate_)
+    assert gap < 1e-3 * np.sqrt(mean.variance_)
+
+
+def test_every_start_leads_to_the_same_mean():
+    space, points = five_people()
+    variances = [
+        FrechetMean(space, BasisMean(bodies.basis(), start=start)).fit(points).variance_
+        for start in STARTS
+    ]
+    np.testing.assert_allclose(variances, variances[0], rtol=1e-5)
+
+
+def test_the_papers_algorithm_adds_the_basis_to_the_first_body():
+    space, points = five_people()
+    solver = BasisMean(bodies.basis(), start="first", with_differences=False)
+    mean = FrechetMean(space, solver).fit(points)
+    difference = mean.estimate_ - points[0]
+    np.testing.assert_allclose(bodies.basis().project(difference), difference, atol=1e-12)
+    assert mean.variance_ < Dispersion(space.metric, points).value(points[0])
+
+
+@pytest.mark.parametrize("estimator", [FrechetMean, GeometricMedian])
+def test_mean_of_copies_is_the_copy(estimator):
+    space, points = five_people()
+    mean = estimator(space, BasisMean(bodies.basis())).fit(np.repeat(points[:1], 4, axis=0))
+    np.testing.assert_allclose(mean.estimate_, points[0], atol=1e-12)
+    assert mean.variance_ == pytest.approx(0.0, abs=1e-20)
+
+
+def test_weights_pull_the_mean():
+    space, points = five_people()
+    solver = BasisMean(bodies.basis())
+    alone = FrechetMean(space, solver).fit(points, weights=[0, 0, 1, 0, 0])
+    assert space.metric.dist(alone.estimate_, points[2]) < 1e-6
+    twice = FrechetMean(space, solver).fit(points[:2], weights=[2.0, 1.0])
+    thrice = FrechetMean(space, solver).fit(points[[0, 0, 1]])
+    assert twice.variance_ == pytest.approx(thrice.variance_, rel=1e-6)
+    assert space.metric.dist(twice.estimate_, thrice.estimate_) < 1e-3 * np.sqrt(twice.variance_)
+
+
+FIELDS = {
+    "normals": NormalFields(sphere_template()),
+    "metrics": MetricFields(triangle_template()).equip_with_metric(EbinMetric, lam=2.0),
+    "product": ProductManifold(
+        [
+            MetricFields(triangle_template()).equip_with_metric(EbinMetric, lam=2.0),
+            NormalFields(triangle_template()),
+        ]
+    ),
+    "vectors": VectorSpace((4, 2)),
+}
+
+
+def near_points(space, n_points=5, rng=3):
+    """Return points near enough for means to be unique."""
+    points = space.random_point(n_points, rng=rng)
+    center = points[0]
+    return space.regularize(center + 0.25 * (points - center))
+
+
+@pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+def test_basis_mean_agrees_with_gradient_descent_on_fields(space):
+    points = near_points(space)
+    weights = [1.0, 2.0, 0.5, 1.0, 1.5]
+    descent = FrechetMean(space, GradientDescentMean(tolerance=1e-12)).fit(points, weights=weights)
+    size = int(np.prod(space.shape))
+    solver = BasisMean(AllDirections(size), with_differences=False, tolerance=1e-16)
+    direct = FrechetMean(space, solver).fit(points, weights=weights)
+    assert direct.variance_ == pytest.approx(descent.variance_, rel=1e-10)
+    assert space.metric.dist(direct.estimate_, descent.estimate_) < 1e-6 * np.sqrt(
+        descent.variance_
+    )
+    assert space.belongs(descent.estimate_)
+
+
+@pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+def test_logarithms_at_the_mean_cancel(space):
+    points = near_points(space)
+    mean = FrechetMean(space, GradientDescentMean()).fit(points)
+    logs = space.metric.log(points, mean.estimate_)
+    total = space.metric.norm(logs.mean(axis=0), mean.estimate_)
+    assert total < 1e-7 * np.sqrt(mean.variance_)
+
+
+def test_mean_of_vectors_is_their_average():
+    space = FIELDS["vectors"]
+    points = space.random_point(6)
+    weights = np.arange(1.0, 7.0)
+    mean = FrechetMean(space, GradientDescentMean()).fit(points, weights=weights)
+    np.testing.assert_allclose(mean.estimate_, np.average(points, axis=0, weights=weights))
+
+
+def test_median_of_numbers_and_of_an_outlier():
+    line = VectorSpace((1,))
+    numbers = np.array([[0.0], [1.0], [2.0], [7.0], [100.0]])
+    median = GeometricMedian(line, GradientDescentMean()).fit(numbers)
+    np.testing.assert_allclose(median.estimate_, [2.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+def test_median_has_the_least_sum_of_distances(space):
+    points = near_points(space)
+    median = GeometricMedian(space, GradientDescentMean()).fit(points)
+
+    def total(point):
+        return space.metric.dist(points, point).sum()
+
+    mean = FrechetMean(space, GradientDescentMean()).fit(points).estimate_
+    best = total(median.estimate_)
+    assert best < total(mean)
+    assert np.all(best <= [total(point) + 1e-9 for point in points])
+    vectors = space.random_tangent_vec(median.estimate_, 8, rng=5)
+    nearby = space.regularize(median.estimate_ + 1e-3 * vectors)
+    assert np.all(best <= [total(point) for point in nearby])
+
+
+def test_median_of_bodies_is_below_their_mean():
+    space, points = five_people()
+    solver = BasisMean(bodies.basis())
+    median = GeometricMedian(space, solver).fit(points)
+    mean = FrechetMean(space, solver).fit(points)
+
+    def total(point):
+        return space.metric.dist(points, point).sum()
+
+    assert total(median.estimate_) < total(mean.estimate_)
+
+
+class VertexDistance(RiemannianMetric):
+    """A user's metric by its squared distance alone."""
+
+    def squared_dist(self, point_a, point_b):
+        """Return Σ ‖a − b‖²."""
+        return anp.sum((point_a - point_b) ** 2, axis=(-2, -1))
+
+
+def test_users_metrics_run_unchanged():
+    space, points = five_people()
+    space.equip_with_metric(VertexDistance)
+    mean = FrechetMean(space, BasisMean(bodies.basis().truncated(4))).fit(points)
+    np.testing.assert_allclose(mean.estimate_, points.mean(axis=0), atol=1e-6)
+
+
+def test_callback_and_interruption():
+    space, points = one_person()
+    seen = []
+
+    def interrupt(iteration, variance, point):
+        seen.append(variance)
+        if iteration == 3:
+            raise KeyboardInterrupt
+
+    solver = BasisMean(bodies.basis(), callback=interrupt)
+    with pytest.warns(ConvergenceWarning, match="interrupted"):
+        mean = FrechetMean(space, solver).fit(points)
+    assert len(seen) == 3
+    assert not mean.result_.converged
+    assert mean.variance_ <= seen[-1]
+    assert mean.variance_ == pytest.approx(Dispersion(space.metric, points).value(mean.estimate_))
+
+
+def test_what_has_not_converged_says_so():
+    space, points = one_person()
+    with pytest.warns(ConvergenceWarning, match="BasisMean.*2 iterations"):
+        FrechetMean(space, BasisMean(bodies.basis(), max_iterations=2)).fit(points)
+    fields = FIELDS["normals"]
+    with pytest.warns(ConvergenceWarning, match="GradientDescentMean"):
+        FrechetMean(fields, GradientDescentMean(max_iterations=1)).fit(near_points(fields))
+    with pytest.warns(ConvergenceWarning, match="GeometricMedian"):
+        GeometricMedian(fields, GradientDescentMean(), max_iterations=1).fit(near_points(fields))
+
+
+def test_refusals():
+    space, points = five_people()
+    solver = BasisMean(bodies.basis())
+    with pytest.raises(ArgumentError, match="points.*n_points, 1202, 3"):
+        FrechetMean(space, solver).fit(points[0])
+    with pytest.raises(ArgumentError, match="at least one point"):
+        FrechetMean(space, solver).fit(points[:0])
+    with pytest.raises(ArgumentError, match="points.*NaN"):
+        FrechetMean(space, solver).fit(points * np.nan)
+    with pytest.raises(ArgumentError, match="weights"):
+        FrechetMean(space, solver).fit(points, weights=[1.0, 2.0])
+    with pytest.raises(ArgumentError, match="smallest is -1"):
+        FrechetMean(space, solver).fit(points, weights=[1, 1, 1, 1, -1])
+    with pytest.raises(ArgumentError, match="sum 0"):
+        check_weights(np.zeros(3), 3)
+    with pytest.raises(ArgumentError, match="3606.*12"):
+        FrechetMean(space, BasisMean(AllDirections(12))).fit(points)
+    with pytest.raises(NotDefinedError, match="log"):
+        FrechetMean(space, GradientDescentMean()).fit(points)
+    with pytest.raises(ArgumentError, match="start.*'median'"):
+        BasisMean(bodies.basis(), start="median")
+    fields = NormalFields(triangle_template())
+    with pytest.raises(OutsideManifoldError, match="antipodal"):
+        FrechetMean(fields, GradientDescentMean()).fit(np.array([[[0, 0, 1.0]], [[0, 0, -1.0]]]))

@@ -1,0 +1,177 @@
+"""Paths through the parameters of a body model."""
+
+import bodies_in_motion
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.solvers.model_path import ModelParameters, ModelPath
+
+
+@pytest.fixture(scope="module")
+def metric():
+    return ElasticMetric(bodies_in_motion.space(), a=1.0, lam=1.0, c=1.0)
+
+
+def parameters(rng, turn=1.0):
+    rng = np.random.default_rng(rng)
+    model = bodies_in_motion.model()
+    return ModelParameters(
+        rng.normal(size=model.n_betas),
+        rng.normal(0.0, turn, (model.n_joints, 3)),
+        rng.normal(size=3),
+    )
+
+
+def solve(metric, first, last, **settings):
+    model = bodies_in_motion.model()
+    return ModelPath(model, **settings).solve(
+        metric, model(*first), model(*last), start_parameters=first, end_parameters=last
+    )
+
+
+@pytest.mark.parametrize("rotations", ["axis-angle", "geodesic"])
+def test_path_runs_between_the_surfaces(metric, rotations):
+    model, first, last = bodies_in_motion.model(), parameters(1, 0.2), parameters(2, 0.2)
+    result = solve(metric, first, last, n_times=4, rotations=rotations)
+    assert result.path.shape == (4, model.n_vertices, 3)
+    np.testing.assert_allclose(result.path[[0, -1]], [model(*first), model(*last)], atol=1e-12)
+    assert result.energy == metric.energy(result.path)
+    assert result.converged
+    assert result.message.endswith("mm from start and end")
+
+
+def test_axis_angle_vectors_are_interpolated_linearly(metric):
+    model, first, last = bodies_in_motion.model(), parameters(1, 0.3), parameters(2, 0.3)
+    result = solve(metric, first, last, n_times=5)
+    for path_time, surface in zip(np.linspace(0, 1, 5), result.path, strict=True):
+        mixed = [(1 - path_time) * a + path_time * b for a, b in zip(first, last, strict=True)]
+        np.testing.assert_allclose(surface, model(*mixed), atol=1e-12)
+
+
+class Recorder:
+    """A model that keeps the poses it was asked for."""
+
+    def __init__(self):
+        self.poses = None
+
+    def __call__(self, betas, pose, trans):
+        self.poses = pose
+        return bodies_in_motion.model()(betas, 0.0 * pose, trans)
+
+
+def poses_along(metric, first, last, rotations):
+    recorder, surface = Recorder(), bodies_in_motion.body("resting")
+    solver = ModelPath(recorder, n_times=9, rotations=rotations)
+    solver.solve(metric, surface, surface, start_parameters=first, end_parameters=last)
+    return recorder.poses
+
+
+def check_uniform_rotation(poses, first, last):
+    """Check that each joint turns about one axis, at constant speed, by the shortest way."""
+    for joint in range(poses.shape[1]):
+        rotations = Rotation.from_rotvec(poses[:, joint])
+        steps = (rotations[:-1].inv() * rotations[1:]).as_rotvec()
+        np.testing.assert_allclose(steps, steps[:1] + 0 * steps, atol=1e-12)
+        gap = Rotation.from_rotvec(first.pose[joint]).inv() * Rotation.from_rotvec(last.pose[joint])
+        np.testing.assert_allclose(8 * np.linalg.norm(steps[0]), gap.magnitude(), atol=1e-11)
+
+
+def test_rotation_geodesics(metric):
+    first, last = parameters(3), parameters(4)
+    check_uniform_rotation(poses_along(metric, first, last, "geodesic"), first, last)
+    with pytest.raises(AssertionError):
+        check_uniform_rotation(poses_along(metric, first, last, "axis-angle"), first, last)
+
+
+def test_about_one_axis_both_agree(metric):
+    first = parameters(3)
+    last = first._replace(pose=0.5 * first.pose)
+    one, other = (poses_along(metric, first, last, name) for name in ("axis-angle", "geodesic"))
+    np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+def test_flat_poses_and_plain_tuples(metric):
+    first, last = parameters(1, 0.2), parameters(2, 0.2)
+    expected = solve(metric, first, last, n_times=3, rotations="geodesic").path
+    flat = [(betas, pose.ravel(), trans) for betas, pose, trans in (first, last)]
+    model = bodies_in_motion.model()
+    result = ModelPath(model, n_times=3, rotations="geodesic").solve(
+        metric, model(*first), model(*last), start_parameters=flat[0], end_parameters=flat[1]
+    )
+    np.testing.assert_array_equal(result.path, expected)
+
+
+def test_message_says_how_far_the_surfaces_are(metric):
+    model, first, last = bodies_in_motion.model(), parameters(1, 0.2), parameters(2, 0.2)
+    shifted = model(*last)
+    shifted[7] += [0.003, 0.0, 0.004]
+    result = ModelPath(model, n_times=3).solve(
+        metric, model(*first), shifted, start_parameters=first, end_parameters=last
+    )
+    assert "up to 5 mm from start and end" in result.message
+
+
+def test_as_geodesic_solver():
+    model, first, last = bodies_in_motion.model(), parameters(1, 0.2), parameters(2, 0.2)
+    known = {model(*values)[0, 0]: values for values in (first, last)}
+    solver = ModelPath(model, parameters=lambda surface: known[surface[0, 0]])
+    metric = ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 1.0, geodesic_solver=solver)
+    geodesic = metric.geodesic(model(*first), model(*last))
+    np.testing.assert_allclose(geodesic([0.0, 1.0])[1], model(*last), atol=1e-12)
+
+
+def test_parameters_are_needed(metric):
+    model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
+    with pytest.raises(ArgumentError, match="start_parameters .*are needed.*found neither"):
+        ModelPath(model).solve(metric, surface, surface)
+    with pytest.raises(ArgumentError, match="end_parameters .*are needed.*found neither"):
+        ModelPath(model).solve(metric, surface, surface, start_parameters=parameters(1))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"pose": np.zeros((5, 4))}, r"pose of end_parameters must have shape .*\(5, 4\)"),
+        ({"pose": np.full((3, 3), np.nan)}, "pose of end_parameters holds 9 NaN"),
+        ({"betas": "tall"}, "betas of end_parameters must be an array of real numbers"),
+        ({"trans": np.zeros(2)}, "trans of end_parameters must have shape"),
+        ({"pose": np.zeros((3, 3))}, "pose of one shape"),
+        ({"betas": np.zeros(1)}, "betas of one shape"),
+    ],
+)
+def test_malformed_parameters_are_refused(metric, change, message):
+    good = parameters(1)
+    model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
+    with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
+        ModelPath(model).solve(
+            metric,
+            surface,
+            surface,
+            start_parameters=good,
+            end_parameters=good._replace(**change),
+        )
+
+
+@pytest.mark.parametrize("wrong", [3.0, (np.zeros(3), np.zeros((2, 3)))])
+def test_parameters_are_three_arrays(metric, wrong):
+    model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
+    with pytest.raises(ArgumentError, match="three arrays betas, pose and trans; found"):
+        ModelPath(model).solve(metric, surface, surface, start_parameters=wrong)
+
+
+def test_settings_are_checked():
+    model = bodies_in_motion.model()
+    with pytest.raises(ArgumentError, match="rotations must be one of 'axis-angle', 'geodesic'"):
+        ModelPath(model, rotations="quaternion")
+    with pytest.raises(ArgumentError, match="n_times must be"):
+        ModelPath(model, n_times=1)
+
+
+def test_models_of_another_template_are_refused(metric):
+    surface, values = bodies_in_motion.body("resting"), parameters(1)
+    solver = ModelPath(lambda betas, pose, trans: np.zeros((len(pose), 4, 3)))
+    with pytest.raises(ArgumentError, match="the model's surfaces must have shape"):
+        solver.solve(metric, surface, surface, start_parameters=values, end_parameters=values)

@@ -1,0 +1,62 @@
+"""Interpolation of deformation gradients: exact for rigid motions, symmetric in time."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import bodies_in_motion as bodies
+from cases import open_template, sphere_template, surfaces
+from riemhuman.surfaces import Template
+
+TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
+TIMES = np.linspace(0.0, 1.0, 6)
+
+
+@pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
+def test_rigid_motions_are_followed(template):
+    turn = np.array([0.4, -2.0, 1.1])
+    start = template.vertices
+    end = start @ Rotation.from_rotvec(turn).as_matrix().T + [1.0, -2.0, 0.5]
+    path = template.interpolator.interpolate(start, end, TIMES)
+    for t, surface in zip(TIMES, path, strict=True):
+        expected = start @ Rotation.from_rotvec(t * turn).as_matrix().T
+        expected += ((1 - t) * start + t * end - expected).mean(axis=0)
+        np.testing.assert_allclose(surface, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
+def test_ends_scaling_and_reversal(template):
+    start, end = surfaces(template, 2, rng=1)
+    path = template.interpolator.interpolate(start, end, TIMES)
+    np.testing.assert_allclose(path[[0, -1]], [start, end], atol=1e-12)
+    back = template.interpolator.interpolate(end, start, TIMES)
+    np.testing.assert_allclose(back[::-1], path, atol=1e-11)
+    grown = template.interpolator.interpolate(start, 2 * start, TIMES)
+    np.testing.assert_allclose(grown, (1 + TIMES)[:, None, None] * start, atol=1e-12)
+
+
+def test_components_stay_where_the_straight_path_has_them():
+    sphere = sphere_template()
+    two = Template(
+        np.concatenate([sphere.vertices, sphere.vertices + 5.0]),
+        np.concatenate([sphere.faces, sphere.faces + sphere.n_vertices]),
+    )
+    end = two.vertices.copy()
+    end[sphere.n_vertices :] += [0.0, 3.0, 0.0]
+    middle = two.interpolator.interpolate(two.vertices, end, np.array([0.5]))[0]
+    np.testing.assert_allclose(middle, 0.5 * (two.vertices + end), atol=1e-12)
+
+
+def test_an_elbow_keeps_the_length_of_the_forearm():
+    start, end = bodies.body("resting"), bodies.body("elbow bent")
+    joints = bodies.model().joint_names
+    bones = bodies.model().weights.argmax(axis=1)
+    forearm = np.flatnonzero(bones == joints.index("left_elbow"))
+    hand = np.flatnonzero(bones == joints.index("left_wrist"))
+
+    def length(surface):
+        return np.linalg.norm(surface[hand].mean(axis=0) - surface[forearm].mean(axis=0))
+
+    middle = bodies.model().template.interpolator.interpolate(start, end, np.array([0.5]))[0]
+    assert length(middle) == pytest.approx(length(start), rel=0.03)
+    assert length(0.5 * (start + end)) < 0.7 * length(start)
