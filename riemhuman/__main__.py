@@ -1,4 +1,4 @@
-"""The main job: who is it, and how do they stand?"""
+"""The main job: tables of who it is, and how they stand."""
 
 from __future__ import annotations
 

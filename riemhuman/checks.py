@@ -93,7 +93,7 @@ def check_shape(
 
 
 def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:
-    """Return `array` as an int64 array of exactly this shape; whole-numbered floats are accepted."""
+    """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted."""
     values = np.asarray(array)
     if values.dtype.kind not in "iu" and not (
         values.dtype.kind == "f" and np.isfinite(values).all() and (values == values.round()).all()

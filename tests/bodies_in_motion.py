@@ -1,4 +1,4 @@
-"""Bodies of the open model at coarse resolution, and a basis of its own motions, for solver tests."""
+"""Bodies of the coarse open model and a basis of its motions, for tests of solvers."""
 
 from functools import cache
 

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+
 from riemhuman.__main__ import main
 from riemhuman.datasets import load_open_bodies
 from riemhuman.surfaces import save_mesh

@@ -149,7 +149,9 @@ class BodyModel:
                     raise FileFormatError(
                         f"{path} holds one array; expected an .npz archive of a body model"
                     )
-                arrays = {wanted[key]: archive[key] for key in archive.files if key in wanted}
+                arrays: dict[str, Any] = {
+                    wanted[key]: archive[key] for key in archive.files if key in wanted
+                }
                 found = sorted(archive.files)
         except OSError as error:
             raise FileError(f"cannot read body model {path}: {error}") from error
@@ -186,7 +188,7 @@ class BodyModel:
         """
         real = onp.float32 if single_precision else onp.float64
         kintree_table = onp.stack([self._parents, onp.arange(self.n_joints)])
-        fields = {
+        fields: dict[str, Any] = {
             "v_template": self._template.vertices.astype(real),
             "f": self.faces.astype(onp.int32),
             "shapedirs": self._shapedirs.astype(real),
@@ -405,6 +407,7 @@ class BodyModel:
 
     @cached_property
     def _pose_matrix(self) -> onp.ndarray:
+        assert self._posedirs is not None, "asked for where there are posedirs only"
         return onp.ascontiguousarray(self._posedirs.reshape(3 * self.n_vertices, -1).T)
 
 

@@ -75,9 +75,7 @@ class Bodies:
         }
         for name, shape in trailing.items():
             if getattr(self, name) is not None:
-                array = real_array(
-                    getattr(self, name), name, (len(points), *shape), batched=False
-                )
+                array = real_array(getattr(self, name), name, (len(points), *shape), batched=False)
                 self._keep(**{name: array})
 
     def __len__(self) -> int:

@@ -230,9 +230,7 @@ def build_coarse(full: BodyModel, simplification: ModuleType) -> BodyModel:
         full.template.vertices[kept],
         faces,
         full.shapedirs[kept],
-        _joint_regressor(
-            samples, joints, full.weights[kept], full.parents, _N_CANDIDATES_COARSE
-        ),
+        _joint_regressor(samples, joints, full.weights[kept], full.parents, _N_CANDIDATES_COARSE),
         full.weights[kept],
         [full.parents, range(full.n_joints)],
         joint_names=full.joint_names,
@@ -343,7 +341,7 @@ def _joint_regressor(
     samples: np.ndarray,
     targets: np.ndarray,
     weights: np.ndarray,
-    parents: Sequence[int],
+    parents: Sequence[int] | np.ndarray,
     n_candidates: int,
 ) -> np.ndarray:
     """Return non-negative rows, summing to one, that reproduce the joints of every sample.

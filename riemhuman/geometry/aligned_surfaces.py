@@ -322,7 +322,8 @@ class ElasticMetric(SurfaceMetric):
         if self._c > 0:
             factors.append(NormalFields(space.template))
         weights = [weight for weight in (self._a, self._c) if weight > 0]
-        target = ProductMetric(ProductManifold(factors, equip=False), weights)
+        self._product = ProductManifold(factors, equip=False)
+        target = ProductMetric(self._product, weights)
         super().__init__(space, target, self._weighted_fields, geodesic_solver)
 
     @property
@@ -366,10 +367,6 @@ class ElasticMetric(SurfaceMetric):
         return self._join(metric_field, normal_field)
 
     def _join(self, metric_field: ndarray | None, normal_field: ndarray | None) -> ndarray:
-        product = self.target_metric.space
-        fields = [
-            field
-            for field, weight in ((metric_field, self.a), (normal_field, self.c))
-            if weight > 0
-        ]
-        return product.embed_to_product(fields)
+        weighted = ((metric_field, self.a), (normal_field, self.c))
+        fields = [field for field, weight in weighted if weight > 0 and field is not None]
+        return self._product.embed_to_product(fields)

@@ -447,9 +447,9 @@ class RiemannianMetric:
         return real_array(points, name, ("n_points", *self.space.shape), batched=False)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
-        before = (slice(None, -1), *self._whole_point)
-        after = (slice(1, None), *self._whole_point)
-        start, end = path[(..., *before)], path[(..., *after)]
+        before: Any = (..., slice(None, -1), *self._whole_point)
+        after: Any = (..., slice(1, None), *self._whole_point)
+        start, end = path[before], path[after]
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
         return self.squared_norm(end - start, self.space.regularize(0.5 * (start + end)))

@@ -281,10 +281,11 @@ class ProductMetric(RiemannianMetric):
         -------
         array, shape (n, n)
         """
-        return sum(
-            weight * factor.metric.squared_dist_pairwise(self.space.component(points, k), n_jobs)
-            for k, factor, weight in self._weighted_factors()
-        )
+        total = np.zeros((len(points), len(points)))
+        for k, factor, weight in self._weighted_factors():
+            component = self.space.component(points, k)
+            total += weight * factor.metric.squared_dist_pairwise(component, n_jobs)
+        return total
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Return the exponential of every factor.

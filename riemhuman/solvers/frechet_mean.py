@@ -57,7 +57,7 @@ class FrechetMean:
         self.space = space
         self.solver = solver
 
-    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:  # noqa: N803
+    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
         r"""Find the mean of points.
 
         Parameters
@@ -123,7 +123,7 @@ class GeometricMedian(FrechetMean):
         self.tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
         self.max_iterations = whole_number(max_iterations, "max_iterations", minimum=1)
 
-    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:  # noqa: N803
+    def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
         r"""Find the geometric median of points.
 
         Parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -12,6 +13,10 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
+
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 @dataclass(frozen=True)
@@ -52,10 +57,10 @@ class PoissonPath:
             If a triangle of an end point has no area, so that it has no rotation.
         """
         start, end = check_end_points(metric, start, end)
-        metric.space.check_immersed(start, "start")
-        metric.space.check_immersed(end, "end")
+        space: AlignedSurfaces = metric.space  # type: ignore[assignment]
+        space.check_immersed(start, "start")
+        space.check_immersed(end, "end")
         path = linear_path(start, end, self.n_times)
         times = np.linspace(0.0, 1.0, self.n_times)
-        interpolator = metric.space.template.interpolator
-        path[1:-1] = interpolator.interpolate(start, end, times[1:-1])
+        path[1:-1] = space.template.interpolator.interpolate(start, end, times[1:-1])
         return known_path(metric, self.energy, path, "interpolated deformation gradients")

@@ -73,9 +73,7 @@ def test_against_the_papers_recipe(benchmark, start, end, weights, kind):
     metric = ElasticMetric(AlignedSurfaces(bodies(resolution).template), *weights)
     solver = BasisPath(basis(resolution))
     options = {"ftol": 0.0, "gtol": 0.0, "maxfun": 10 * most}
-    recipe = BasisPath(
-        basis(resolution), method="l-bfgs-b", max_iterations=most, options=options
-    )
+    recipe = BasisPath(basis(resolution), method="l-bfgs-b", max_iterations=most, options=options)
     solver.solve(metric, points[start], points[end])  # compiles, loads, keeps what can be kept
 
     ours = benchmark.pedantic(

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from autograd import value_and_grad
-
 from cases import deformations, sphere_template, surfaces
+
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric

@@ -1,10 +1,10 @@
 """Geodesics over a basis: what they reach, what they refuse, how they stop."""
 
 import autograd.numpy as anp
+import bodies_in_motion as bodies
 import numpy as np
 import pytest
 
-import bodies_in_motion as bodies
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,

@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 import autograd.numpy as anp
+import bodies_in_motion as bodies
 import numpy as np
 import pytest
-
-import bodies_in_motion as bodies
 from cases import sphere_template, triangle_template
+
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,

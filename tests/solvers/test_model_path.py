@@ -125,9 +125,9 @@ def test_as_geodesic_solver():
 
 def test_parameters_are_needed(metric):
     model, surface = bodies_in_motion.model(), bodies_in_motion.body("resting")
-    with pytest.raises(ArgumentError, match="start_parameters .*are needed.*found neither"):
+    with pytest.raises(ArgumentError, match=r"start_parameters .*are needed.*found neither"):
         ModelPath(model).solve(metric, surface, surface)
-    with pytest.raises(ArgumentError, match="end_parameters .*are needed.*found neither"):
+    with pytest.raises(ArgumentError, match=r"end_parameters .*are needed.*found neither"):
         ModelPath(model).solve(metric, surface, surface, start_parameters=parameters(1))
 
 

@@ -339,10 +339,10 @@ def test_starts_off_the_manifold_are_refused():
     """Between antipodal normals the straight path runs through 0."""
     space = NormalFields(sphere_template())
     start = space.random_point()
-    with pytest.raises(ArgumentError, match="leaves the manifold.*pass another initial_path"):
+    with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
         PathStraightening(n_times=5).solve(space.metric, start, -start)
     case = CASES["all triangle"]
     path = linear_path(*case.points[:2], 5)
     path[2] = 0.0
-    with pytest.raises(ArgumentError, match="leaves the manifold.*pass another initial_path"):
+    with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
         PathStraightening(n_times=5).solve(case.metric, *case.points[:2], path)

@@ -19,8 +19,7 @@ RIDGE = spatial_factors._RIDGE
 def whitened(factor, matrix):
     """Return L⁻¹ A L⁻ᵀ, which is nearly the identity where A is not nearly singular."""
     size = matrix.shape[0]
-    left = factor.solve(matrix @ factor.solve_transposed(np.eye(size)))
-    return left
+    return factor.solve(matrix @ factor.solve_transposed(np.eye(size)))
 
 
 def check_transposed(factor, size):

@@ -1,8 +1,8 @@
 """Triangle matrices are summed where the triangles are."""
 
 import numpy as np
-
 from cases import sphere_template
+
 from riemhuman.surfaces.assembly import TriangleAssembler
 
 

@@ -1,11 +1,11 @@
 """Interpolation of deformation gradients: exact for rigid motions, symmetric in time."""
 
+import bodies_in_motion as bodies
 import numpy as np
 import pytest
+from cases import open_template, sphere_template, surfaces
 from scipy.spatial.transform import Rotation
 
-import bodies_in_motion as bodies
-from cases import open_template, sphere_template, surfaces
 from riemhuman.surfaces import Template
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
