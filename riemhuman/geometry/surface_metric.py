@@ -30,6 +30,32 @@ class SurfaceMetric(PullbackMetric):
         """Weights of the fused loops."""
         raise TypeError(f"{type(self).__name__} must say the weights of the fused loops")
 
+    def energy(self, path: ndarray) -> ndarray:
+        """Return the closed-form energy n Σ d²(f_i, f_{i+1}) of paths with n segments.
+
+        One path of plain arrays runs in compiled loops; several, or a path traced by autograd, by
+        the definition.
+
+        Parameters
+        ----------
+        path : array, shape (..., n_times, V, 3)
+            Paths.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If the metric needs a normal of a triangle without area.
+        """
+        if isinstance(path, ndarray) and path.ndim == 3:
+            energy, _ = self.energy_and_gradient(path)
+            if np.isfinite(energy):
+                return np.float64(energy)
+        return super().energy(path)
+
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient, in one compiled pass.
 

@@ -6,6 +6,8 @@ import numpy as np
 from numpy import ndarray
 
 _N_ROUNDS = 60
+# The motion of a surface is found from about this many of its vertices.
+_N_VERTICES = 2000
 # Rounds end when no vertex moves by more than this share of the body's size.
 _TOLERANCE = 1e-6
 # Distances below this share of the body's size count as none.
@@ -36,26 +38,32 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
     """
     moved = path.copy()
     size = np.ptp(path[0], axis=0).max()
+    some = slice(None, None, max(1, path.shape[1] // _N_VERTICES))
     for i, t in enumerate(np.linspace(0.0, 1.0, len(path))[1:-1], start=1):
-        target = (1.0 - t) * path[0] + t * path[-1]
-        pull = weights
+        f = path[i, some]
+        target = (1.0 - t) * path[0, some] + t * path[-1, some]
+        pull = weights[some]
+        before = f
         for _ in range(_N_ROUNDS):
-            fitted = _fit(path[i], target, pull / pull.sum(), rotations)
-            step = np.abs(fitted - moved[i]).max()
-            moved[i] = fitted
-            if step <= _TOLERANCE * size:
+            rotation, shift = _rigid_motion(f, target, pull / pull.sum(), rotations)
+            after = f @ rotation + shift
+            if np.abs(after - before).max() <= _TOLERANCE * size:
                 break
-            distances = np.linalg.norm(fitted - target, axis=1)
-            pull = weights / np.maximum(distances, _SMALLEST * size)
+            distances = np.linalg.norm(after - target, axis=1)
+            pull = weights[some] / np.maximum(distances, _SMALLEST * size)
+            before = after
+        moved[i] = path[i] @ rotation + shift
     return moved
 
 
-def _fit(f: ndarray, target: ndarray, weights: ndarray, rotations: bool) -> ndarray:
-    """Return f after the rigid motion of least weighted squared distance to the target."""
+def _rigid_motion(
+    f: ndarray, target: ndarray, weights: ndarray, rotations: bool
+) -> tuple[ndarray, ndarray]:
+    """Return R and b of least weighted squared distance between f R + b and the target."""
     centre, goal = weights @ f, weights @ target
     if not rotations:
-        return f + (goal - centre)
-    centred = f - centre
-    left, _, right = np.linalg.svd((centred * weights[:, None]).T @ (target - goal))
+        return np.eye(3), goal - centre
+    left, _, right = np.linalg.svd(((f - centre) * weights[:, None]).T @ (target - goal))
     sign = 1.0 if np.linalg.det(left @ right) > 0 else -1.0
-    return centred @ ((left * [1.0, 1.0, sign]) @ right) + goal
+    rotation = (left * [1.0, 1.0, sign]) @ right
+    return rotation, goal - centre @ rotation

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 METHODS = ("preconditioned", "l-bfgs-b", "bfgs")
 
 # Surfaces of the path over which the Gram matrix is averaged.
-_N_NODES = 3
+_N_NODES = 2
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class BasisPath:
     method: str = "preconditioned"
     energy: PathEnergy = SegmentEnergy()
     initial: GeodesicSolver | None = None
-    tolerance: float = 1e-5
+    tolerance: float = 1e-4
     max_iterations: int = 1000
     remove_drift: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
 from riemhuman.solvers.results import PathResult
 from riemhuman.surfaces.distortion import (
     Distortion,
@@ -22,13 +22,6 @@ from riemhuman.surfaces.distortion import (
     summarize,
     triangle_areas,
 )
-
-
-class PathSolver(Protocol):
-    """A strategy that finds a path between two points."""
-
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        """Return a path."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +104,7 @@ def compare_paths(
     metrics: Mapping[str, RiemannianMetric],
     start: ndarray,
     end: ndarray,
-    solvers: Mapping[str, tuple[PathSolver, str]],
+    solvers: Mapping[str, tuple[GeodesicSolver, str]],
     reference: ndarray | None = None,
 ) -> list[PathComparison]:
     """Find paths between two surfaces with several solvers, and measure all of them alike.

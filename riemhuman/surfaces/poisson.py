@@ -92,11 +92,31 @@ class PoissonInterpolator:
 
 
 def _rotations(first: ndarray, last: ndarray) -> ndarray:
-    """Return the rotational part of the maps that take derivatives and normals to each other."""
-    bases = []
-    for derivatives in (first, last):
-        normals = np.cross(derivatives[:, :, 0], derivatives[:, :, 1])
-        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-        bases.append(np.concatenate([derivatives, normals[:, :, None]], axis=2))
-    left, _, right = np.linalg.svd(bases[1] @ np.linalg.inv(bases[0]))
-    return left @ right
+    """Return the rotational part of the maps that take derivatives and normals to each other.
+
+    In orthonormal frames of the two triangles the map is a 2 × 2 matrix, whose polar decomposition
+    has the rotation by the angle atan2(m₂₁ − m₁₂, m₁₁ + m₂₂).
+    """
+    (first_frame, first_upper), (last_frame, last_upper) = _frames(first), _frames(last)
+    # Inverse of the upper triangular matrix [[p, q], [0, r]], times p r > 0.
+    p, q, r = first_upper
+    u, v, w = last_upper
+    m11, m12, m22 = u * r, v * p - u * q, w * p
+    angle = np.arctan2(-m12, m11 + m22)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = last_frame.copy()
+    turned[:, :, 0] = cosine[:, None] * last_frame[:, :, 0] + sine[:, None] * last_frame[:, :, 1]
+    turned[:, :, 1] = cosine[:, None] * last_frame[:, :, 1] - sine[:, None] * last_frame[:, :, 0]
+    return turned @ np.swapaxes(first_frame, 1, 2)
+
+
+def _frames(derivatives: ndarray) -> tuple[ndarray, tuple[ndarray, ndarray, ndarray]]:
+    """Return frames e₁ ∥ f_u, e₂, n and the entries of J in them, [[p, q], [0, r]]."""
+    f_u, f_v = derivatives[:, :, 0], derivatives[:, :, 1]
+    p = np.linalg.norm(f_u, axis=1)
+    e1 = f_u / p[:, None]
+    q = np.sum(e1 * f_v, axis=1)
+    across = f_v - q[:, None] * e1
+    r = np.linalg.norm(across, axis=1)
+    e2 = across / r[:, None]
+    return np.stack([e1, e2, np.cross(e1, e2)], axis=2), (p, q, r)
