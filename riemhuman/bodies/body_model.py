@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import os
-import tempfile
-import zipfile
 from collections.abc import Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import autograd.numpy as np
@@ -15,7 +12,8 @@ import numpy as onp
 
 from riemhuman.bodies.rotations import rotation_matrix
 from riemhuman.checks import integer_array, real_array
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.template import Template
 
 # Fields of the file, in SMPL's spelling, and the constructor arguments they fill.
@@ -105,12 +103,7 @@ class BodyModel:
         if posedirs is not None:
             shape = (n_vertices, 3, 9 * (n_joints - 1))
             self._posedirs = _frozen(real_array(posedirs, "posedirs", shape, batched=False))
-        names = [f"joint_{j}" for j in range(n_joints)] if joint_names is None else joint_names
-        self._joint_names = tuple(str(name) for name in names)
-        if len(set(self._joint_names)) != n_joints or len(self._joint_names) != n_joints:
-            raise ArgumentError(
-                f"joint_names must hold {n_joints} different names; found {self._joint_names}"
-            )
+        self._joint_names = _names(joint_names, n_joints)
         _check_sums(self._joint_regressor, "J_regressor")
         _check_sums(self._weights, "weights")
         if self._weights.min() < 0:
@@ -128,7 +121,8 @@ class BodyModel:
         ----------
         path : path-like
             File with v_template, f, shapedirs, J_regressor, weights and kintree_table, and
-            perhaps posedirs and joint_names. Pickled objects inside are refused.
+            perhaps posedirs and joint_names. Pickled objects there are refused; other fields
+            are left unread.
 
         Returns
         -------
@@ -137,33 +131,16 @@ class BodyModel:
 
         Raises
         ------
+        ArgumentTypeError
+            If `path` is not a path.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
             If it is not an .npz archive, lacks a field, or a field is malformed.
         """
-        wanted = _FIELDS | _OPTIONAL_FIELDS
-        try:
-            with onp.load(path, allow_pickle=False) as archive:
-                if not isinstance(archive, onp.lib.npyio.NpzFile):
-                    raise FileFormatError(
-                        f"{path} holds one array; expected an .npz archive of a body model"
-                    )
-                arrays: dict[str, Any] = {
-                    wanted[key]: archive[key] for key in archive.files if key in wanted
-                }
-                found = sorted(archive.files)
-        except OSError as error:
-            raise FileError(f"cannot read body model {path}: {error}") from error
-        except (ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise FileFormatError(
-                f"{path} is not an .npz archive of plain arrays: {error}"
-            ) from error
-        missing = [key for key, argument in _FIELDS.items() if argument not in arrays]
-        if missing:
-            raise FileFormatError(
-                f"{path} lacks the fields {', '.join(missing)}; found {', '.join(found)}"
-            )
+        fields = load_arrays(path, tuple(_FIELDS), tuple(_OPTIONAL_FIELDS))
+        arguments = _FIELDS | _OPTIONAL_FIELDS
+        arrays: dict[str, Any] = {arguments[name]: fields[name] for name in fields}
         try:
             return cls(**arrays)
         except (ArgumentError, ArgumentTypeError) as error:
@@ -183,6 +160,8 @@ class BodyModel:
 
         Raises
         ------
+        ArgumentTypeError
+            If `path` is not a path.
         FileError
             If the file cannot be written.
         """
@@ -199,21 +178,7 @@ class BodyModel:
         }
         if self._posedirs is not None:
             fields["posedirs"] = self._posedirs.astype(real)
-        path = Path(path)
-        try:
-            with tempfile.NamedTemporaryFile(
-                dir=path.parent, prefix=f".{path.name}.", delete=False
-            ) as file:
-                try:
-                    onp.savez_compressed(file, **fields)
-                    file.close()
-                    os.chmod(file.name, 0o644)
-                    os.replace(file.name, path)
-                except BaseException:
-                    Path(file.name).unlink(missing_ok=True)
-                    raise
-        except OSError as error:
-            raise FileError(f"cannot write body model {path}: {error}") from error
+        save_arrays(path, fields, compressed=True)
 
     @property
     def template(self) -> Template:
@@ -419,6 +384,14 @@ def _frozen(array: onp.ndarray) -> onp.ndarray:
     array = onp.array(array)
     array.flags.writeable = False
     return array
+
+
+def _names(names: Sequence[str] | None, n_joints: int) -> tuple[str, ...]:
+    if names is None:
+        return tuple(f"joint_{j}" for j in range(n_joints))
+    if onp.ndim(names) != 1 or not len(names) == len({str(name) for name in names}) == n_joints:
+        raise ArgumentError(f"joint_names must hold {n_joints} different names; found {names!r}")
+    return tuple(str(name) for name in names)
 
 
 def _check_sums(rows: onp.ndarray, name: str) -> None:

@@ -182,9 +182,9 @@ def build_full(source: _Source) -> BodyModel:
     joints = _joints()
     numbers = {joint.name: j for j, joint in enumerate(joints)}
     parents = [-1 if joint.parent is None else numbers[joint.parent] for joint in joints]
+    weights = _rounded_rows(_merged_weights(source, joints), 2.0**-16)
     mean, directions = _principal_components(source.vertices)
     heads = source.heads[:, [source.bones.index(joint.head) for joint in joints]]
-    weights = _rounded_rows(_merged_weights(source, joints), 2.0**-16)
     model = BodyModel(
         mean,
         source.faces,

@@ -57,7 +57,6 @@ _WAVELENGTHS = (0.25, 0.8)
 _SEED = 2022
 
 
-@lru_cache(maxsize=len(_RESOLUTIONS))
 def load_open_model(resolution: str = "full") -> BodyModel:
     """Return the open body model.
 
@@ -81,8 +80,7 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     ArgumentError
         If there is no such resolution.
     """
-    one_of(resolution, "resolution", _RESOLUTIONS)
-    return BodyModel.from_file(_FOLDER / f"open_body_{resolution}.npz")
+    return _read_model(one_of(resolution, "resolution", _RESOLUTIONS))
 
 
 def load_open_bodies(resolution: str = "full") -> Bodies:
@@ -139,6 +137,11 @@ def load_open_bodies(resolution: str = "full") -> Bodies:
         pose_vectors=poses.reshape(-1, model.n_joints, 3),
         translations=places.reshape(-1, 3),
     )
+
+
+@lru_cache(maxsize=len(_RESOLUTIONS))
+def _read_model(resolution: str) -> BodyModel:
+    return BodyModel.from_file(_FOLDER / f"open_body_{resolution}.npz")
 
 
 def _performances(model: BodyModel, n_subjects: int, rng: np.random.Generator) -> np.ndarray:

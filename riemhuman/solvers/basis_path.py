@@ -17,7 +17,7 @@ from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, mini
 from riemhuman.solvers.poisson_path import PoissonPath
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
-from riemhuman.solvers.simple_paths import LinearPath, check_end_points
+from riemhuman.solvers.simple_paths import LinearPath, check_end_points, check_initial_path
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -126,7 +126,7 @@ class BasisPath:
         self.basis.check_fits(start.shape[0])
         if initial_path is None:
             initial_path = self._initial_path(metric, start, end)
-        line = self._check_initial_path(metric, start, end, initial_path)
+        line = check_initial_path(metric, start, end, self.n_times, initial_path)
         energy = self.energy.value(metric, line)
         if not np.isfinite(energy):
             raise ArgumentError(
@@ -158,21 +158,6 @@ class BasisPath:
             return straight.path
         turning = PoissonPath(self.n_times, self.energy).solve(metric, start, end)
         return min(straight, turning, key=lambda result: result.energy).path
-
-    def _check_initial_path(
-        self, metric: RiemannianMetric, start: ndarray, end: ndarray, initial_path: ndarray
-    ) -> ndarray:
-        path = metric.check_points(initial_path, "initial_path")
-        if len(path) != self.n_times:
-            raise ArgumentError(
-                f"initial_path must have n_times = {self.n_times} times; found {len(path)}"
-            )
-        gap = max(np.abs(path[0] - start).max(), np.abs(path[-1] - end).max())
-        if gap > 1e-9 * np.abs(path).max():
-            raise ArgumentError(
-                f"initial_path must run from start to end; its ends are off by up to {gap:.3g}"
-            )
-        return path
 
     def _minimize(self, metric: RiemannianMetric, line: ndarray) -> Minimum:
         """Return the coefficients α of least energy, shape (n_times − 2, K)."""

@@ -121,7 +121,7 @@ def minimize(
         bar.update()
         bar.set_postfix_str(f"value {values[-1]:.6g}", refresh=False)
         if callback is not None:
-            callback(len(values) - 1, values[-1], intermediate_result.x)
+            callback(len(values) - 1, values[-1], intermediate_result.x.copy())
         if expected_decrease is not None and np.array_equal(intermediate_result.x, record.last_x):
             met_test = _is_met(expected_decrease, values[-1], record.last_gradient)
             if met_test:
@@ -226,7 +226,21 @@ def minimize_in_rounds(
     """
     x, values, n_evaluations = start, np.empty(0), 0
     while True:
-        local = local_problem(x)
+        try:
+            local = local_problem(x)
+        except KeyboardInterrupt:
+            if not len(values):
+                raise
+            return Minimum(
+                x,
+                values[-1],
+                values,
+                len(values) - 1,
+                n_evaluations,
+                False,
+                True,
+                "interrupted from the keyboard",
+            )
         n_before = max(len(values) - 1, 0)
 
         def report(iteration: int, value: float, variables: ndarray) -> None:

@@ -13,7 +13,9 @@ import numpy as np
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
 
 
-def save_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None:
+def save_arrays(
+    path: str | os.PathLike[str], arrays: Mapping[str, Any], *, compressed: bool = False
+) -> None:
     """Write named arrays to an .npz file; a temporary neighbour is written first.
 
     Parameters
@@ -22,6 +24,8 @@ def save_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None
         The file, with its ending; an existing file is replaced.
     arrays : mapping of str to array
         The fields.
+    compressed : bool
+        Whether the file is compressed.
 
     Raises
     ------
@@ -35,7 +39,8 @@ def save_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None
     try:
         try:
             with temporary.open("wb") as stream:
-                np.savez(stream, **arrays)
+                write = np.savez_compressed if compressed else np.savez
+                write(stream, **arrays)
             os.replace(temporary, file)
         finally:
             temporary.unlink(missing_ok=True)
@@ -43,7 +48,11 @@ def save_arrays(path: str | os.PathLike[str], arrays: Mapping[str, Any]) -> None
         raise FileError(f"{file} cannot be written: {error.strerror}") from error
 
 
-def load_arrays(path: str | os.PathLike[str], required: Sequence[str]) -> dict[str, np.ndarray]:
+def load_arrays(
+    path: str | os.PathLike[str],
+    required: Sequence[str],
+    optional: Sequence[str] | None = None,
+) -> dict[str, np.ndarray]:
     """Read the named arrays of an .npz file; pickled objects are refused.
 
     Parameters
@@ -52,6 +61,8 @@ def load_arrays(path: str | os.PathLike[str], required: Sequence[str]) -> dict[s
         The file.
     required : sequence of str
         Fields that must be there.
+    optional : sequence of str, optional
+        Fields to read if they are there; by default all. Others are left unread.
 
     Returns
     -------
@@ -73,14 +84,16 @@ def load_arrays(path: str | os.PathLike[str], required: Sequence[str]) -> dict[s
         raise FileError(f"{file} cannot be read: {error.strerror}") from error
     try:
         archive = np.load(io.BytesIO(content), allow_pickle=False)
-        arrays = dict(archive) if isinstance(archive, np.lib.npyio.NpzFile) else {}
+        found = archive.files if isinstance(archive, np.lib.npyio.NpzFile) else []
+        wanted = found if optional is None else [*required, *optional]
+        arrays = {name: archive[name] for name in found if name in wanted}
     except Exception as error:  # whatever a damaged archive makes a parser stumble over
         raise FileFormatError(f"{file} is not an .npz archive of plain arrays: {error}") from error
-    missing = [name for name in required if name not in arrays]
+    missing = [name for name in required if name not in found]
     if missing:
         raise FileFormatError(
             f"{file} lacks the fields {', '.join(missing)}; "
-            f"found {', '.join(sorted(arrays)) or 'none'}"
+            f"found {', '.join(sorted(found)) or 'none'}"
         )
     return arrays
 

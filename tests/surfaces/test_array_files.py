@@ -59,6 +59,18 @@ def test_missing_fields_are_named(tmp_path):
         load_arrays(tmp_path / "x.npy", ["a"])
 
 
+def test_only_the_fields_asked_for_are_read(tmp_path):
+    np.savez(tmp_path / "x.npz", pickled=np.array([{}], dtype=object), **ARRAYS)
+    assert load_arrays(tmp_path / "x.npz", ["a"], ["b", "c"]).keys() == {"a", "b"}
+    assert load_arrays(tmp_path / "x.npz", ["a"], []).keys() == {"a"}
+
+
+def test_compressed_files_are_smaller(tmp_path):
+    save_arrays(tmp_path / "x.npz", {"a": np.zeros(1000)}, compressed=True)
+    assert (tmp_path / "x.npz").stat().st_size < 1000
+    np.testing.assert_array_equal(load_arrays(tmp_path / "x.npz", ["a"])["a"], np.zeros(1000))
+
+
 def test_pickles_are_refused(tmp_path):
     np.savez(tmp_path / "x.npz", a=np.array([{}], dtype=object))
     with pytest.raises(FileFormatError, match="plain arrays"):

@@ -1,0 +1,416 @@
+"""The body model against linear blend skinning written out vertex by vertex."""
+
+import os
+
+import autograd
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from oracles import taylor_slope
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+
+N_VERTICES, N_JOINTS, N_BETAS = 9, 4, 2
+
+
+def small_fields(**changes):
+    """Return the fields of a made-up model: a chain of three joints with a branch."""
+    rng = np.random.default_rng(11)
+    weights = rng.uniform(size=(N_VERTICES, N_JOINTS))
+    regressor = rng.uniform(size=(N_JOINTS, N_VERTICES))
+    fields = {
+        "v_template": rng.normal(size=(N_VERTICES, 3)),
+        "f": np.array([[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 7, 8]]),
+        "shapedirs": 0.3 * rng.normal(size=(N_VERTICES, 3, N_BETAS)),
+        "J_regressor": regressor / regressor.sum(axis=1, keepdims=True),
+        "weights": weights / weights.sum(axis=1, keepdims=True),
+        "kintree_table": np.array([[-1, 0, 1, 0], [0, 1, 2, 3]]),
+        "posedirs": 0.1 * rng.normal(size=(N_VERTICES, 3, 9 * (N_JOINTS - 1))),
+    }
+    fields.update(changes)
+    return {name: value for name, value in fields.items() if value is not None}
+
+
+def model_of(fields):
+    fields = dict(fields)
+    fields["faces"] = fields.pop("f")
+    fields["joint_regressor"] = fields.pop("J_regressor")
+    return BodyModel(**fields)
+
+
+def small_model(**changes):
+    return model_of(small_fields(**changes))
+
+
+MODELS = {
+    "open": lambda: load_open_model("coarse"),
+    "pose-dependent": small_model,
+    "skinning alone": lambda: small_model(posedirs=None),
+    # Joint 3 is the root, and joint 0 comes before its parent, joint 2.
+    "children first": lambda: small_model(
+        kintree_table=[[17, 12, 15, -1], [12, 10, 17, 15]], posedirs=None
+    ),
+}
+
+
+@pytest.fixture(params=MODELS)
+def model(request):
+    return MODELS[request.param]()
+
+
+def parameters(model, lead=(), rng=0):
+    rng = np.random.default_rng(rng)
+    betas = rng.normal(size=(*lead, model.n_betas))
+    pose = rng.normal(scale=0.7, size=(*lead, model.n_joints, 3))
+    return betas, pose, rng.normal(size=(*lead, 3))
+
+
+def skinned(model, betas, pose, trans):
+    """Return one surface and its joints by the published formula, one vertex at a time."""
+    shaped = model.template.vertices.copy()
+    for b in range(model.n_betas):
+        shaped += betas[b] * model.shapedirs[:, :, b]
+    joints = [sum(w * x for w, x in zip(row, shaped, strict=True)) for row in model.joint_regressor]
+    turns = [Rotation.from_rotvec(vector).as_matrix() for vector in pose]
+    if model.posedirs is not None:
+        feature = [t - np.eye(3) for t, p in zip(turns, model.parents, strict=True) if p >= 0]
+        feature = np.concatenate([entries.ravel() for entries in feature])
+        for k, value in enumerate(feature):
+            shaped = shaped + value * model.posedirs[:, :, k]
+
+    def world(joint):
+        parent = model.parents[joint]
+        local = np.eye(4)
+        local[:3, :3] = turns[joint]
+        local[:3, 3] = joints[joint] - (joints[parent] if parent >= 0 else 0.0)
+        return local if parent < 0 else world(parent) @ local
+
+    worlds = [world(joint) for joint in range(model.n_joints)]
+    motions = []
+    for joint in range(model.n_joints):
+        to_rest = np.eye(4)
+        to_rest[:3, 3] = -joints[joint]
+        motions.append(worlds[joint] @ to_rest)
+    points = np.empty_like(shaped)
+    for v in range(model.n_vertices):
+        blended = sum(model.weights[v, j] * motions[j] for j in range(model.n_joints))
+        points[v] = (blended @ np.append(shaped[v], 1.0))[:3] + trans
+    return points, np.stack([w[:3, 3] for w in worlds]) + trans
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_agrees_with_the_formula_written_out(model, seed):
+    betas, pose, trans = parameters(model, rng=seed)
+    points, joints = skinned(model, betas, pose, trans)
+    np.testing.assert_allclose(model(betas, pose, trans), points, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(model.joints(betas, pose, trans), joints, rtol=0, atol=1e-11)
+
+
+def test_rest_pose(model):
+    betas, pose, trans = parameters(model)
+    template = model.template.vertices
+    zero = np.zeros_like(pose)
+    np.testing.assert_array_equal(model(), template)
+    np.testing.assert_allclose(model(0 * betas, zero, 0 * trans), template, rtol=0, atol=1e-6)
+    shaped = template + model.shapedirs @ betas
+    np.testing.assert_allclose(model(betas), shaped, atol=1e-13)
+    np.testing.assert_allclose(model.joints(betas), model.joint_regressor @ shaped, atol=1e-13)
+    np.testing.assert_allclose(model.joints(betas, zero), model.joints(betas), atol=1e-13)
+    np.testing.assert_allclose(model(trans=trans), template + trans, atol=1e-13)
+
+
+def test_turning_the_root_is_rigid(model):
+    betas, pose, _ = parameters(model)
+    root = int(np.flatnonzero(model.parents < 0)[0])
+    turn = Rotation.from_rotvec([0.4, -1.2, 0.8])
+    turned = pose.copy()
+    turned[root] = (turn * Rotation.from_rotvec(pose[root])).as_rotvec()
+    centre = model.joints(betas)[root]
+    for function in (model, model.joints):
+        expected = (function(betas, pose) - centre) @ turn.as_matrix().T + centre
+        np.testing.assert_allclose(function(betas, turned), expected, rtol=0, atol=1e-11)
+
+
+def test_bones_keep_their_lengths(model):
+    betas, pose, trans = parameters(model, (5,))
+    child = np.flatnonzero(model.parents >= 0)
+
+    def lengths(joints):
+        bones = joints[..., child, :] - joints[..., model.parents[child], :]
+        return np.linalg.norm(bones, axis=-1)
+
+    rest, posed = model.joints(betas), model.joints(betas, pose, trans)
+    np.testing.assert_allclose(lengths(posed), lengths(rest), atol=1e-12)
+
+
+def test_batched_as_one_by_one(model):
+    betas, pose, trans = parameters(model, (2, 3))
+    points, joints = model(betas, pose, trans), model.joints(betas, pose, trans)
+    assert points.shape == (2, 3, model.n_vertices, 3)
+    assert joints.shape == (2, 3, model.n_joints, 3)
+    for i in np.ndindex(2, 3):
+        np.testing.assert_allclose(points[i], model(betas[i], pose[i], trans[i]), atol=1e-13)
+        np.testing.assert_allclose(joints[i], model.joints(betas[i], pose[i], trans[i]), atol=1e-13)
+
+
+def test_leading_axes_broadcast(model):
+    betas, pose, trans = parameters(model, (4, 3))
+    betas, pose, trans = betas[:, :1], pose[:1], trans[0, 0]
+    for function in (model, model.joints):
+        found = function(betas, pose, trans)
+        assert found.shape[:-2] == (4, 3)
+        for i, j in np.ndindex(4, 3):
+            expected = function(betas[i, 0], pose[0, j], trans)
+            np.testing.assert_allclose(found[i, j], expected, atol=1e-13)
+        assert function(pose=pose[0]).shape[:-2] == (3,)
+        assert function(betas, trans=np.zeros((3, 3))).shape[:-2] == (4, 3)
+        assert function(np.zeros((0, model.n_betas)), pose[0, 0]).shape[:-2] == (0,)
+
+
+def test_flat_pose(model):
+    betas, pose, trans = parameters(model, (2,))
+    flat = pose.reshape(2, -1)
+    np.testing.assert_array_equal(model(betas, flat, trans), model(betas, pose, trans))
+    np.testing.assert_array_equal(model.joints(pose=flat[0]), model.joints(pose=pose[0]))
+
+
+def test_arguments_and_model_stay_as_they_are(model):
+    arguments = parameters(model, (2,))
+    before = [argument.copy() for argument in arguments]
+    rest = model().copy()
+    model(*arguments)
+    for argument, kept in zip(arguments, before, strict=True):
+        np.testing.assert_array_equal(argument, kept)
+    np.testing.assert_array_equal(model(), rest)
+    for array in (model.shapedirs, model.joint_regressor, model.weights, model.parents):
+        assert not array.flags.writeable
+
+
+def test_fields_are_copied():
+    fields = small_fields()
+    model = model_of(fields)
+    rest = model(*parameters(model))
+    for array in fields.values():
+        array[...] = 0
+    np.testing.assert_array_equal(model(*parameters(model)), rest)
+
+
+@pytest.mark.parametrize("argument", [0, 1, 2])
+@pytest.mark.parametrize("joints", [False, True])
+@pytest.mark.parametrize("at_rest", [False, True])
+def test_gradients(model, argument, joints, at_rest):
+    rng = np.random.default_rng(3)
+    values = list(parameters(model, (2,)))
+    if at_rest:
+        values[1] = np.zeros_like(values[1])
+    evaluate = model.joints if joints else model
+    coefficients = rng.normal(size=np.shape(evaluate(*values)))
+
+    def function(value):
+        points = evaluate(*values[:argument], value, *values[argument + 1 :])
+        return anp.sum(coefficients * (points + 0.1 * points**2))
+
+    direction = rng.normal(size=values[argument].shape)
+    gradient = autograd.grad(function)(values[argument])
+    assert gradient.shape == values[argument].shape
+    assert np.isfinite(gradient).all()
+    assert taylor_slope(function, values[argument], direction, gradient) > 1.9
+    step = 1e-5 * direction
+    central = (function(values[argument] + step) - function(values[argument] - step)) / 2e-5
+    assert np.sum(gradient * direction) == pytest.approx(central, rel=1e-6, abs=1e-6)
+
+
+def test_gradients_sum_over_broadcast_axes():
+    model = small_model()
+    betas, pose, trans = parameters(model, (3,))
+
+    def function(betas):
+        return anp.sum(model(betas, pose, trans) ** 2)
+
+    gradient = autograd.grad(function)(betas[0])
+    assert taylor_slope(function, betas[0], betas[1], gradient) > 1.9
+
+
+def test_round_trip(model, tmp_path):
+    path = tmp_path / "body.npz"
+    model.save(path)
+    found = BodyModel.from_file(str(path))
+    for name in ("faces", "shapedirs", "joint_regressor", "weights", "parents"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
+    assert found.joint_names == model.joint_names
+    assert (found.posedirs is None) == (model.posedirs is None)
+    np.testing.assert_array_equal(found(*parameters(model)), model(*parameters(model)))
+    assert os.listdir(tmp_path) == ["body.npz"]
+
+
+def test_single_precision_is_smaller_and_close(tmp_path):
+    model = small_model()
+    model.save(tmp_path / "double.npz")
+    model.save(tmp_path / "single.npz", single_precision=True)
+    assert os.path.getsize(tmp_path / "single.npz") < os.path.getsize(tmp_path / "double.npz")
+    found = BodyModel.from_file(tmp_path / "single.npz")
+    arguments = parameters(model)
+    assert found(*arguments).dtype == np.float64
+    np.testing.assert_allclose(found(*arguments), model(*arguments), rtol=0, atol=1e-5)
+
+
+def test_saving_where_nothing_can_be_written(tmp_path):
+    with pytest.raises(FileError, match="nowhere"):
+        small_model().save(tmp_path / "nowhere" / "body.npz")
+    with pytest.raises(FileError, match="cannot be written"):
+        small_model().save(tmp_path)
+    with pytest.raises(ArgumentTypeError, match="path"):
+        small_model().save(None)
+
+
+def test_names_of_joints():
+    assert small_model().joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
+    assert small_model(joint_names=list("abcd")).joint_names == ("a", "b", "c", "d")
+
+
+@pytest.mark.parametrize("root", [-1, 2**32 - 1])
+@pytest.mark.parametrize("dtype", [np.int64, np.uint32, np.float64])
+def test_root_in_every_spelling(root, dtype, tmp_path):
+    table = np.array([[root % 2**32 if dtype == np.uint32 else root, 0, 1, 0], [0, 1, 2, 3]])
+    np.savez(tmp_path / "body.npz", **small_fields(kintree_table=table.astype(dtype)))
+    model = BodyModel.from_file(tmp_path / "body.npz")
+    assert model.parents.tolist() == [-1, 0, 1, 0]
+
+
+def test_other_fields_are_left_unread(tmp_path):
+    pickled = np.array({"head": 15}, dtype=object)
+    np.savez(tmp_path / "body.npz", part_numbers=pickled, **small_fields())
+    assert BodyModel.from_file(tmp_path / "body.npz").n_joints == N_JOINTS
+
+
+def spoilt(name, index, value):
+    array = small_fields()[name].astype(np.float64)
+    array[index] = value
+    return {name: array}
+
+
+REFUSED = {
+    "v_template of another length": ({"v_template": np.eye(8, 3)}, "faces"),
+    "v_template flat": ({"v_template": np.zeros(27)}, "v_template must have shape"),
+    "v_template not finite": (spoilt("v_template", (2, 1), np.nan), "v_template holds 1 NaN"),
+    "faces beyond the vertices": ({"f": [[0, 1, N_VERTICES]]}, "faces"),
+    "shapedirs without betas": ({"shapedirs": np.zeros((N_VERTICES, 3))}, "shapedirs must have"),
+    "shapedirs not finite": (spoilt("shapedirs", (0, 0, 0), np.inf), "shapedirs holds 1 NaN"),
+    "shapedirs words": ({"shapedirs": np.array(["a"])}, "shapedirs must be an array of real"),
+    "J_regressor transposed": ({"J_regressor": small_fields()["J_regressor"].T}, "J_regressor"),
+    "J_regressor not finite": (spoilt("J_regressor", (1, 1), np.nan), "J_regressor holds 1 NaN"),
+    "J_regressor off one": (
+        {"J_regressor": 2 * small_fields()["J_regressor"]},
+        "every row of J_regressor must sum to one; row . sums to 2",
+    ),
+    "weights of three joints": ({"weights": np.full((N_VERTICES, 3), 1 / 3)}, "weights must have"),
+    "weights off one": (
+        {"weights": np.full((N_VERTICES, 4), 0.26)},
+        "every row of weights must sum to one; row 0 sums to 1.04",
+    ),
+    "weights not finite": (spoilt("weights", (3, 2), np.nan), r"weights holds 1 NaN.*\(3, 2\)"),
+    "weights negative": (
+        spoilt("weights", 4, [-0.5, 1.5, 0.0, 0.0]),
+        "weights must not be negative; found -0.5 at vertex 4, joint 0",
+    ),
+    "tree of three joints": ({"kintree_table": [[-1, 0, 1], [0, 1, 2]]}, "kintree_table must have"),
+    "tree with a cycle": (
+        {"kintree_table": [[-1, 2, 3, 1], [0, 1, 2, 3]]},
+        r"kintree_table has a cycle: joints \[1, 2, 3\]",
+    ),
+    "tree with a loop": ({"kintree_table": [[-1, 1, 0, 0], [0, 1, 2, 3]]}, "kintree_table.*cycle"),
+    "two roots": (
+        {"kintree_table": [[-1, 0, 2**32 - 1, 0], [0, 1, 2, 3]]},
+        r"kintree_table must have one root; found roots \[0, 2\]",
+    ),
+    "no root": ({"kintree_table": [[3, 0, 1, 2], [0, 1, 2, 3]]}, r"one root; found roots \[\]"),
+    "unknown parent": (
+        {"kintree_table": [[-1, 0, 7, 0], [0, 1, 2, 3]]},
+        "kintree_table names 7 as the parent of joint 2",
+    ),
+    "joint numbered twice": ({"kintree_table": [[-1, 0, 1, 0], [0, 1, 1, 3]]}, "joint twice"),
+    "broken numbers": (
+        {"kintree_table": [[-1, 0.5, 1, 0], [0, 1, 2, 3]]},
+        "kintree_table must be an array of whole numbers",
+    ),
+    "posedirs of the root too": (
+        {"posedirs": np.zeros((N_VERTICES, 3, 36))},
+        r"posedirs must have shape \(9, 3, 27\)",
+    ),
+    "posedirs not finite": (spoilt("posedirs", (0, 0, 5), np.nan), "posedirs holds 1 NaN"),
+    "three names": ({"joint_names": list("abc")}, "joint_names must hold 4 different names"),
+    "a name twice": ({"joint_names": list("abca")}, "joint_names must hold 4 different names"),
+    "one word": ({"joint_names": "abcd"}, "joint_names must hold 4 different names"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_malformed_fields(case, tmp_path):
+    changes, message = REFUSED[case]
+    with pytest.raises((ArgumentError, ArgumentTypeError), match=message):
+        small_model(**changes)
+    np.savez(tmp_path / "body.npz", **small_fields(**changes))
+    with pytest.raises(FileFormatError, match=rf"body\.npz: .*{message}"):
+        BodyModel.from_file(tmp_path / "body.npz")
+
+
+@pytest.mark.parametrize("name", [name for name in small_fields() if name != "posedirs"])
+def test_missing_fields_are_named(name, tmp_path):
+    np.savez(tmp_path / "body.npz", **small_fields(**{name: None}))
+    with pytest.raises(
+        FileFormatError, match=rf"body\.npz lacks the fields {name}; found (J_regressor|f),"
+    ):
+        BodyModel.from_file(tmp_path / "body.npz")
+
+
+def test_files_that_are_no_models(tmp_path):
+    with pytest.raises(FileError, match=r"missing\.npz cannot be read"):
+        BodyModel.from_file(tmp_path / "missing.npz")
+    with pytest.raises(FileError, match="cannot be read"):
+        BodyModel.from_file(tmp_path)
+    with pytest.raises(ArgumentTypeError, match="path"):
+        BodyModel.from_file(None)
+    path = tmp_path / "body.npz"
+    with path.open("wb") as stream:
+        np.save(stream, np.zeros((5, 3)))
+    with pytest.raises(FileFormatError, match=r"body\.npz lacks the fields .*; found none"):
+        BodyModel.from_file(path)
+    np.savez(path, **small_fields(weights=np.array([{}], dtype=object)))
+    with pytest.raises(FileFormatError, match="not an .npz archive of plain arrays"):
+        BodyModel.from_file(path)
+
+
+def test_garbage_and_truncated_files(tmp_path):
+    path = tmp_path / "body.npz"
+    small_model().save(path)
+    whole = path.read_bytes()
+    cuts = np.linspace(0, len(whole) - 1, 12).astype(int)
+    for content in [b"garbage", bytes(500), *(whole[:cut] for cut in cuts)]:
+        path.write_bytes(content)
+        with pytest.raises(FileFormatError, match=r"body\.npz"):
+            BodyModel.from_file(path)
+
+
+@pytest.mark.parametrize("method", ["__call__", "joints"])
+def test_wrong_arguments(method):
+    model = small_model()
+    evaluate = getattr(model, method)
+    for arguments, message in [
+        ({"betas": np.zeros(N_BETAS + 1)}, r"betas must have shape \(\.\.\., 2\); found \(3,\)"),
+        ({"betas": 0.5}, "betas must have shape"),
+        ({"betas": [np.nan, 0.0]}, "betas holds 1 NaN"),
+        ({"pose": np.zeros((3, 3))}, r"pose must have shape .*4, 3.* or .*12.*; found \(3, 3\)"),
+        ({"pose": np.zeros(11)}, "pose must have shape"),
+        ({"pose": 0.0}, "pose must have shape"),
+        ({"pose": np.full((4, 3), np.inf)}, "pose holds 12 NaN"),
+        ({"trans": np.zeros(2)}, "trans must have shape"),
+        ({"trans": [0.0, np.nan, 0.0]}, "trans holds 1 NaN"),
+    ]:
+        with pytest.raises(ArgumentError, match=message):
+            evaluate(**arguments)
+    for name in ("betas", "pose", "trans"):
+        with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
+            evaluate(**{name: "tall"})

