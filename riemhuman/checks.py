@@ -18,7 +18,17 @@ Rng = int | np.random.Generator
 
 
 def values_of(array: Any) -> np.ndarray:
-    """Return the plain NumPy values of an array, traced by autograd or not."""
+    """Return the plain NumPy values of an array, traced by autograd or not.
+
+    Parameters
+    ----------
+    array : array_like, shape (...)
+        An array or an autograd box.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     while array is not (value := getval(array)):
         array = value
     return np.asarray(array)
@@ -81,7 +91,24 @@ def real_array(
 def check_shape(
     values: np.ndarray, name: str, shape: Sequence[int | str], *, batched: bool = True
 ) -> None:
-    """Refuse an array whose trailing shape is not `shape` (strings stand for any length)."""
+    """Refuse an array whose trailing shape is not `shape`.
+
+    Parameters
+    ----------
+    values : array
+        The argument.
+    name : str
+        Name of the argument, for messages.
+    shape : sequence of int or str
+        Expected trailing shape; strings stand for any length.
+    batched : bool
+        Whether any number of leading axes may precede `shape`.
+
+    Raises
+    ------
+    ArgumentError
+        If the shape is another.
+    """
     trailing = values.shape[values.ndim - len(shape) :] if values.ndim >= len(shape) else None
     fits = trailing is not None and all(
         isinstance(expected, str) or expected == found
@@ -93,7 +120,28 @@ def check_shape(
 
 
 def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:
-    """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted."""
+    """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted.
+
+    Parameters
+    ----------
+    array : array_like
+        The argument.
+    name : str
+        Name of the argument, for messages.
+    shape : sequence of int or str
+        Expected shape; strings stand for any length.
+
+    Returns
+    -------
+    array of int64, shape `shape`
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an entry is not a whole number.
+    ArgumentError
+        If the shape is another.
+    """
     values = np.asarray(array)
     if values.dtype.kind not in "iu" and not (
         values.dtype.kind == "f" and np.isfinite(values).all() and (values == values.round()).all()
@@ -106,7 +154,30 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
 
 
 def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool = False) -> float:
-    """Return `value` as a finite float that is at least (if `strict`, above) `minimum`."""
+    """Return `value` as a finite float that is at least (if `strict`, above) `minimum`.
+
+    Parameters
+    ----------
+    value : float
+        The argument.
+    name : str
+        Name of the argument, for messages.
+    minimum : float
+        Lower bound; by default there is none.
+    strict : bool
+        Whether `minimum` itself is refused.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the argument does not convert to a real number.
+    ArgumentError
+        If it is NaN, infinite or below the bound.
+    """
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
@@ -118,7 +189,28 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
 
 
 def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
-    """Return `value` as an int that is at least `minimum`."""
+    """Return `value` as an int that is at least `minimum`.
+
+    Parameters
+    ----------
+    value : int
+        The argument.
+    name : str
+        Name of the argument, for messages.
+    minimum : int, optional
+        Lower bound; by default there is none.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the argument is not an integer.
+    ArgumentError
+        If it is below the bound.
+    """
     try:
         number = operator.index(value)
     except TypeError as error:
@@ -129,7 +221,27 @@ def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
 
 
 def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
-    """Return `value` if it is one of `choices`."""
+    """Return `value` if it is one of `choices`.
+
+    Parameters
+    ----------
+    value : object
+        The argument.
+    name : str
+        Name of the argument, for messages.
+    choices : sequence
+        What it may be.
+
+    Returns
+    -------
+    object
+        The argument itself.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none of them.
+    """
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)
         raise ArgumentError(f"{name} must be one of {listed}; found {value!r}")
@@ -137,7 +249,24 @@ def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
 
 
 def generator(rng: Rng) -> np.random.Generator:
-    """Return a NumPy generator: the one given, or a new one with the given seed."""
+    """Return a NumPy generator: the one given, or a new one with the given seed.
+
+    Parameters
+    ----------
+    rng : int or numpy.random.Generator
+        Seed of at least 0, or a generator.
+
+    Returns
+    -------
+    numpy.random.Generator
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the argument is neither an integer nor a generator.
+    ArgumentError
+        If the seed is negative.
+    """
     if isinstance(rng, np.random.Generator):
         return rng
     return np.random.default_rng(whole_number(rng, "rng", minimum=0))

@@ -9,7 +9,24 @@ from riemhuman.errors import MissingDependencyError
 
 
 def import_optional(module: str, extra: str) -> ModuleType:
-    """Import `module`, or raise a `MissingDependencyError` naming the extra that brings it."""
+    """Import `module`, or name the extra that brings it.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module.
+    extra : str
+        Extra of riemhuman that installs it.
+
+    Returns
+    -------
+    module
+
+    Raises
+    ------
+    MissingDependencyError
+        If the module cannot be imported.
+    """
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -23,7 +23,20 @@ class GeodesicSolver(Protocol):
     """A strategy that finds a path of least energy between two points."""
 
     def solve(self, metric: Any, start: ndarray, end: ndarray) -> Any:
-        """Return a result with attributes `path` and `energy`."""
+        r"""Return a result with attributes `path` and `energy`.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        start, end : array, shape (\*shape,)
+            End points.
+
+        Returns
+        -------
+        object
+            Its `path`, shape (n_times, \*shape), holds both ends; its `energy` is a float.
+        """
 
 
 class RiemannianMetric:
@@ -504,7 +517,24 @@ class RiemannianMetric:
 
 
 def thread_count(n_jobs: int | None) -> int:
-    """Return the number of threads that `n_jobs` asks for: None is 1, -1 is one a core."""
+    """Return the number of threads that `n_jobs` asks for.
+
+    Parameters
+    ----------
+    n_jobs : int or None
+        Number of threads: None is 1, -1 is one a core.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the number is not an integer.
+    ArgumentError
+        If it is 0 or below -1.
+    """
     if n_jobs is None:
         return 1
     n_jobs = whole_number(n_jobs, "n_jobs")

@@ -29,7 +29,17 @@ from riemhuman.kernels.surface import DEGENERATE, symmetric_matrices
 
 
 def determinants(g: ndarray) -> ndarray:
-    """Return det g to working precision, also for near-degenerate g, shape (...)."""
+    """Return det g to working precision, also for near-degenerate g.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Symmetric matrices.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return product_minus_square(g[..., 0, 0], g[..., 1, 1], g[..., 0, 1])
 
 
@@ -75,23 +85,65 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
 
 
 def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
-    """Return cosh ℓ − 1 of two points of the half-plane, without cancellation, shape (...)."""
+    """Return cosh ℓ − 1 of two points of the half-plane, without cancellation.
+
+    Parameters
+    ----------
+    x1, y1, x2, y2 : array, shape (...)
+        Coordinates of the two points, y₁ > 0 and y₂ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return ((x1 - x2) ** 2 + (y1 - y2) ** 2) / (2.0 * y1 * y2)
 
 
 def hyperbolic_distance(m: ndarray) -> ndarray:
-    """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1, shape (...)."""
+    """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1.
+
+    Parameters
+    ----------
+    m : array, shape (...)
+        Values of `excess`.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return 2.0 * np.arcsinh(square_root(0.5 * m))
 
 
 def angle_per_distance(lam: float) -> float:
-    """Return θ/ℓ = 1/(2√(2λ)), the angle on the cone for a unit of hyperbolic distance."""
+    """Return θ/ℓ = 1/(2√(2λ)), the angle on the cone for a unit of hyperbolic distance.
+
+    Parameters
+    ----------
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    float
+    """
     return 0.5 / np.sqrt(2.0 * lam)
 
 
 @primitive
 def half_angle_sine_squared(m: ndarray, lam: float) -> ndarray:
-    """Return sin²(½ min(π, θ)) as a smooth function of m = cosh ℓ − 1, shape (...)."""
+    """Return sin²(½ min(π, θ)) as a smooth function of m = cosh ℓ − 1.
+
+    Parameters
+    ----------
+    m : array, shape (...)
+        Values of `excess`.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     theta = angle_per_distance(lam) * hyperbolic_distance(m)
     return np.sin(0.5 * np.minimum(np.pi, theta)) ** 2
 
@@ -156,12 +208,32 @@ def squared_dist_of_coordinates(
 
 
 def trace(matrices: ndarray) -> ndarray:
-    """Return the traces, shape (...)."""
+    """Return the traces.
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Matrices.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return matrices[..., 0, 0] + matrices[..., 1, 1]
 
 
 def traceless(matrices: ndarray) -> ndarray:
-    """Return A − ½ tr(A) I of symmetric matrices, shape (..., 2, 2)."""
+    """Return A − ½ tr(A) I of symmetric matrices.
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Symmetric matrices A.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
     half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
     return symmetric_matrices(half, matrices[..., 0, 1], -half)
 
@@ -284,12 +356,32 @@ def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
 
 
 def size(v: ndarray) -> ndarray:
-    """Return √(½ tr v²) of symmetric traceless v, shape (...)."""
+    """Return √(½ tr v²) of symmetric traceless v.
+
+    Parameters
+    ----------
+    v : array, shape (..., 2, 2)
+        Symmetric traceless matrices.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
 
 
 def symmetric_part(matrices: ndarray) -> ndarray:
-    """Return ½(A + Aᵀ), shape (..., 2, 2)."""
+    """Return ½(A + Aᵀ).
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Matrices A.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
     return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
 
 
@@ -319,7 +411,19 @@ def log(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
 
 
 def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
-    """Return θ, the angle between the two matrices on the cone, not cut off at π, shape (...)."""
+    """Return θ, the angle between the two matrices on the cone, not cut off at π.
+
+    Parameters
+    ----------
+    g1, g2 : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     x1, y1, _ = coordinates(g1)
     x2, y2, _ = coordinates(g2)
     return angle_per_distance(lam) * hyperbolic_distance(excess(x1, y1, x2, y2))
@@ -411,6 +515,16 @@ def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
 
 
 def unit_determinant(g: ndarray) -> ndarray:
-    """Return ĝ = g/√det g; the identity stands in where g is degenerate, shape (..., 2, 2)."""
+    """Return ĝ = g/√det g; the identity stands in where g is degenerate.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
     x, y, _ = coordinates(g)
     return symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)

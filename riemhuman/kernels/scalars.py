@@ -9,7 +9,17 @@ from numpy import ndarray
 
 @primitive
 def square_root(x: ndarray) -> ndarray:
-    """Return the square root, with subgradient 0 at 0 (rounding below 0 counts as 0)."""
+    """Return the square root, with subgradient 0 at 0 (rounding below 0 counts as 0).
+
+    Parameters
+    ----------
+    x : array, shape (...)
+        Real numbers.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return np.sqrt(np.maximum(x, 0.0))
 
 
@@ -67,12 +77,32 @@ defvjp(
 
 
 def sine_cardinal(x: ndarray) -> ndarray:
-    """Return sin(x)/x, 1 at 0."""
+    """Return sin(x)/x, 1 at 0.
+
+    Parameters
+    ----------
+    x : array, shape (...)
+        Real numbers.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x))
 
 
 def inverse_hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
-    """Return x/sinh(x), 1 at 0."""
+    """Return x/sinh(x), 1 at 0.
+
+    Parameters
+    ----------
+    x : array, shape (...)
+        Real numbers.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     safe = np.where(x == 0, 1.0, x)
     # exp(-x) keeps the quotient finite where sinh overflows.
     decay = np.exp(-np.abs(safe))
@@ -80,5 +110,15 @@ def inverse_hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
 
 
 def hyperbolic_sine_cardinal(x: ndarray) -> ndarray:
-    """Return sinh(x)/x, 1 at 0."""
+    """Return sinh(x)/x, 1 at 0.
+
+    Parameters
+    ----------
+    x : array, shape (...)
+        Real numbers.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return np.where(x == 0, 1.0, np.sinh(x) / np.where(x == 0, 1.0, x))

@@ -67,7 +67,17 @@ def squared_dist(n1: ndarray, n2: ndarray) -> ndarray:
 
 
 def angle(n1: ndarray, n2: ndarray) -> ndarray:
-    """Return the angle between unit vectors, in [0, π], shape (...)."""
+    """Return the angle between unit vectors, in [0, π].
+
+    Parameters
+    ----------
+    n1, n2 : array, shape (..., 3)
+        Unit vectors.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     difference, total = n1 - n2, n1 + n2
     return 2.0 * np.arctan2(
         square_root(dot(difference, difference)), square_root(dot(total, total))
@@ -75,7 +85,19 @@ def angle(n1: ndarray, n2: ndarray) -> ndarray:
 
 
 def to_tangent(v: ndarray, n: ndarray) -> ndarray:
-    """Return v − (n·v) n, shape (..., 3)."""
+    """Return v − (n·v) n, the part of v tangent at n.
+
+    Parameters
+    ----------
+    v : array, shape (..., 3)
+        Vectors.
+    n : array, shape (..., 3)
+        Unit vectors.
+
+    Returns
+    -------
+    array, shape (..., 3)
+    """
     return v - dot(n, v)[..., None] * n
 
 

@@ -39,19 +39,49 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
 
 
 def dot(a: ndarray, b: ndarray) -> ndarray:
-    """Return the inner products of vectors along the last axis."""
+    """Return the inner products of vectors along the last axis.
+
+    Parameters
+    ----------
+    a, b : array, shape (..., n)
+        Vectors.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     return np.sum(a * b, axis=-1)
 
 
 def cross(a: ndarray, b: ndarray) -> ndarray:
-    """Return the cross products of vectors of R³ along the last axis."""
+    """Return the cross products of vectors of R³ along the last axis.
+
+    Parameters
+    ----------
+    a, b : array, shape (..., 3)
+        Vectors.
+
+    Returns
+    -------
+    array, shape (..., 3)
+    """
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
-    """Return the matrices [[e, m], [m, g]], shape (..., 2, 2)."""
+    """Return the matrices [[e, m], [m, g]].
+
+    Parameters
+    ----------
+    e, m, g : array, shape (...)
+        Entries, all of one shape.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
     return np.stack([np.stack([e, m], axis=-1), np.stack([m, g], axis=-1)], axis=-2)
 
 

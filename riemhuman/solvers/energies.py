@@ -16,10 +16,35 @@ class PathEnergy(Protocol):
     """An energy of discrete paths, with its gradient."""
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        """Return the energy of a path."""
+        r"""Return the energy of a path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        float
+        """
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy of a path and its gradient with respect to all points."""
+        r"""Return the energy of a path and its gradient with respect to all points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+        gradient : array, shape (n_times, \*shape)
+        """
 
 
 @dataclass(frozen=True)

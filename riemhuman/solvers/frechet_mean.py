@@ -23,7 +23,23 @@ class MeanSolver(Protocol):
         weights: ndarray | None = None,
         initial_point: ndarray | None = None,
     ) -> MeanResult:
-        """Return the mean and how it was found."""
+        r"""Return the mean and how it was found.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        points : array, shape (n, \*shape)
+            Points.
+        weights : array, shape (n,), optional
+            Weights of at least 0; by default all are the same.
+        initial_point : array, shape (\*shape,), optional
+            Where to start; by default the solver chooses.
+
+        Returns
+        -------
+        MeanResult
+        """
 
 
 class FrechetMean:

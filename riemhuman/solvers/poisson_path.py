@@ -14,7 +14,6 @@ from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
 
-
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 

@@ -69,7 +69,20 @@ class MeanResult:
 
 
 def warn_unless_converged(solver: object, result: PathResult | MeanResult) -> None:
-    """Warn once if a solver has stopped without converging."""
+    """Warn once if a solver has stopped without converging.
+
+    Parameters
+    ----------
+    solver : object
+        The solver; the warning names its class.
+    result : PathResult or MeanResult
+        What it found.
+
+    Warns
+    -----
+    ConvergenceWarning
+        If `result.converged` is false.
+    """
     if not result.converged:
         warnings.warn(
             f"{type(solver).__name__} stopped without converging after {result.n_iterations} "

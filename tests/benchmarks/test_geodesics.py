@@ -7,37 +7,18 @@ in the coefficients, started from the straight path, after at most 2,000 iterati
 benchmarks are disabled, the same code runs briefly at coarse resolution.
 """
 
-import time
-import warnings
-from functools import cache
-
 import numpy as np
 import pytest
+from performances import basis, bodies, timed
 
-from riemhuman.datasets import load_open_bodies, load_open_motions
-from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import BasisPath
-from riemhuman.surfaces import DeformationBasis
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
 KINDS = ["pose", "pose", "build", "both"]
 # What the bent elbow and the raised knee are called among the poses of the open bodies.
 REQUIRED = [("t_like", "bent_elbows"), ("t_like", "leg_raised")]
 FULL_ITERATIONS, BRIEF_ITERATIONS = 2000, 30
-
-
-@cache
-def bodies(resolution):
-    """Return the open bodies."""
-    return load_open_bodies(resolution)
-
-
-@cache
-def basis(resolution):
-    """Return 100 principal deformations of the open motions."""
-    motions = load_open_motions(resolution)
-    return DeformationBasis.from_motions(motions, n_components=100)
 
 
 def pairs():
@@ -83,15 +64,6 @@ def test_against_the_papers_recipe(benchmark, start, end, weights, kind):
     report(start, end, weights, kind, ours, theirs)
     assert ours[0].converged
     assert ours[0].energy <= 1.001 * theirs[0].energy
-
-
-def timed(solver, metric, start, end):
-    """Return a solver's result and its wall time in seconds."""
-    begin = time.perf_counter()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)
-        result = solver.solve(metric, start, end)
-    return result, time.perf_counter() - begin
 
 
 def report(start, end, weights, kind, ours, theirs):

@@ -1,0 +1,73 @@
+"""Geodesics between poses of one person against the body model's own motion.
+
+    pytest tests/benchmarks/test_paths.py --benchmark-enable -s
+
+prints, for twenty seeded pairs of poses, the mean vertex deviation from the model's own motion and
+the change of triangle areas beyond the end points, of the straight path, of the same basis under
+the SRNF metric and of ours with (1, 1, 0). Where benchmarks are disabled, six pairs run at coarse
+resolution.
+"""
+
+import numpy as np
+from performances import basis, bodies, timed
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers import BasisPath, LinearPath, measure_path
+
+REQUIRED = [("t_like", "bent_elbows"), ("t_like", "leg_raised"), ("arms_up", "bent_elbows")]
+
+
+def motion(resolution, subject, pose, other_pose):
+    """Return the motion of the model between two performances, joint angles linear in time."""
+    performances = bodies(resolution)
+    start, end = 10 * subject + pose, 10 * subject + other_pose
+    t = np.linspace(0, 1, 11)[:, None]
+    turns, places = performances.pose_vectors, performances.translations
+    return performances.model(
+        betas=performances.betas[start],
+        pose=(1 - t[..., None]) * turns[start] + t[..., None] * turns[end],
+        trans=(1 - t) * places[start] + t * places[end],
+    )
+
+
+def test_paths_against_the_models_motion(benchmark):
+    full = not benchmark.disabled
+    resolution, n_pairs = ("full", 20) if full else ("coarse", 6)
+    space = AlignedSurfaces(bodies(resolution).template)
+    metrics = {"elastic": ElasticMetric(space, 1.0, 1.0, 0.0), "srnf": SRNFMetric(space)}
+    solvers = {
+        "linear": (LinearPath(), "elastic"),
+        "srnf": (BasisPath(basis(resolution), tolerance=1e-3, initial=LinearPath()), "srnf"),
+        "ours": (BasisPath(basis(resolution)), "elastic"),
+    }
+    names = bodies(resolution).pose_names
+    rng = np.random.default_rng(1)
+    rows = []
+    for k in range(n_pairs):
+        subject = int(rng.integers(10))
+        pose, other_pose = (int(i) for i in rng.choice(10, 2, replace=False))
+        if k < len(REQUIRED):
+            pose, other_pose = (names.index(name) for name in REQUIRED[k])
+        own = motion(resolution, subject, pose, other_pose)
+        row = {}
+        for name, (solver, metric) in solvers.items():
+            result, seconds = timed(solver, metrics[metric], own[0], own[-1])
+            measures = measure_path(metrics, result.path, own)
+            row[name] = (measures.mean_deviation, measures.area_change.mean)
+        rows.append(list(row.values()))
+        line = "; ".join(f"{name} {mm:5.1f} mm {area:6.3f}" for name, (mm, area) in row.items())
+        print(f"\n{names[pose]:>13} {names[other_pose]:13} {line}; {seconds:.2f} s", end="")
+
+    rows = np.array(rows)
+    ratios = rows[:, 2] / rows[:, 0]
+    medians = np.median(ratios, axis=0)
+    print(
+        f"\nours against linear: deviation {medians[0]:.2f} in the median, {ratios[:, 0].max():.2f} "
+        f"at most; change of areas {medians[1]:.3f} and {ratios[:, 1].max():.3f}"
+    )
+    benchmark.pedantic(
+        lambda: solvers["ours"][0].solve(metrics["elastic"], own[0], own[-1]), rounds=1
+    )
+    assert np.all(medians < 0.5)
+    assert np.all(ratios <= 1.0)
