@@ -79,7 +79,11 @@ class DynamicFaustMotion(Motion):
                         f"{error}"
                     ) from error
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
-        bad = [number for number, frame in zip(numbers, frames) if not np.isfinite(frame).all()]
+        bad = [
+            number
+            for number, frame in zip(numbers, frames, strict=True)
+            if not np.isfinite(frame).all()
+        ]
         if bad:
             raise FileFormatError(
                 f"{self._path}: NaN or infinite coordinates in frames "

@@ -149,6 +149,7 @@ def chosen(
     if unknown or not names or len(set(names)) < len(names):
         found = "unknown: " + ", ".join(map(repr, unknown)) if unknown else f"found {wanted!r}"
         raise ArgumentError(
-            f"{name} must be different names, at least one, out of {', '.join(known)}{source}; {found}"
+            f"{name} must be different names, at least one, out of {', '.join(known)}{source}; "
+            f"{found}"
         )
     return names

@@ -223,7 +223,7 @@ class _Turn:
 def _sided(
     written: Choreography,
 ) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
-    """Yield joint, axes, curves and delay in cycles, with joints that stand for both sides split."""
+    """Yield joint, axes, curves and delay in cycles; joints of both sides are split."""
     central = {
         "pelvis",
         "lower_spine",
