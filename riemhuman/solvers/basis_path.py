@@ -124,10 +124,14 @@ class BasisPath:
         """
         start, end = check_end_points(metric, start, end)
         self.basis.check_fits(start.shape[0])
+        if initial_path is None and self.initial is not None:
+            initial_path = self.initial.solve(metric, start, end).path
         if initial_path is None:
-            initial_path = self._initial_path(metric, start, end)
-        line = check_initial_path(metric, start, end, self.n_times, initial_path)
-        energy = self.energy.value(metric, line)
+            initial = self._default_initial_path(metric, start, end)
+            line, energy = initial.path, initial.energy
+        else:
+            line = check_initial_path(metric, start, end, self.n_times, initial_path)
+            energy = self.energy.value(metric, line)
         if not np.isfinite(energy):
             raise ArgumentError(
                 "the initial path has no finite energy: a surface on it has a triangle without "
@@ -136,7 +140,7 @@ class BasisPath:
         if self.n_times == 2:
             return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
 
-        minimum = self._minimize(metric, line)
+        minimum = self._minimize(metric, line, energy)
         path = self._path(line, minimum.x)
         result = PathResult(
             metric.remove_drift(path) if self.remove_drift else path,
@@ -150,16 +154,16 @@ class BasisPath:
         warn_unless_converged(self, result)
         return result
 
-    def _initial_path(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
-        if self.initial is not None:
-            return self.initial.solve(metric, start, end).path
+    def _default_initial_path(
+        self, metric: RiemannianMetric, start: ndarray, end: ndarray
+    ) -> PathResult:
         straight = LinearPath(self.n_times, self.energy).solve(metric, start, end)
         if self.method != "preconditioned":
-            return straight.path
+            return straight
         turning = PoissonPath(self.n_times, self.energy).solve(metric, start, end)
-        return min(straight, turning, key=lambda result: result.energy).path
+        return min(straight, turning, key=lambda result: result.energy)
 
-    def _minimize(self, metric: RiemannianMetric, line: ndarray) -> Minimum:
+    def _minimize(self, metric: RiemannianMetric, line: ndarray, line_energy: float) -> Minimum:
         """Return the coefficients α of least energy, shape (n_times − 2, K)."""
         start = np.zeros((self.n_times - 2, len(self.basis)))
 
@@ -170,7 +174,8 @@ class BasisPath:
 
         def around(coefficients: ndarray) -> LocalProblem:
             path = self._path(line, coefficients)
-            unit = self.energy.value(metric, path) or 1.0
+            unit = self.energy.value(metric, path) if coefficients.any() else line_energy
+            unit = unit or 1.0
             nodes = path[1 : -1 : max(1, (self.n_times - 2) // _N_NODES)]
             gram = metric.gram_matrix(self.basis.vectors, nodes)
             change = PathPreconditioner(CholeskyFactor(gram / unit), self.n_times - 1)

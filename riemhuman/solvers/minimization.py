@@ -55,12 +55,16 @@ class _Record:
     best_value: float = np.inf
     best_x: ndarray = field(default_factory=lambda: np.empty(0))
     last_x: ndarray = field(default_factory=lambda: np.empty(0))
+    last_value: float = np.inf
     last_gradient: ndarray = field(default_factory=lambda: np.empty(0))
 
     def __call__(self, x: ndarray) -> tuple[float, ndarray]:
+        if np.array_equal(x, self.last_x):
+            # SciPy asks for the start once more.
+            return self.last_value, self.last_gradient
         value, gradient = self.objective(x)
         self.n_evaluations += 1
-        self.last_x, self.last_gradient = x.copy(), gradient
+        self.last_x, self.last_value, self.last_gradient = x.copy(), value, gradient
         if value < self.best_value:
             self.best_value, self.best_x = value, x.copy()
         return value, gradient

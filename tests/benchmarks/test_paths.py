@@ -64,7 +64,8 @@ def test_paths_against_the_models_motion(benchmark):
     medians = np.median(ratios, axis=0)
     print(
         f"\nours against linear: deviation {medians[0]:.2f} in the median, "
-        f"{ratios[:, 0].max():.2f} at most; change of areas {medians[1]:.3f} and {ratios[:, 1].max():.3f}"
+        f"{ratios[:, 0].max():.2f} at most; change of areas {medians[1]:.3f} and "
+        f"{ratios[:, 1].max():.3f}"
     )
     benchmark.pedantic(
         lambda: solvers["ours"][0].solve(metrics["elastic"], own[0], own[-1]), rounds=1
