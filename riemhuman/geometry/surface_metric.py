@@ -53,7 +53,7 @@ class SurfaceMetric(PullbackMetric):
         if isinstance(path, ndarray) and path.ndim == 3:
             energy, _ = self.energy_and_gradient(path)
             if np.isfinite(energy):
-                return np.asarray(energy)
+                return np.asarray(energy)[()]
         return super().energy(path)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:

@@ -1,0 +1,291 @@
+"""Facts about the open motions."""
+
+import numpy as np
+import pytest
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import load_open_bodies, load_open_model, load_open_motions
+from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
+from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+NAMES = (
+    "chicken_wings hips jiggle_on_toes jumping_jacks knees light_hopping_loose "
+    "light_hopping_stiff one_leg_jump one_leg_loose punching running_on_spot shake_arms "
+    "shake_hips shake_shoulders"
+).split()
+
+
+@pytest.fixture(scope="module")
+def motions():
+    return load_open_motions("coarse")
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Return the list of how many surfaces each call of the model makes."""
+    counts = []
+    evaluate = BodyModel.__call__
+
+    def counting(model, betas=None, pose=None, trans=None):
+        points = evaluate(model, betas, pose, trans)
+        counts.append(points[..., 0, 0].size)
+        return points
+
+    monkeypatch.setattr(BodyModel, "__call__", counting)
+    return counts
+
+
+def of_one(motions, sequence):
+    return next(motion for motion in motions if motion.sequence == sequence)
+
+
+def joints(motion):
+    """Return the joints by name, each over time, shape (n_frames, 3)."""
+    places = motion.model.joints(motion.betas, motion.pose_vectors, motion.translations)
+    return dict(zip(motion.model.joint_names, np.moveaxis(places, 1, 0), strict=True))
+
+
+def bend(places, upper, middle, lower):
+    """Return the angle between two bones over time, in degrees, 0 where they are in line."""
+    first, second = places[middle] - places[upper], places[lower] - places[middle]
+    cosine = np.sum(first * second, axis=1)
+    cosine /= np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    return np.degrees(np.arccos(cosine))
+
+
+def volume(points, faces):
+    a, b, c = np.moveaxis(points[faces], 1, 0)
+    return np.sum(a * np.cross(b, c)) / 6
+
+
+def test_fourteen_motions_of_ten_people(motions):
+    assert len(motions) == 140
+    assert list(OPEN_MOTIONS) == NAMES
+    assert [motion.sequence for motion in motions] == 10 * NAMES
+    subjects = [motion.subject for motion in motions[::14]]
+    assert len(set(subjects)) == 10
+    assert [motion.subject for motion in motions] == list(np.repeat(subjects, 14))
+    assert [name.split()[-1] for name in subjects[:5]] == ["woman"] * 5
+
+
+def test_nobody_is_among_the_open_bodies(motions):
+    bodies = load_open_bodies("coarse")
+    assert not {motion.subject for motion in motions} & set(bodies.subject_names)
+    own = np.stack([motion.betas for motion in motions[::14]])
+    people = np.concatenate([own, bodies.betas[::10]])
+    gaps = np.linalg.norm(people[:, None] - people, axis=-1)
+    assert gaps[~np.eye(20, dtype=bool)].min() > 1  # standard deviations
+    assert np.abs(own).max() < 3
+    for motion in motions:
+        np.testing.assert_array_equal(motion.betas, own[motions.index(motion) // 14])
+
+
+def test_sixty_frames_a_second(motions):
+    for motion in motions:
+        assert motion.frames_per_second == 60
+        assert 1.5 < (len(motion) - 1) / 60 < 4
+        assert motion.template is motion.model.template
+        assert motion.faces is motion.model.faces
+
+
+def test_frame_rate_changes_the_times_alone(motions):
+    (slow,) = load_open_motions("coarse", "average man", "knees", frames_per_second=20)
+    fast = next(m for m in motions if (m.subject, m.sequence) == ("average man", "knees"))
+    assert slow.frames_per_second == 20
+    assert len(slow) == (len(fast) + 2) // 3
+    np.testing.assert_allclose(slow[:], fast[::3], rtol=0, atol=1e-12)
+
+
+def test_frames_are_made_when_they_are_asked_for(computed):
+    motions = load_open_motions("coarse", "lean runner")
+    assert computed == []
+    motions[0][17]
+    assert computed == [1]
+    motions[1][-1]
+    assert computed == [1, 1]
+    computed.clear()
+    motions[2][::10]
+    assert sum(computed) == len(range(0, len(motions[2]), 10))
+    computed.clear()
+    next(iter(motions[3]))
+    assert sum(computed) < 20
+
+
+def test_slices_and_iteration_equal_frames(motions):
+    motion = of_one(motions, "punching")
+    frames = motion[:]
+    assert frames.shape == (len(motion), 1202, 3)
+    assert frames.dtype == np.float64
+    for number in (0, 1, 15, 16, 40, len(motion) - 1):
+        np.testing.assert_allclose(motion[number], frames[number], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(motion[-1], frames[-1], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(motion[90:5:-7], frames[90:5:-7], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(np.stack(list(motion)), frames, rtol=0, atol=1e-13)
+    assert motion[4:4].shape == (0, 1202, 3)
+    with pytest.raises(FrameIndexError, match="'punching' of 'tall sturdy woman'.* has no frame"):
+        motion[len(motion)]
+
+
+def test_parameters_reproduce_the_frames(motions):
+    motion = of_one(motions, "one_leg_jump")
+    model = load_open_model("coarse")
+    assert motion.model is model
+    assert motion.betas.shape == (model.n_betas,)
+    assert motion.pose_vectors.shape == (len(motion), model.n_joints, 3)
+    assert motion.translations.shape == (len(motion), 3)
+    for number in (0, 33, 100):
+        surface = model(motion.betas, motion.pose_vectors[number], motion.translations[number])
+        np.testing.assert_allclose(motion[number], surface, rtol=0, atol=1e-13)
+
+
+def test_loading_again_gives_the_same_whatever_is_chosen(motions):
+    subject, sequence = "older heavy man", "shake_arms"
+    (alone,) = load_open_motions("coarse", [subject], [sequence])
+    among = next(m for m in motions if (m.subject, m.sequence) == (subject, sequence))
+    assert alone is not among
+    for name in ("betas", "pose_vectors", "translations"):
+        np.testing.assert_array_equal(getattr(alone, name), getattr(among, name))
+    np.testing.assert_array_equal(alone[::30], among[::30])
+
+
+def test_everybody_performs_a_little_differently(motions):
+    same = [motion for motion in motions if motion.sequence == "knees"]
+    assert len({motion.n_frames for motion in same}) > 4
+    first = np.stack([motion.pose_vectors[0] for motion in same])
+    gaps = np.abs(first[:, None] - first).max(axis=(-2, -1))
+    assert np.degrees(gaps[~np.eye(10, dtype=bool)].min()) > 1
+
+
+def test_both_resolutions_show_the_same_performances(motions):
+    (full,) = load_open_motions(subjects="average woman", sequences="hips")
+    coarse = next(m for m in motions if (m.subject, m.sequence) == ("average woman", "hips"))
+    assert full[0].shape == (13348, 3)
+    assert len(full) == len(coarse)
+    np.testing.assert_array_equal(full.betas, coarse.betas)
+    np.testing.assert_allclose(full.pose_vectors, coarse.pose_vectors, rtol=0, atol=0.05)
+    np.testing.assert_allclose(full.translations, coarse.translations, rtol=0, atol=0.01)
+    gaps = np.abs(full.template.vertices[:, None] - coarse.template.vertices[::20])
+    same = gaps.max(axis=-1).argmin(axis=0)
+    apart = np.linalg.norm(full[::60][:, same] - coarse[::60][:, ::20], axis=-1)
+    assert apart.max() < 0.03
+
+
+@pytest.mark.parametrize("sequence", NAMES)
+def test_smooth_on_the_ground_and_not_inside_out(motions, sequence):
+    for motion in motions:
+        if motion.sequence != sequence:
+            continue
+        frames = motion[:]
+        speeds = np.linalg.norm(np.diff(frames, axis=0), axis=-1)
+        assert 0.005 < speeds.max() < 0.2  # metres a frame
+        volumes = np.array([volume(frame, motion.faces) for frame in frames[::20]])
+        assert volumes.min() > 0.03
+        assert volumes.max() < 1.1 * volumes.min()
+        lowest = frames[..., 1].min(axis=1)
+        assert lowest.min() > -0.06
+        assert lowest.max() < 0.12
+
+
+@pytest.mark.parametrize("sequence", NAMES)
+def test_no_jumps(sequence):
+    # Four times as many frames make steps a quarter as long; a jump would stay as it is.
+    def longest_step(rate):
+        (motion,) = load_open_motions("coarse", "average man", sequence, rate)
+        places = np.stack(list(joints(motion).values()))
+        return np.linalg.norm(np.diff(places, axis=1), axis=-1).max()
+
+    assert longest_step(240) < 0.27 * longest_step(60)
+
+
+def test_a_foot_that_stands_keeps_its_place(motions):
+    for motion in motions[:28]:
+        feet = OPEN_MOTIONS[motion.sequence].standing_on
+        if not feet:
+            continue
+        places = joints(motion)
+        ankles = np.mean([places[f"{side}_ankle"] for side in feet], axis=0)
+        assert np.ptp(ankles[:, [0, 2]], axis=0).max() < 1e-12
+
+
+def test_joints_reach_what_the_motions_ask_for(motions):
+    for subject in range(10):
+        placed = {motion.sequence: joints(motion) for motion in motions[14 * subject :][:14]}
+
+        def most(sequence, *names, placed=placed):
+            return [
+                bend(placed[sequence], *(f"{side}_{name}" for name in names)).max()
+                for side in ("left", "right")
+            ]
+
+        for sequence in ("chicken_wings", "punching"):
+            assert min(most(sequence, "shoulder", "elbow", "wrist")) > 100
+        assert min(most("knees", "hip", "knee", "ankle")) > 90
+        for sequence in ("chicken_wings", "jumping_jacks"):
+            for side in ("left", "right"):
+                above = placed[sequence][f"{side}_wrist"] - placed[sequence]["head"]
+                assert above[:, 1].max() > 0.2
+                assert above[:, 1].min() < -0.4
+        punch = placed["punching"]
+        reach = punch["left_wrist"] - punch["left_shoulder"]
+        assert (reach[:, 2] / np.linalg.norm(reach, axis=1)).max() > 0.6  # forward
+        raised = placed["knees"]
+        assert (raised["left_knee"] - raised["left_hip"])[:, 1].max() > -0.05
+
+
+def test_left_and_right_take_turns(motions):
+    places = joints(of_one(motions, "knees"))
+    left, right = (places[f"{side}_knee"][:, 1] for side in ("left", "right"))
+    assert np.corrcoef(left, right)[0, 1] < -0.2
+    places = joints(of_one(motions, "light_hopping_stiff"))
+    left, right = (places[f"{side}_knee"][:, 1] for side in ("left", "right"))
+    assert np.corrcoef(left, right)[0, 1] > 0.9
+
+
+def test_choosing_people_and_motions():
+    some = load_open_motions("coarse", ["short slim man", "average woman"], ["knees", "hips"])
+    assert [(motion.subject, motion.sequence) for motion in some] == [
+        ("short slim man", "knees"),
+        ("short slim man", "hips"),
+        ("average woman", "knees"),
+        ("average woman", "hips"),
+    ]
+    assert len(load_open_motions("coarse", "average man")) == 14
+    assert len(load_open_motions("coarse", sequences="hips")) == 10
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"resolution": "fine"}, "resolution must be one of 'full', 'coarse'; found 'fine'"),
+        ({"subjects": "heavy man"}, "subjects .*average woman.*; unknown: 'heavy man'"),
+        ({"subjects": ["average man", "nobody"]}, "unknown: 'nobody'"),
+        ({"subjects": []}, "subjects must be different names, at least one"),
+        ({"sequences": ["hips", "flying"]}, "sequences .*chicken_wings.*; unknown: 'flying'"),
+        ({"sequences": ["hips", "hips"]}, "sequences must be different names"),
+        ({"frames_per_second": 0}, "frames_per_second must be a finite number above 0"),
+        ({"frames_per_second": np.nan}, "frames_per_second must be a finite number above 0"),
+    ],
+)
+def test_refusals(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        load_open_motions(**({"resolution": "coarse"} | arguments))
+
+
+@pytest.mark.parametrize("name", ["subjects", "sequences", "frames_per_second"])
+def test_arguments_of_another_type(name):
+    value = "fast" if name == "frames_per_second" else 3
+    with pytest.raises(ArgumentTypeError, match=f"{name} must be"):
+        load_open_motions("coarse", **{name: value})
+
+
+def test_a_deformation_basis_is_learnt_from_every_tenth_frame(computed):
+    motions = load_open_motions("coarse", ["average woman", "average man"])
+    basis = DeformationBasis.from_motions(motions, n_components=20, step=10)
+    assert basis.vectors.shape == (20, 1202, 3)
+    inner = np.einsum("kvi,lvi->kl", basis.vectors, basis.vectors)
+    np.testing.assert_allclose(inner, np.eye(20), rtol=0, atol=1e-8)
+    assert set(computed) == {1}
+    assert len(computed) == sum(len(range(0, len(motion), 10)) for motion in motions)
+    assert (np.diff(basis.explained_variance) <= 0).all()
+    assert basis.explained_variance_ratio.sum() > 0.9
