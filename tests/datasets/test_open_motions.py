@@ -9,11 +9,22 @@ from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
-NAMES = (
-    "chicken_wings hips jiggle_on_toes jumping_jacks knees light_hopping_loose "
-    "light_hopping_stiff one_leg_jump one_leg_loose punching running_on_spot shake_arms "
-    "shake_hips shake_shoulders"
-).split()
+NAMES = [
+    "chicken_wings",
+    "hips",
+    "jiggle_on_toes",
+    "jumping_jacks",
+    "knees",
+    "light_hopping_loose",
+    "light_hopping_stiff",
+    "one_leg_jump",
+    "one_leg_loose",
+    "punching",
+    "running_on_spot",
+    "shake_arms",
+    "shake_hips",
+    "shake_shoulders",
+]
 
 
 @pytest.fixture(scope="module")
