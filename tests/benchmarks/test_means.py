@@ -1,6 +1,6 @@
 """Karcher mean of five people in one pose.
 
-    pytest tests/benchmarks/test_means.py --benchmark-enable -s
+pytest tests/benchmarks/test_means.py --benchmark-enable -s
 """
 
 from performances import basis, bodies
