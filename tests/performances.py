@@ -22,10 +22,10 @@ def basis(resolution):
     return DeformationBasis.from_motions(motions, n_components=100)
 
 
-def timed(solver, metric, start, end):
+def timed(solver, metric, *arguments):
     """Return a solver's result and its wall time in seconds."""
     begin = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        result = solver.solve(metric, start, end)
+        result = solver.solve(metric, *arguments)
     return result, time.perf_counter() - begin

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+import autograd.numpy as np
 from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.strain import elastic_blocks
+from riemhuman.kernels.known_gradient import with_known_gradient
+from riemhuman.kernels.threads import quadratic_form
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -33,7 +36,7 @@ class SurfaceMetric(PullbackMetric):
     def energy(self, path: ndarray) -> ndarray:
         """Return the closed-form energy n Σ d²(f_i, f_{i+1}) of paths with n segments.
 
-        One path of plain arrays runs in compiled loops; several, or a path traced by autograd, by
+        One path runs in compiled loops, which autograd knows with their gradient; several run by
         the definition.
 
         Parameters
@@ -50,11 +53,15 @@ class SurfaceMetric(PullbackMetric):
         DegenerateSurfaceError
             If the metric needs a normal of a triangle without area.
         """
-        if isinstance(path, ndarray) and path.ndim == 3:
-            energy, _ = self.energy_and_gradient(path)
+        if np.ndim(path) == 3:
+            energy = self._compiled_energy(path)
             if np.isfinite(energy):
-                return np.asarray(energy)[()]
+                return energy
         return super().energy(path)
+
+    @cached_property
+    def _compiled_energy(self) -> Callable[[Any], Any]:
+        return with_known_gradient(self.energy_and_gradient, super().energy)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient, in one compiled pass.
@@ -122,12 +129,14 @@ class SurfaceMetric(PullbackMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
+        from riemhuman.kernels.compiled_surfaces import add_elastic_blocks
+
         surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
         template = self.space.template
         blocks = np.zeros((template.n_faces, 9, 9))
         for f in surfaces:
             self.space.check_immersed(f, "base_point")
-            blocks += elastic_blocks(f, template.faces, template.face_areas, **self._weights)
+            add_elastic_blocks(blocks, f, template.faces, template.face_areas, **self._weights)
         return template.assembler.assemble(blocks / len(surfaces))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
@@ -163,5 +172,5 @@ class SurfaceMetric(PullbackMetric):
         array, shape (K, K)
         """
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), -1)
-        gram = flat @ (self.metric_matrix(base_point) @ flat.T)
+        gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)

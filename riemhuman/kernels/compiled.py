@@ -9,18 +9,16 @@ loop as those of numba's parallel mode do.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numba import njit
 from numpy import ndarray
 
 from riemhuman.kernels.surface import DEGENERATE
+from riemhuman.kernels.threads import in_chunks
 
-_N_CHUNKS = 4
 # Below this many triangles times surfaces, threads cost more than they bring.
 _WORTH_THREADS = 50_000
-_THREADS = ThreadPoolExecutor(_N_CHUNKS, thread_name_prefix="riemhuman-kernels")
 
 
 @njit(cache=True, inline="always")
@@ -226,17 +224,16 @@ def path_energy(
     """
     # Vertex by vertex, all times together: what one triangle reads lies close together.
     by_vertex = np.ascontiguousarray(np.swapaxes(path, 0, 1))
-    ends = np.linspace(0, len(faces), _N_CHUNKS + 1).astype(np.int64)
-    gradients = np.zeros((_N_CHUNKS, *by_vertex.shape))
 
-    def run(chunk: int) -> float:
-        first, last = ends[chunk], ends[chunk + 1]
-        return _squared_segments(
-            by_vertex, faces, frames, areas, first, last, a, lam, c, b, gradients[chunk]
+    def run(first: int, last: int) -> tuple[float, ndarray]:
+        slopes = np.zeros(by_vertex.shape)
+        value = _squared_segments(
+            by_vertex, faces, frames, areas, first, last, a, lam, c, b, slopes
         )
+        return value, slopes
 
-    threaded = len(faces) * len(path) > _WORTH_THREADS
-    total = sum((_THREADS.map if threaded else map)(run, range(_N_CHUNKS)))
+    parts = in_chunks(run, len(faces), threaded=len(faces) * len(path) > _WORTH_THREADS)
     n_segments = len(path) - 1
-    gradient = n_segments * np.swapaxes(gradients.sum(axis=0), 0, 1)
-    return n_segments * total, np.ascontiguousarray(gradient)
+    gradient = n_segments * sum(slopes for _, slopes in parts)
+    energy = n_segments * sum(value for value, _ in parts)
+    return energy, np.ascontiguousarray(np.swapaxes(gradient, 0, 1))

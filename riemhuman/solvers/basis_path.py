@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_blas
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
 from riemhuman.solvers.poisson_path import PoissonPath
@@ -140,7 +141,8 @@ class BasisPath:
         if self.n_times == 2:
             return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
 
-        minimum = self._minimize(metric, line, energy)
+        with single_threaded_blas():
+            minimum = self._minimize(metric, line, energy)
         path = self._path(line, minimum.x)
         result = PathResult(
             metric.remove_drift(path) if self.remove_drift else path,
@@ -170,7 +172,7 @@ class BasisPath:
         def energy(coefficients: ndarray) -> tuple[float, ndarray]:
             path = self._path(line, coefficients)
             value, gradient = self.energy.value_and_gradient(metric, path)
-            return value, gradient[1:-1].reshape(len(start), -1) @ self.basis.flat.T
+            return value, pair_with_rows(gradient[1:-1].reshape(len(start), -1), self.basis.flat)
 
         def around(coefficients: ndarray) -> LocalProblem:
             path = self._path(line, coefficients)
@@ -224,5 +226,5 @@ class BasisPath:
 
     def _path(self, line: ndarray, coefficients: ndarray) -> ndarray:
         path = line.copy()
-        path[1:-1] += self.basis.combine(coefficients)
+        path[1:-1] += combine_rows(coefficients, self.basis.flat).reshape(path[1:-1].shape)
         return path

@@ -188,7 +188,9 @@ class Template:
     @cached_property
     def interpolator(self) -> PoissonInterpolator:
         """Interpolates surfaces over this template by their deformation gradients."""
-        return PoissonInterpolator(self.faces, self.differential_operator, self.face_areas)
+        return PoissonInterpolator(
+            self.faces, self.frame_coefficients, self.differential_operator, self.face_areas
+        )
 
     def check_points(self, points: Any, name: str = "points") -> Any:
         """Return surfaces as a float64 array after checking that they fit this template.

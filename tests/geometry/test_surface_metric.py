@@ -1,13 +1,16 @@
 """The compiled and sparse forms of metrics on surfaces agree with their definitions."""
 
+from functools import partial
+
 import numpy as np
 import pytest
-from autograd import value_and_grad
+from autograd import grad, hessian_vector_product, value_and_grad
 from cases import deformations, sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
 
 SPACE = AlignedSurfaces(sphere_template(2), equip=False)
@@ -33,7 +36,7 @@ def wavy_path(size, n_times=5):
 def test_compiled_energy_agrees_with_the_definition(metric, size):
     path = wavy_path(size)
     energy, gradient = metric.energy_and_gradient(path)
-    expected, expected_gradient = value_and_grad(metric.energy)(path)
+    expected, expected_gradient = value_and_grad(partial(PullbackMetric.energy, metric))(path)
     # Differences of nearly equal surfaces carry the rounding error of the surfaces.
     tolerance = max(1e-10, 1e-14 / size)
     assert energy == pytest.approx(expected, rel=tolerance)
@@ -74,6 +77,19 @@ def test_large_meshes_run_in_threads_with_the_same_result(metric, monkeypatch):
     threaded = metric.energy_and_gradient(path)
     assert alone[0] == threaded[0]
     np.testing.assert_array_equal(alone[1], threaded[1])
+
+
+@each_metric
+def test_autograd_takes_derivatives_of_the_compiled_energy(metric, monkeypatch):
+    path, direction = wavy_path(0.2), deformations(SPACE.template, 5, rng=10)
+    gradient = grad(metric.energy)(path)
+    np.testing.assert_array_equal(gradient, metric.energy_and_gradient(path)[1])
+    curvature = hessian_vector_product(metric.energy)(path, direction)
+    expected = hessian_vector_product(partial(PullbackMetric.energy, metric))(path, direction)
+    np.testing.assert_allclose(curvature, expected, atol=1e-10 * np.abs(expected).max())
+    # In one pass: the definition is not asked.
+    monkeypatch.setattr(PullbackMetric, "energy", None)
+    np.testing.assert_array_equal(value_and_grad(metric.energy)(path)[1], gradient)
 
 
 def test_compiled_energy_in_the_completion():

@@ -1,0 +1,277 @@
+"""Compiled loops over the triangles of single surfaces; they agree with slower definitions.
+
+As in `riemhuman.kernels.compiled`, importing compiles nothing, functions release the interpreter
+lock, and results do not depend on the number of threads.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy import ndarray
+
+from riemhuman.kernels.threads import in_chunks
+
+# Below this many triangles, threads cost more than they bring.
+_WORTH_THREADS = 5_000
+
+
+@njit(cache=True, inline="always")
+def _frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, float]:
+    """Fill e₁ ∥ f_u, e₂, n as rows; return p, q, r with f_u = p e₁, f_v = q e₁ + r e₂."""
+    p = math.sqrt(f_u[0] ** 2 + f_u[1] ** 2 + f_u[2] ** 2)
+    for k in range(3):
+        axes[0, k] = f_u[k] / p
+    q = f_v[0] * axes[0, 0] + f_v[1] * axes[0, 1] + f_v[2] * axes[0, 2]
+    for k in range(3):
+        axes[1, k] = f_v[k] - q * axes[0, k]
+    r = math.sqrt(axes[1, 0] ** 2 + axes[1, 1] ** 2 + axes[1, 2] ** 2)
+    for k in range(3):
+        axes[1, k] /= r
+    axes[2, 0] = axes[0, 1] * axes[1, 2] - axes[0, 2] * axes[1, 1]
+    axes[2, 1] = axes[0, 2] * axes[1, 0] - axes[0, 0] * axes[1, 2]
+    axes[2, 2] = axes[0, 0] * axes[1, 1] - axes[0, 1] * axes[1, 0]
+    return p, q, r
+
+
+@njit(cache=True, inline="always")
+def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
+    """Fill the unit axis of a rotation matrix; return its angle in [0, π]."""
+    # Shepperd's method: the quaternion through its largest entry.
+    trace = matrix[0, 0] + matrix[1, 1] + matrix[2, 2]
+    largest, k = trace, -1
+    for i in range(3):
+        if matrix[i, i] > largest:
+            largest, k = matrix[i, i], i
+    if k < 0:
+        vector[0] = matrix[2, 1] - matrix[1, 2]
+        vector[1] = matrix[0, 2] - matrix[2, 0]
+        vector[2] = matrix[1, 0] - matrix[0, 1]
+        real = 1.0 + trace
+    else:
+        i, j = (k + 1) % 3, (k + 2) % 3
+        vector[k] = 1.0 + matrix[k, k] - matrix[i, i] - matrix[j, j]
+        vector[i] = matrix[i, k] + matrix[k, i]
+        vector[j] = matrix[j, k] + matrix[k, j]
+        real = matrix[j, i] - matrix[i, j]
+    if real < 0.0:
+        real = -real
+        for i in range(3):
+            vector[i] = -vector[i]
+    size = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+    if size == 0.0:
+        vector[0] = 1.0
+        return 0.0
+    for i in range(3):
+        vector[i] /= size
+    return 2.0 * math.atan2(size, real)
+
+
+@njit(cache=True, nogil=True)
+def _turned_sources(
+    start: ndarray,
+    end: ndarray,
+    times: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    areas: ndarray,
+    first: int,
+    last: int,
+    source: ndarray,
+) -> None:
+    """Add the divergences of the derivatives wanted at all times, see `turned_sources`."""
+    from_axes, to_axes = np.empty((3, 3)), np.empty((3, 3))
+    before, after = np.empty((2, 3)), np.empty((2, 3))
+    back, rotation = np.empty((2, 3)), np.empty((3, 3))
+    axis, across, wanted = np.empty(3), np.empty(3), np.empty((2, 3))
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+        for k in range(3):
+            edge = start[two, k] - start[one, k]
+            before[0, k] = edge * scale_u
+            before[1, k] = (start[three, k] - start[one, k]) * scale_v - edge * skew
+            edge = end[two, k] - end[one, k]
+            after[0, k] = edge * scale_u
+            after[1, k] = (end[three, k] - end[one, k]) * scale_v - edge * skew
+        p, q, r = _frame(before[0], before[1], from_axes)
+        u, v, w = _frame(after[0], after[1], to_axes)
+        # The polar decomposition of the map between the frames, [[u r, v p − u q], [0, w p]].
+        angle = math.atan2(u * q - v * p, u * r + w * p)
+        cosine, sine = math.cos(angle), math.sin(angle)
+        for k in range(3):
+            turned = cosine * to_axes[0, k] + sine * to_axes[1, k]
+            to_axes[1, k] = cosine * to_axes[1, k] - sine * to_axes[0, k]
+            to_axes[0, k] = turned
+        for i in range(3):
+            for j in range(3):
+                rotation[i, j] = (
+                    to_axes[0, i] * from_axes[0, j]
+                    + to_axes[1, i] * from_axes[1, j]
+                    + to_axes[2, i] * from_axes[2, j]
+                )
+        angle = _rotation_vector(rotation, axis)
+        for d in range(2):
+            for j in range(3):
+                back[d, j] = (
+                    rotation[0, j] * after[d, 0]
+                    + rotation[1, j] * after[d, 1]
+                    + rotation[2, j] * after[d, 2]
+                )
+        for i in range(len(times)):
+            share = times[i]
+            cosine, sine = math.cos(share * angle), math.sin(share * angle)
+            for d in range(2):
+                along = 0.0
+                for k in range(3):
+                    wanted[d, k] = (1.0 - share) * before[d, k] + share * back[d, k]
+                    along += axis[k] * wanted[d, k]
+                across[0] = axis[1] * wanted[d, 2] - axis[2] * wanted[d, 1]
+                across[1] = axis[2] * wanted[d, 0] - axis[0] * wanted[d, 2]
+                across[2] = axis[0] * wanted[d, 1] - axis[1] * wanted[d, 0]
+                for k in range(3):
+                    wanted[d, k] = (
+                        cosine * wanted[d, k] + sine * across[k] + (1.0 - cosine) * along * axis[k]
+                    )
+            for k in range(3):
+                at_two = areas[t] * (scale_u * wanted[0, k] - skew * wanted[1, k])
+                at_three = areas[t] * scale_v * wanted[1, k]
+                source[two, i, k] += at_two
+                source[three, i, k] += at_three
+                source[one, i, k] -= at_two + at_three
+
+
+def turned_sources(
+    start: ndarray,
+    end: ndarray,
+    times: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    areas: ndarray,
+) -> ndarray:
+    r"""Return the divergences of the first derivatives between two surfaces.
+
+    With J = (f_u, f_v) at the start, J' at the end and R the rotation of the map that takes J and
+    the normal to J' and the normal, the derivatives wanted at time t are
+    :math:`R^t ((1 - t) J + t R^\top J')`, where R^t turns by t times the angle.
+
+    Parameters
+    ----------
+    start, end : array, shape (V, 3)
+        Surfaces whose triangles have an area.
+    times : array, shape (n_times,)
+        Times in [0, 1].
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
+    areas : array, shape (F,)
+        Template areas w_t.
+
+    Returns
+    -------
+    array, shape (V, n_times, 3)
+        Weighted transpose of the derivative operator, applied to the derivatives wanted.
+    """
+    shape = (len(start), len(times), 3)
+
+    def run(first: int, last: int) -> ndarray:
+        source = np.zeros(shape)
+        _turned_sources(start, end, times, faces, frames, areas, first, last, source)
+        return source
+
+    return np.add.reduce(in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS))
+
+
+@njit(cache=True, nogil=True)
+def _add_elastic_blocks(
+    points: ndarray,
+    faces: ndarray,
+    areas: ndarray,
+    first: int,
+    last: int,
+    a: float,
+    lam: float,
+    c: float,
+    b: float,
+    blocks: ndarray,
+) -> None:
+    side, other = np.empty(3), np.empty(3)
+    axes = np.empty((3, 3))
+    along = np.empty((2, 3))
+    forms = np.empty((8, 9))
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        for k in range(3):
+            side[k] = points[two, k] - points[one, k]
+            other[k] = points[three, k] - points[one, k]
+        base, reach, height = _frame(side, other, axes)
+        # Gradients of the three barycentric coordinates along e₁ and e₂.
+        along[0, 0], along[0, 1], along[0, 2] = -1.0 / base, 1.0 / base, 0.0
+        along[1, 0] = (reach - base) / (base * height)
+        along[1, 1], along[1, 2] = -reach / (base * height), 1.0 / height
+        surface_area = 0.5 * base * height
+        stretch = math.sqrt(2.0 * a * surface_area)
+        growth = 2.0 * math.sqrt(lam * a * surface_area)
+        swelling = 0.5 * math.sqrt(b * surface_area)
+        bend = math.sqrt(c * areas[t])
+        tilt = math.sqrt(b * surface_area)
+        for corner in range(3):
+            for k in range(3):
+                column = 3 * corner + k
+                strain11 = along[0, corner] * axes[0, k]
+                strain22 = along[1, corner] * axes[1, k]
+                twice12 = along[1, corner] * axes[0, k] + along[0, corner] * axes[1, k]
+                out1 = along[0, corner] * axes[2, k]
+                out2 = along[1, corner] * axes[2, k]
+                forms[0, column] = stretch * (strain11 - strain22)
+                forms[1, column] = stretch * twice12
+                forms[2, column] = growth * (strain11 + strain22)
+                forms[3, column] = swelling * (strain11 + strain22)
+                forms[4, column], forms[5, column] = bend * out1, bend * out2
+                forms[6, column], forms[7, column] = tilt * out1, tilt * out2
+        for row in range(8):
+            if (row < 3 and a == 0.0) or (row in (4, 5) and c == 0.0):
+                continue
+            if row in (3, 6, 7) and b == 0.0:
+                continue
+            for i in range(9):
+                for j in range(9):
+                    blocks[t, i, j] += forms[row, i] * forms[row, j]
+
+
+def add_elastic_blocks(
+    blocks: ndarray,
+    points: ndarray,
+    faces: ndarray,
+    areas: ndarray,
+    *,
+    a: float = 0.0,
+    lam: float = 0.0,
+    c: float = 0.0,
+    b: float = 0.0,
+) -> None:
+    """Add the matrices of `riemhuman.kernels.strain.elastic_blocks` to `blocks`.
+
+    Parameters
+    ----------
+    blocks : array, shape (F, 9, 9)
+        Added to in place.
+    points : array, shape (V, 3)
+        Surface f; every triangle has an area.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    areas : array, shape (F,)
+        Template areas w_t.
+    a, lam, c : float
+        Weights of the elastic metric.
+    b : float
+        Weight of the square root normal field metric.
+    """
+
+    def run(first: int, last: int) -> None:
+        _add_elastic_blocks(points, faces, areas, first, last, a, lam, c, b, blocks)
+
+    in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)

@@ -1,0 +1,141 @@
+"""Threads for bulk work: fixed chunks, so that results do not depend on how many threads run."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache
+from typing import TypeVar
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+from threadpoolctl import ThreadpoolController
+
+N_CHUNKS = 4
+
+Result = TypeVar("Result")
+
+
+def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) -> list[Result]:
+    """Return the results of a task on `N_CHUNKS` consecutive parts of range(size).
+
+    Parameters
+    ----------
+    task : callable
+        Called with the first and last + 1 index of each part; should release the interpreter lock.
+    size : int
+        Number of items.
+    threaded : bool
+        Whether to run in threads; small tasks are faster without.
+
+    Returns
+    -------
+    list
+        In the order of the parts.
+    """
+    ends = np.linspace(0, size, N_CHUNKS + 1).astype(np.int64)
+    run = _pool().map if threaded else map
+    return list(run(task, ends[:-1], ends[1:]))
+
+
+@contextmanager
+def single_threaded_blas() -> Iterator[None]:
+    """Keep linear algebra in the calling thread, for code that alternates it with own threads.
+
+    The threads of OpenBLAS wait for work in a busy loop, on the cores that the others need.
+
+    Yields
+    ------
+    None
+    """
+    with ThreadpoolController().limit(limits=1, user_api="blas"):
+        yield
+
+
+def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:
+    """Return coefficients @ rows for long rows.
+
+    Parameters
+    ----------
+    coefficients : array, shape (m, K)
+        Coefficients.
+    rows : array, shape (K, n)
+        Long rows, C-contiguous.
+
+    Returns
+    -------
+    array, shape (m, n)
+    """
+    combined = np.empty((len(coefficients), rows.shape[1]))
+
+    def task(first: int, last: int) -> None:
+        np.matmul(coefficients, rows[:, first:last], out=combined[:, first:last])
+
+    in_chunks(task, rows.shape[1], threaded=_is_large(rows))
+    return combined
+
+
+def pair_with_rows(vectors: ndarray, rows: ndarray) -> ndarray:
+    """Return vectors @ rows.T for long rows.
+
+    Parameters
+    ----------
+    vectors : array, shape (m, n)
+        Long vectors.
+    rows : array, shape (K, n)
+        Long rows, C-contiguous.
+
+    Returns
+    -------
+    array, shape (m, K)
+    """
+
+    def task(first: int, last: int) -> ndarray:
+        return vectors[:, first:last] @ rows[:, first:last].T
+
+    return np.add.reduce(in_chunks(task, rows.shape[1], threaded=_is_large(rows)))
+
+
+def quadratic_form(matrix: sparse.csr_array, rows: ndarray) -> ndarray:
+    """Return rows @ matrix @ rows.T for long rows.
+
+    Parameters
+    ----------
+    matrix : csr_array, shape (n, n)
+        Sparse matrix.
+    rows : array, shape (K, n)
+        Long rows, C-contiguous.
+
+    Returns
+    -------
+    array, shape (K, K)
+    """
+    columns = np.empty((rows.shape[1], rows.shape[0]))
+    threaded = _is_large(rows)
+
+    def transpose(first: int, last: int) -> None:
+        columns[first:last] = rows[:, first:last].T
+
+    def task(first: int, last: int) -> ndarray:
+        return rows[:, first:last] @ (matrix[first:last] @ columns)
+
+    in_chunks(transpose, len(columns), threaded=threaded)
+    with single_threaded_blas():
+        return np.add.reduce(in_chunks(task, len(columns), threaded=threaded))
+
+
+def _is_large(rows: ndarray) -> bool:
+    return rows.size > 500_000
+
+
+@cache
+def _pool() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(N_CHUNKS, thread_name_prefix="riemhuman-kernels")
+
+
+if hasattr(os, "register_at_fork"):
+    # Threads do not survive a fork: the child makes a pool of its own.
+    os.register_at_fork(after_in_child=_pool.cache_clear)

@@ -1,0 +1,95 @@
+"""Compiled loops over single surfaces, against their definitions."""
+
+import numpy as np
+import pytest
+from cases import open_template, sphere_template, surfaces
+from scipy.linalg import polar
+from scipy.spatial.transform import Rotation
+
+from riemhuman.kernels import compiled_surfaces
+from riemhuman.kernels.strain import elastic_blocks
+
+TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
+each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
+WEIGHTS = [
+    {"a": 1.0, "lam": 1e-4},
+    {"a": 0.5, "lam": 2.0, "c": 0.3},
+    {"c": 2.0},
+    {"b": 1.5},
+]
+
+
+@pytest.fixture(params=[False, True], ids=["alone", "threaded"])
+def threaded(request, monkeypatch):
+    monkeypatch.setattr(compiled_surfaces, "_WORTH_THREADS", 0 if request.param else np.inf)
+
+
+@each_template
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_blocks_are_added_up(template, weights, threaded):
+    blocks = np.zeros((template.n_faces, 9, 9))
+    expected = 0.0
+    for f in surfaces(template, 2, rng=3):
+        compiled_surfaces.add_elastic_blocks(
+            blocks, f, template.faces, template.face_areas, **weights
+        )
+        expected = expected + elastic_blocks(f, template.faces, template.face_areas, **weights)
+    np.testing.assert_allclose(blocks, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+def with_normals(template, points):
+    """Return the matrices (f_u, f_v, n), shape (F, 3, 3)."""
+    derivatives = (template.differential_operator @ points).reshape(2, -1, 3)
+    normals = np.cross(*derivatives)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.stack([*derivatives, normals], axis=2)
+
+
+@each_template
+def test_sources_by_polar_decomposition(template, threaded):
+    start, end = surfaces(template, 2, rng=4, size=0.6)
+    turn = Rotation.from_rotvec([0.5, 2.2, -0.4]).as_matrix()
+    end = end @ turn.T
+    times = np.array([0.0, 0.2, 0.5, 1.0])
+    found = compiled_surfaces.turned_sources(
+        start, end, times, template.faces, template.frame_coefficients, template.face_areas
+    )
+    first, last = with_normals(template, start), with_normals(template, end)
+    wanted = np.zeros((len(times), 2, template.n_faces, 3))
+    for t, (one, other) in enumerate(zip(first, last, strict=True)):
+        rotation, _ = polar(other @ np.linalg.inv(one))
+        vector = Rotation.from_matrix(rotation).as_rotvec()
+        for i, share in enumerate(times):
+            partway = Rotation.from_rotvec(share * vector).as_matrix()
+            blend = (1 - share) * one + share * rotation.T @ other
+            wanted[i, :, t] = (partway @ blend)[:, :2].T
+    weights = np.tile(template.face_areas, 2)[:, None]
+    for i, derivatives in enumerate(wanted):
+        expected = template.differential_operator.T @ (weights * derivatives.reshape(-1, 3))
+        np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
+
+
+ROTATIONS = [
+    [0.0, 0.0, 0.0],
+    [1e-9, 0.0, -1e-9],
+    [1e-4, 2e-4, 0.0],
+    [3.0, 0.3, 0.2],
+    [0.2, 3.1, 0.1],
+    [0.1, 0.3, -3.1],
+    [np.pi, 0.0, 0.0],
+    [0.0, np.pi * (1 - 1e-12), 0.0],
+    [-1.0, 1.4, 2.5],
+]
+
+
+@pytest.mark.parametrize("vector", ROTATIONS, ids=str)
+def test_angle_and_axis(vector):
+    matrix = Rotation.from_rotvec(vector).as_matrix()
+    axis = np.empty(3)
+    angle = compiled_surfaces._rotation_vector.py_func(matrix, axis)
+    assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-14) or angle == 0.0
+    assert 0.0 <= angle <= np.pi
+    if angle > 0.0:
+        back = Rotation.from_rotvec(angle * axis).as_matrix()
+        np.testing.assert_allclose(back, matrix, atol=1e-14)
+    np.testing.assert_allclose(angle, np.linalg.norm(vector), atol=1e-14, rtol=1e-12)

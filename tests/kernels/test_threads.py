@@ -1,0 +1,75 @@
+"""Work in chunks gives what the plain products give, whatever runs it."""
+
+import multiprocessing
+import os
+
+import numpy as np
+import pytest
+from scipy import sparse
+from threadpoolctl import threadpool_info
+
+from riemhuman.kernels import threads
+
+
+@pytest.fixture(params=[False, True], ids=["alone", "threaded"])
+def threaded(request, monkeypatch):
+    monkeypatch.setattr(threads, "_is_large", lambda rows: request.param)
+    return request.param
+
+
+@pytest.mark.parametrize("size", [0, 1, 3, 10, 1001])
+@pytest.mark.parametrize("threaded", [False, True])
+def test_chunks_are_in_order_and_cover_everything(size, threaded):
+    parts = threads.in_chunks(lambda first, last: list(range(first, last)), size, threaded=threaded)
+    assert len(parts) == threads.N_CHUNKS
+    assert [number for part in parts for number in part] == list(range(size))
+
+
+@pytest.mark.parametrize("threaded", [False, True])
+def test_errors_come_through(threaded):
+    def fail(first, last):
+        raise ZeroDivisionError("from a chunk")
+
+    with pytest.raises(ZeroDivisionError, match="from a chunk"):
+        threads.in_chunks(fail, 10, threaded=threaded)
+
+
+def test_products_of_long_rows(threaded):
+    rng = np.random.default_rng(1)
+    rows, coefficients = rng.standard_normal((7, 1001)), rng.standard_normal((5, 7))
+    combined = threads.combine_rows(coefficients, rows)
+    np.testing.assert_allclose(combined, coefficients @ rows, rtol=1e-13, atol=1e-13)
+    paired = threads.pair_with_rows(combined, rows)
+    np.testing.assert_allclose(paired, combined @ rows.T, rtol=1e-12, atol=1e-12)
+    matrix = sparse.random_array((1001, 1001), density=0.01, rng=rng, format="csr")
+    form = threads.quadratic_form(matrix, rows)
+    np.testing.assert_allclose(form, rows @ matrix @ rows.T, rtol=1e-12, atol=1e-12)
+
+
+def test_blas_runs_in_one_thread_and_gets_its_threads_back():
+    def blas_threads():
+        return [entry["num_threads"] for entry in threadpool_info() if entry["user_api"] == "blas"]
+
+    before = blas_threads()
+    with threads.single_threaded_blas():
+        assert set(blas_threads()) == {1}
+    assert blas_threads() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system does not fork")
+@pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
+def test_a_forked_process_has_threads_of_its_own():
+    threads.in_chunks(lambda first, last: None, 10, threaded=True)
+    queue = multiprocessing.get_context("fork").SimpleQueue()
+
+    def work():
+        parts = threads.in_chunks(lambda first, last: int(last - first), 10, threaded=True)
+        queue.put(sum(parts))
+
+    child = multiprocessing.get_context("fork").Process(target=work)
+    child.start()
+    child.join(timeout=20)
+    finished = child.exitcode == 0
+    child.kill()
+    assert finished
+    assert queue.get() == 10
