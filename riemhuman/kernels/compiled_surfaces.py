@@ -69,33 +69,31 @@ def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
     return 2.0 * math.atan2(size, real)
 
 
+@njit(cache=True, inline="always")
+def _derivatives(f: ndarray, face: ndarray, frame: ndarray, both: ndarray) -> None:
+    """Fill f_u and f_v of one triangle as rows."""
+    for k in range(3):
+        edge = f[face[1], k] - f[face[0], k]
+        both[0, k] = edge * frame[0]
+        both[1, k] = (f[face[2], k] - f[face[0], k]) * frame[1] - edge * frame[2]
+
+
 @njit(cache=True, nogil=True)
-def _turned_sources(
+def _turns(
     start: ndarray,
     end: ndarray,
-    times: ndarray,
     faces: ndarray,
     frames: ndarray,
-    areas: ndarray,
     first: int,
     last: int,
-    source: ndarray,
+    turns: ndarray,
 ) -> None:
-    """Add the divergences of the derivatives wanted at all times, see `turned_sources`."""
     from_axes, to_axes = np.empty((3, 3)), np.empty((3, 3))
     before, after = np.empty((2, 3)), np.empty((2, 3))
-    back, rotation = np.empty((2, 3)), np.empty((3, 3))
-    axis, across, wanted = np.empty(3), np.empty(3), np.empty((2, 3))
+    rotation = np.empty((3, 3))
     for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-        for k in range(3):
-            edge = start[two, k] - start[one, k]
-            before[0, k] = edge * scale_u
-            before[1, k] = (start[three, k] - start[one, k]) * scale_v - edge * skew
-            edge = end[two, k] - end[one, k]
-            after[0, k] = edge * scale_u
-            after[1, k] = (end[three, k] - end[one, k]) * scale_v - edge * skew
+        _derivatives(start, faces[t], frames[t], before)
+        _derivatives(end, faces[t], frames[t], after)
         p, q, r = _frame(before[0], before[1], from_axes)
         u, v, w = _frame(after[0], after[1], to_axes)
         # The polar decomposition of the map between the frames, [[u r, v p − u q], [0, w p]].
@@ -112,29 +110,110 @@ def _turned_sources(
                     + to_axes[1, i] * from_axes[1, j]
                     + to_axes[2, i] * from_axes[2, j]
                 )
-        angle = _rotation_vector(rotation, axis)
-        for d in range(2):
-            for j in range(3):
-                back[d, j] = (
-                    rotation[0, j] * after[d, 0]
-                    + rotation[1, j] * after[d, 1]
-                    + rotation[2, j] * after[d, 2]
-                )
+        angle = _rotation_vector(rotation, turns[t])
+        for k in range(3):
+            turns[t, k] *= angle
+
+
+def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
+    """Return the rotation of every triangle between two surfaces.
+
+    The rotational part of the map that takes f_u, f_v and the normal at the start to those at the
+    end.
+
+    Parameters
+    ----------
+    start, end : array, shape (V, 3)
+        Surfaces whose triangles have an area.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
+
+    Returns
+    -------
+    array, shape (F, 3)
+        Rotation vectors: unit axes times angles in [0, π].
+    """
+    turns = np.empty((len(faces), 3))
+
+    def run(first: int, last: int) -> None:
+        _turns(start, end, faces, frames, first, last, turns)
+
+    in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
+    return turns
+
+
+@njit(cache=True)
+def unwrap_turns(turns: ndarray, order: ndarray, predecessors: ndarray) -> None:
+    """Add full turns to rotation vectors so that each is close to that of its predecessor.
+
+    Parameters
+    ----------
+    turns : array, shape (F, 3)
+        Rotation vectors, changed in place.
+    order : array of int, shape (n,)
+        Triangles in the order to visit them.
+    predecessors : array of int, shape (F,)
+        The triangle visited before, negative where there is none.
+    """
+    for t in order:
+        before = predecessors[t]
+        if before < 0:
+            continue
+        angle = math.sqrt(turns[t, 0] ** 2 + turns[t, 1] ** 2 + turns[t, 2] ** 2)
+        if angle == 0.0:
+            continue
+        along = 0.0
+        for k in range(3):
+            along += turns[t, k] / angle * turns[before, k]
+        factor = 1.0 + 2.0 * math.pi / angle * round((along - angle) / (2.0 * math.pi))
+        for k in range(3):
+            turns[t, k] *= factor
+
+
+@njit(cache=True, inline="always")
+def _turn(vectors: ndarray, axis: ndarray, angle: float, turned: ndarray) -> None:
+    """Turn two vectors about a unit axis, by Rodrigues' formula."""
+    cosine, sine = math.cos(angle), math.sin(angle)
+    for d in range(2):
+        x, y, z = vectors[d, 0], vectors[d, 1], vectors[d, 2]
+        along = (1.0 - cosine) * (axis[0] * x + axis[1] * y + axis[2] * z)
+        turned[d, 0] = cosine * x + sine * (axis[1] * z - axis[2] * y) + along * axis[0]
+        turned[d, 1] = cosine * y + sine * (axis[2] * x - axis[0] * z) + along * axis[1]
+        turned[d, 2] = cosine * z + sine * (axis[0] * y - axis[1] * x) + along * axis[2]
+
+
+@njit(cache=True, nogil=True)
+def _turned_sources(
+    start: ndarray,
+    end: ndarray,
+    turns: ndarray,
+    times: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    areas: ndarray,
+    first: int,
+    last: int,
+    source: ndarray,
+) -> None:
+    before, after = np.empty((2, 3)), np.empty((2, 3))
+    back, blend, wanted = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
+    axis = np.empty(3)
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+        _derivatives(start, faces[t], frames[t], before)
+        _derivatives(end, faces[t], frames[t], after)
+        angle = math.sqrt(turns[t, 0] ** 2 + turns[t, 1] ** 2 + turns[t, 2] ** 2)
+        for k in range(3):
+            axis[k] = turns[t, k] / angle if angle > 0.0 else 0.0
+        _turn(after, axis, -angle, back)
         for i in range(len(times)):
-            share = times[i]
-            cosine, sine = math.cos(share * angle), math.sin(share * angle)
             for d in range(2):
-                along = 0.0
                 for k in range(3):
-                    wanted[d, k] = (1.0 - share) * before[d, k] + share * back[d, k]
-                    along += axis[k] * wanted[d, k]
-                across[0] = axis[1] * wanted[d, 2] - axis[2] * wanted[d, 1]
-                across[1] = axis[2] * wanted[d, 0] - axis[0] * wanted[d, 2]
-                across[2] = axis[0] * wanted[d, 1] - axis[1] * wanted[d, 0]
-                for k in range(3):
-                    wanted[d, k] = (
-                        cosine * wanted[d, k] + sine * across[k] + (1.0 - cosine) * along * axis[k]
-                    )
+                    blend[d, k] = (1.0 - times[i]) * before[d, k] + times[i] * back[d, k]
+            _turn(blend, axis, times[i] * angle, wanted)
             for k in range(3):
                 at_two = areas[t] * (scale_u * wanted[0, k] - skew * wanted[1, k])
                 at_three = areas[t] * scale_v * wanted[1, k]
@@ -146,6 +225,7 @@ def _turned_sources(
 def turned_sources(
     start: ndarray,
     end: ndarray,
+    turns: ndarray,
     times: ndarray,
     faces: ndarray,
     frames: ndarray,
@@ -153,14 +233,16 @@ def turned_sources(
 ) -> ndarray:
     r"""Return the divergences of the first derivatives between two surfaces.
 
-    With J = (f_u, f_v) at the start, J' at the end and R the rotation of the map that takes J and
-    the normal to J' and the normal, the derivatives wanted at time t are
-    :math:`R^t ((1 - t) J + t R^\top J')`, where R^t turns by t times the angle.
+    With J = (f_u, f_v) at the start, J' at the end and R the rotation of a triangle, the
+    derivatives wanted at time t are :math:`R^t ((1 - t) J + t R^\top J')`, where R^t turns by t
+    times the angle.
 
     Parameters
     ----------
     start, end : array, shape (V, 3)
-        Surfaces whose triangles have an area.
+        Surfaces.
+    turns : array, shape (F, 3)
+        Rotation vectors of the triangles.
     times : array, shape (n_times,)
         Times in [0, 1].
     faces : array of int, shape (F, 3)
@@ -179,7 +261,7 @@ def turned_sources(
 
     def run(first: int, last: int) -> ndarray:
         source = np.zeros(shape)
-        _turned_sources(start, end, times, faces, frames, areas, first, last, source)
+        _turned_sources(start, end, turns, times, faces, frames, areas, first, last, source)
         return source
 
     return np.add.reduce(in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS))

@@ -11,6 +11,10 @@ from numpy import ndarray
 from scipy import optimize
 from tqdm import tqdm
 
+# Iterations that together must gain more than `_STILL` times the expected decrease.
+_PATIENCE = 15
+_STILL = 0.1
+
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 
 
@@ -96,8 +100,9 @@ def minimize(
         Most iterations.
     expected_decrease : float, optional
         For variables in which the Hessian is about the identity: stop when ½‖gradient‖², what a
-        Newton step would still gain, is at most this share of the value. Replaces SciPy's tests,
-        one of which takes a single short step for convergence.
+        Newton step would still gain, is at most this share of the value, or when many iterations
+        together have gained a small part of that, as at a minimum where the function has a kink.
+        Replaces SciPy's tests, one of which takes a single short step for convergence.
     options : mapping, optional
         More options of SciPy's method.
     callback : callable, optional
@@ -118,18 +123,22 @@ def minimize(
         message = "the value at the start is not finite"
         return Minimum(start, value, np.array(values), 0, 1, False, False, message)
     met_test = expected_decrease is not None and _is_met(expected_decrease, value, gradient)
+    stands_still = False
 
     def after_iteration(intermediate_result: optimize.OptimizeResult) -> None:
-        nonlocal met_test
+        nonlocal met_test, stands_still
         values.append(float(intermediate_result.fun))
         bar.update()
         bar.set_postfix_str(f"value {values[-1]:.6g}", refresh=False)
         if callback is not None:
             callback(len(values) - 1, values[-1], intermediate_result.x.copy())
-        if expected_decrease is not None and np.array_equal(intermediate_result.x, record.last_x):
+        if expected_decrease is None:
+            return
+        if np.array_equal(intermediate_result.x, record.last_x):
             met_test = _is_met(expected_decrease, values[-1], record.last_gradient)
-            if met_test:
-                raise StopIteration
+        stands_still = _stands_still(expected_decrease, values)
+        if met_test or stands_still:
+            raise StopIteration
 
     settings: dict[str, Any] = {"maxiter": max_iterations}
     if method == "L-BFGS-B":
@@ -152,12 +161,16 @@ def minimize(
                     callback=after_iteration,
                     options=settings,
                 )
-                converged = met_test if expected_decrease is not None else bool(result.success)
+                converged = met_test or stands_still
+                if expected_decrease is None:
+                    converged = bool(result.success)
                 message = str(result.message)
             except KeyboardInterrupt:
                 converged, interrupted, message = False, True, "interrupted from the keyboard"
     if met_test:
         message = "the expected decrease is below the tolerance"
+    elif stands_still:
+        message = f"the value has stood still for {_PATIENCE} iterations"
     return Minimum(
         record.best_x,
         record.best_value,
@@ -282,3 +295,9 @@ def minimize_in_rounds(
 
 def _is_met(expected_decrease: float, value: float, gradient: ndarray) -> bool:
     return 0.5 * float(gradient @ gradient) <= expected_decrease * value
+
+
+def _stands_still(expected_decrease: float, values: list[float]) -> bool:
+    if len(values) <= _PATIENCE:
+        return False
+    return values[-1 - _PATIENCE] - values[-1] <= _STILL * expected_decrease * abs(values[-1])

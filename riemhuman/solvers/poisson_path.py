@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 class PoissonPath:
     """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
 
+    Triangles turn the shorter way. Where neighbours then turn different ways, as in a limb that
+    turns by about half a turn, a second path has them turn alike; the one of less energy is taken.
+
     Parameters
     ----------
     n_times : int
@@ -59,7 +62,17 @@ class PoissonPath:
         space: AlignedSurfaces = metric.space  # type: ignore[assignment]
         space.check_immersed(start, "start")
         space.check_immersed(end, "end")
-        path = linear_path(start, end, self.n_times)
+        interpolator = space.template.interpolator
+        turns = interpolator.turns(start, end)
+        ways = [turns]
+        if interpolator.is_torn(turns):
+            ways.append(interpolator.mended(turns))
         times = np.linspace(0.0, 1.0, self.n_times)
-        path[1:-1] = space.template.interpolator.interpolate(start, end, times[1:-1])
-        return known_path(metric, self.energy, path, "interpolated deformation gradients")
+        paths = []
+        for turns in ways:
+            path = linear_path(start, end, self.n_times)
+            path[1:-1] = interpolator.interpolate(start, end, times[1:-1], turns)
+            paths.append(
+                known_path(metric, self.energy, path, "interpolated deformation gradients")
+            )
+        return min(paths, key=lambda result: result.energy)

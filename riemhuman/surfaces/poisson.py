@@ -6,8 +6,7 @@ Every triangle turns from f₀ to f₁ by a rotation R and stretches. Interpolat
 
 with J = (f_u, f_v), bends limbs where a straight path would shrink them. The
 surface whose derivatives come closest to J(t) in the least squares sense solves a Poisson equation
-on the template (Xu, Zhang, Wang and Bao, "Poisson shape interpolation", SPM 2005). Triangles turn
-along the shortest rotation, by less than half a turn.
+on the template (Xu, Zhang, Wang and Bao, "Poisson shape interpolation", SPM 2005).
 """
 
 from __future__ import annotations
@@ -15,8 +14,13 @@ from __future__ import annotations
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse.csgraph import (
+    breadth_first_order,
+    connected_components,
+    minimum_spanning_tree,
+)
 from scipy.sparse.linalg import splu
+from scipy.spatial.transform import Rotation
 
 from riemhuman.kernels.threads import single_threaded_blas
 
@@ -54,6 +58,7 @@ class PoissonInterpolator:
         )
         _, component = connected_components(links, directed=False)
         _, anchors, sizes = np.unique(component, return_index=True, return_counts=True)
+        self._neighbours = _neighbours(faces)
         self._free = np.setdiff1d(np.arange(n_vertices), anchors)
         self._factor = splu(laplacian[self._free][:, self._free])
         self._component = component
@@ -61,7 +66,76 @@ class PoissonInterpolator:
             (1.0 / sizes[component], (component, np.arange(n_vertices)))
         )
 
-    def interpolate(self, start: ndarray, end: ndarray, times: ndarray) -> ndarray:
+    def turns(self, start: ndarray, end: ndarray) -> ndarray:
+        """Return the shortest rotation of every triangle between two surfaces.
+
+        Parameters
+        ----------
+        start, end : array, shape (V, 3)
+            Surfaces whose triangles have an area.
+
+        Returns
+        -------
+        array, shape (F, 3)
+            Rotation vectors, unit axes times angles in [0, π].
+        """
+        # Loading numba takes a while, so that only those who interpolate wait for it.
+        from riemhuman.kernels.compiled_surfaces import triangle_turns
+
+        return triangle_turns(start, end, self._faces, self._frames)
+
+    def is_torn(self, turns: ndarray) -> bool:
+        """Return whether neighbouring triangles turn different ways.
+
+        Parameters
+        ----------
+        turns : array, shape (F, 3)
+            Rotation vectors.
+
+        Returns
+        -------
+        bool
+        """
+        one, other = self._neighbours.T
+        gaps = turns[one] - turns[other]
+        return bool(np.any(np.sum(gaps * gaps, axis=1) > np.pi**2))
+
+    def mended(self, turns: ndarray) -> ndarray:
+        """Return the same rotations with full turns added so that neighbours turn alike.
+
+        From the triangle that turns least, across the edges where rotations differ least, each
+        triangle takes the way closest to its neighbour's. Limbs may so turn by up to a full turn.
+
+        Parameters
+        ----------
+        turns : array, shape (F, 3)
+            Rotation vectors.
+
+        Returns
+        -------
+        array, shape (F, 3)
+            Rotation vectors.
+        """
+        from riemhuman.kernels.compiled_surfaces import unwrap_turns
+
+        one, other = self._neighbours.T
+        rotations = Rotation.from_rotvec(turns)
+        differences = (rotations[one].inv() * rotations[other]).magnitude()
+        # A sparse graph takes an entry of 0 for no edge.
+        entries = (np.maximum(differences, np.finfo(float).tiny), (one, other))
+        graph = sparse.coo_array(entries, shape=(len(turns), len(turns)))
+        tree = minimum_spanning_tree(graph)
+        mended, done = turns.copy(), np.zeros(len(turns), dtype=bool)
+        for t in np.argsort(np.linalg.norm(turns, axis=1), kind="stable"):
+            if not done[t]:
+                order, predecessors = breadth_first_order(tree, t, directed=False)
+                unwrap_turns(mended, order, predecessors)
+                done[order] = True
+        return mended
+
+    def interpolate(
+        self, start: ndarray, end: ndarray, times: ndarray, turns: ndarray | None = None
+    ) -> ndarray:
         """Return the surfaces between two surfaces at some times.
 
         Parameters
@@ -70,6 +144,8 @@ class PoissonInterpolator:
             Surfaces f₀ and f₁, whose triangles have an area.
         times : array, shape (n_times,)
             Times in [0, 1].
+        turns : array, shape (F, 3), optional
+            Rotation vectors of the triangles, by default the shortest.
 
         Returns
         -------
@@ -78,10 +154,10 @@ class PoissonInterpolator:
         """
         if len(times) == 0:
             return np.empty((0, *start.shape))
-        # Loading numba takes a while, so that only those who interpolate wait for it.
         from riemhuman.kernels.compiled_surfaces import turned_sources
 
-        source = turned_sources(start, end, times, self._faces, self._frames, self._areas)
+        turns = self.turns(start, end) if turns is None else turns
+        source = turned_sources(start, end, turns, times, self._faces, self._frames, self._areas)
         points = np.zeros((len(start), source[0].size))
         with single_threaded_blas():
             points[self._free] = self._factor.solve(source.reshape(points.shape)[self._free])
@@ -91,3 +167,12 @@ class PoissonInterpolator:
         averages = self._average @ points
         points += (centroids.reshape(averages.shape) - averages)[self._component]
         return np.ascontiguousarray(np.swapaxes(points.reshape(source.shape), 0, 1))
+
+
+def _neighbours(faces: ndarray) -> ndarray:
+    """Return pairs of triangles that share an edge, a chain of them where many share it."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    owners = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    same = np.all(edges[order][1:] == edges[order][:-1], axis=1)
+    return np.stack([owners[order][:-1][same], owners[order][1:][same]], axis=1)

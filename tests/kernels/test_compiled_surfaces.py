@@ -51,14 +51,17 @@ def test_sources_by_polar_decomposition(template, threaded):
     turn = Rotation.from_rotvec([0.5, 2.2, -0.4]).as_matrix()
     end = end @ turn.T
     times = np.array([0.0, 0.2, 0.5, 1.0])
+    faces, frames = template.faces, template.frame_coefficients
+    turns = compiled_surfaces.triangle_turns(start, end, faces, frames)
     found = compiled_surfaces.turned_sources(
-        start, end, times, template.faces, template.frame_coefficients, template.face_areas
+        start, end, turns, times, faces, frames, template.face_areas
     )
     first, last = with_normals(template, start), with_normals(template, end)
     wanted = np.zeros((len(times), 2, template.n_faces, 3))
     for t, (one, other) in enumerate(zip(first, last, strict=True)):
         rotation, _ = polar(other @ np.linalg.inv(one))
         vector = Rotation.from_matrix(rotation).as_rotvec()
+        np.testing.assert_allclose(turns[t], vector, atol=1e-12)
         for i, share in enumerate(times):
             partway = Rotation.from_rotvec(share * vector).as_matrix()
             blend = (1 - share) * one + share * rotation.T @ other

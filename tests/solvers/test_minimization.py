@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from riemhuman.solvers import minimization
 from riemhuman.solvers.minimization import LocalProblem, minimize, minimize_in_rounds
 
 SCALES = np.array([1.0, 10.0, 100.0])
@@ -195,3 +196,23 @@ def test_rounds_stop_at_the_limit_and_on_interruption():
     assert stopped.interrupted
     assert stopped.n_iterations == 5
     assert stopped.value <= stopped.values.min() * (1 + 1e-12)
+
+
+def test_a_kink_does_not_hold_the_minimiser_for_ever():
+    def kinked(x):
+        return 1.0 + np.abs(x).sum(), np.where(x >= 0, 1.0, -1.0)
+
+    start = np.array([0.3, -0.71, 0.113])
+    found = minimize(kinked, start, expected_decrease=1e-4, max_iterations=100_000)
+    assert found.value == pytest.approx(1.0, abs=0.5)
+    assert found.n_iterations < 1000
+
+
+def test_standing_still_is_measured_over_many_iterations():
+    def slow(x):
+        return 1.0 + 1e-6 * (1 - x[0]), np.array([1.0])
+
+    values = [slow(np.array([0.01 * k]))[0] for k in range(30)]
+    assert minimization._stands_still(1e-4, values)
+    assert not minimization._stands_still(1e-4, values[:15])
+    assert not minimization._stands_still(1e-9, values)

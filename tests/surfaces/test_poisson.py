@@ -60,3 +60,60 @@ def test_an_elbow_keeps_the_length_of_the_forearm():
     middle = bodies.model().template.interpolator.interpolate(start, end, np.array([0.5]))[0]
     assert length(middle) == pytest.approx(length(start), rel=0.03)
     assert length(0.5 * (start + end)) < 0.7 * length(start)
+
+
+def tube():
+    """Return a slender cylinder along x with rings of vertices, x from 0 to 1."""
+    n_rings, n_around = 30, 12
+    x, angle = np.meshgrid(
+        np.linspace(0, 1, n_rings),
+        np.linspace(0, 2 * np.pi, n_around, endpoint=False),
+        indexing="ij",
+    )
+    vertices = np.stack([x, 0.05 * np.cos(angle), 0.05 * np.sin(angle)], axis=-1).reshape(-1, 3)
+    ring, step = np.meshgrid(np.arange(n_rings - 1), np.arange(n_around), indexing="ij")
+    a, b = ring * n_around + step, ring * n_around + (step + 1) % n_around
+    c, d = a + n_around, b + n_around
+    faces = np.concatenate([np.stack([a, c, b], -1), np.stack([b, c, d], -1)]).reshape(-1, 3)
+    return Template(vertices, faces)
+
+
+def twisted(template, turn):
+    """Return the tube with its cross-sections turned about its axis, by `turn` at the far end."""
+    x = template.vertices[:, 0]
+    vectors = (turn * x)[:, None] * [1.0, 0.0, 0.0]
+    return Rotation.from_rotvec(vectors).apply(template.vertices.copy())
+
+
+@pytest.mark.parametrize("turn", [0.7 * np.pi, 1.4 * np.pi, 1.8 * np.pi])
+def test_neighbours_turn_alike_beyond_half_a_turn(turn):
+    template = tube()
+    interpolator = template.interpolator
+    end = twisted(template, turn)
+    turns = interpolator.turns(template.vertices, end)
+    assert interpolator.is_torn(turns) == (turn > np.pi)
+    assert np.linalg.norm(turns, axis=1).max() <= np.pi
+    mended = interpolator.mended(turns)
+    assert not interpolator.is_torn(mended)
+    np.testing.assert_allclose(
+        Rotation.from_rotvec(mended).as_matrix(), Rotation.from_rotvec(turns).as_matrix(), atol=1e-9
+    )
+    angles = mended @ [1.0, 0.0, 0.0]
+    assert angles.max() == pytest.approx(turn, rel=0.03)
+    middle = interpolator.interpolate(template.vertices, end, np.array([0.5]), mended)[0]
+    np.testing.assert_allclose(middle, twisted(template, turn / 2), atol=0.01)
+
+
+def test_turns_without_tears_are_left_alone():
+    template = sphere_template()
+    turns = template.interpolator.turns(*surfaces(template, 2, rng=1))
+    assert not template.interpolator.is_torn(turns)
+    np.testing.assert_array_equal(template.interpolator.mended(turns), turns)
+
+
+def test_triangles_that_touch_nothing():
+    vertices = np.random.default_rng(2).standard_normal((6, 3))
+    template = Template(vertices, [[0, 1, 2], [3, 4, 5]])
+    turns = np.array([[3.0, 0.0, 0.0], [0.0, -3.0, 0.0]])
+    assert not template.interpolator.is_torn(turns)
+    np.testing.assert_array_equal(template.interpolator.mended(turns), turns)
