@@ -13,7 +13,7 @@ from tqdm import tqdm
 
 # Iterations that together must gain more than `_STILL` times the expected decrease.
 _PATIENCE = 15
-_STILL = 0.1
+_STILL = 0.01
 
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 

@@ -213,6 +213,6 @@ def test_standing_still_is_measured_over_many_iterations():
         return 1.0 + 1e-6 * (1 - x[0]), np.array([1.0])
 
     values = [slow(np.array([0.01 * k]))[0] for k in range(30)]
-    assert minimization._stands_still(1e-4, values)
+    assert minimization._stands_still(1e-3, values)
     assert not minimization._stands_still(1e-4, values[:15])
     assert not minimization._stands_still(1e-9, values)

@@ -107,7 +107,8 @@ def test_bent_arm(bent_arm):
     over_basis = BasisPath(bodies_in_motion.basis(), n_times=6).solve(metric, start, end)
     assert result.energy < over_basis.energy
     again = solver.solve(metric, start, end, over_basis.path)
-    np.testing.assert_allclose(again.energy, result.energy, rtol=1e-3)
+    # The turning start of the path over the basis may lead to a deeper valley than the straight one.
+    assert again.energy <= 1.001 * result.energy
 
 
 def test_metric_matrix_saves_iterations(bent_arm):

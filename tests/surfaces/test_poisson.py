@@ -85,7 +85,7 @@ def twisted(template, turn):
     return Rotation.from_rotvec(vectors).apply(template.vertices.copy())
 
 
-@pytest.mark.parametrize("turn", [0.7 * np.pi, 1.4 * np.pi, 1.8 * np.pi])
+@pytest.mark.parametrize("turn", [0.7 * np.pi, 1.4 * np.pi, 1.6 * np.pi])
 def test_neighbours_turn_alike_beyond_half_a_turn(turn):
     template = tube()
     interpolator = template.interpolator
