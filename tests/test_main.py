@@ -1,5 +1,6 @@
 """The main job: what it prints, what it refuses."""
 
+import json
 import re
 import subprocess
 import sys
@@ -46,6 +47,52 @@ def test_reads_registrations(tmp_path, capsys):
     assert shape_row(registrations) == shape_row(embedded)
 
 
+def test_reads_a_labelled_folder(tmp_path, capsys):
+    bodies = load_open_bodies("coarse")
+    rows = ["file,subject,pose"]
+    for i in (0, 1, 20, 21):
+        save_mesh(tmp_path / f"{i}.off", bodies.points[i], bodies.template.faces)
+        rows.append(f"{i},person {i // 10},pose {i % 10}")
+    (tmp_path / "table.csv").write_text("\n".join(rows), encoding="utf-8")
+    labels = ["--labels", str(tmp_path / "table.csv")]
+    assert main(["--bodies", str(tmp_path), *labels]) == 0
+    printed = capsys.readouterr().out
+    assert "4 bodies: 2 people, 2 poses, 1,202 vertices" in printed
+    assert len(re.findall(r"shape metric \(1, 0.0001, 0\)  100.0  100.0", printed)) == 1
+    assert main(["--bodies", str(tmp_path)]) == 2
+    assert "labels.csv; write one with the columns" in capsys.readouterr().err
+    assert main(labels) == 2
+    assert "--labels goes with --bodies" in capsys.readouterr().err
+
+
+def test_the_verb_is_optional(capsys):
+    printed = []
+    for arguments in (["--resolution", "coarse"], ["tables", "--resolution", "coarse"]):
+        assert main(arguments) == 0
+        printed.append(re.sub(r"\d+\.\d s", "", capsys.readouterr().out))
+    assert printed[0] == printed[1]
+
+
+def test_tables_as_json(capsys):
+    assert main(["--resolution", "coarse", "--json"]) == 0
+    captured = capsys.readouterr()
+    tables = json.loads(captured.out)
+    assert "4,950 distances" in captured.err
+    scores = tables["Who is it?"]["shape metric (1, 0.0001, 0)"]
+    assert (
+        scores["nn"] > 90 > 20 > tables["How do they stand?"]["shape metric (1, 0.0001, 0)"]["nn"]
+    )
+    assert scores["n_queries"] == 100
+
+
+def test_quiet_prints_tables_alone(capsys):
+    assert main(["--resolution", "coarse", "--quiet"]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    assert "distances" not in captured.out
+    assert "How do they stand?" in captured.out
+
+
 def test_refuses_a_missing_folder(tmp_path, capsys):
     assert main(["--faust", str(tmp_path / "absent")]) == 2
     captured = capsys.readouterr()
@@ -81,6 +128,7 @@ def test_matrices_are_those_of_dist():
     bodies = load_open_bodies("coarse")
     metric = ElasticMetric(AlignedSurfaces(bodies.template))
     few = bodies.points[::33]
-    np.testing.assert_allclose(
-        metric.dist_pairwise(few), metric.dist(few[:, None], few[None]), rtol=1e-13, atol=0
-    )
+    distances = metric.dist(few[:, None], few[None])
+    for precision, tolerance in (("double", 1e-12), ("single", 1e-5)):
+        found = metric.dist_pairwise(few, precision=precision)
+        np.testing.assert_allclose(found, distances, rtol=tolerance, atol=0)

@@ -1,0 +1,127 @@
+"""The command line: the library's everyday verbs on files.
+
+Everything heavy is imported inside the verbs, so that help and usage errors come at once.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from riemhuman import __version__
+from riemhuman.cli import bases, distances, information, means, models, paths, reports, tables
+from riemhuman.cli.terminal import discard_output, note, short_warnings, tolerate_ascii
+from riemhuman.cli.verbs import add_debug
+from riemhuman.errors import (
+    MissingDependencyError,
+    NotDefinedError,
+    OutsideManifoldError,
+    RiemhumanError,
+)
+
+_FAILURE = 1
+_BAD_DATA = 2
+_INTERRUPTED = 130
+_BROKEN_PIPE = 141
+
+_VERB_MODULES = (tables, distances, paths, means, bases, models, information, reports)
+_MAIN_JOB = "tables"
+
+_DESCRIPTION = """\
+Distances, geodesics and means of registered human bodies: meshes that share one triangulation.
+The shape metric tells who it is, the pose metric how they stand.
+"""
+_EPILOG = """\
+Without a verb, `riemhuman [--faust FOLDER] ...` does the main job, `riemhuman tables`.
+`riemhuman VERB --help` explains a verb and shows examples.
+
+exit codes: 0 done; 1 failure; 2 wrong usage, or data that cannot be used; 130 interrupted;
+141 nobody reads the output any more
+"""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Command line arguments, by default those of the process.
+
+    Returns
+    -------
+    int
+        Exit code: 0; 1 for a failure; 2 where the data cannot be used; 130 if interrupted; 141
+        if what reads the output has gone.
+
+    Raises
+    ------
+    SystemExit
+        After ``--help`` and ``--version``, with code 0, and after wrong usage, with code 2.
+    """
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    tolerate_ascii()
+    try:
+        try:
+            return _run(given)
+        finally:
+            sys.stdout.flush()
+    except BrokenPipeError:
+        discard_output()
+        return _BROKEN_PIPE
+
+
+def _run(given: Sequence[str]) -> int:
+    options = _parser().parse_args(_with_verb(given))
+    debug = getattr(options, "debug", False)
+    try:
+        with short_warnings():
+            options.run(options)
+    except KeyboardInterrupt:
+        note("interrupted")
+        return _INTERRUPTED
+    except BrokenPipeError:
+        raise
+    except RiemhumanError as error:
+        if debug:
+            raise
+        note(str(error))
+        failures = (MissingDependencyError, NotDefinedError, OutsideManifoldError)
+        return _FAILURE if isinstance(error, failures) else _BAD_DATA
+    except MemoryError:
+        if debug:
+            raise
+        note("there is not enough memory; use fewer or coarser meshes")
+        return _FAILURE
+    except Exception as error:
+        if debug:
+            raise
+        note(f"unexpected {type(error).__name__}: {error}; --debug shows where it comes from")
+        return _FAILURE
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="riemhuman",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"riemhuman {__version__}")
+    add_debug(parser)
+    verbs = parser.add_subparsers(metavar="VERB", required=True, title="verbs")
+    for module in _VERB_MODULES:
+        module.add_verbs(verbs)
+    return parser
+
+
+def _with_verb(given: Sequence[str]) -> list[str]:
+    """Return the arguments with the main job's verb where none is given."""
+    before = [argument for argument in given[:1] if argument == "--debug"]
+    rest = list(given[len(before) :])
+    if not rest or (rest[0].startswith("-") and rest[0] not in ("-h", "--help", "--version")):
+        rest.insert(0, _MAIN_JOB)
+    return before + rest

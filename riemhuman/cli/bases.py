@@ -1,0 +1,201 @@
+"""The verb ``basis``, and the options that choose the basis of deformations of others."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.outputs import check_file
+from riemhuman.cli.terminal import Reporter, say, say_json
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Motion
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+    from riemhuman.surfaces.template import Template
+
+_N_HARMONICS = 60
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``basis``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "basis",
+        _basis,
+        "a basis of deformations from motions",
+        "Writes the principal components of the deformations seen in motions, for geodesics\n"
+        "and means. Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes\n"
+        "that show one motion in the order of their names, or folders of such folders. They\n"
+        "need not fit in memory.",
+        "  riemhuman basis registrations_m.hdf5 registrations_f.hdf5 -o basis.npz\n"
+        "  riemhuman basis registrations_m.hdf5 --sequences punching knees -o basis.npz\n"
+        "  riemhuman basis walk/ jump/ -o basis.npz --step 5 --n-components 40\n"
+        "  riemhuman basis --open --resolution coarse -o basis.npz\n",
+    )
+    parser.add_argument(
+        "motions", metavar="MOTIONS", nargs="*", type=path_argument, help="HDF5 files or folders"
+    )
+    parser.add_argument(
+        "--open", action="store_true", help="the open motions that ship with the package"
+    )
+    parser.add_argument(
+        "--resolution",
+        choices=("full", "coarse"),
+        default="full",
+        help="with --open: 13,348 or 1,202 vertices (default: full)",
+    )
+    parser.add_argument(
+        "--subjects", nargs="+", metavar="NAME", help="with --open or HDF5: these people only"
+    )
+    parser.add_argument(
+        "--sequences", nargs="+", metavar="NAME", help="with --open or HDF5: these motions only"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="NPZ", type=path_argument, help="file to write"
+    )
+    parser.add_argument(
+        "-n", "--n-components", type=int, default=100, metavar="K", help="components (default: 100)"
+    )
+    parser.add_argument(
+        "--step",
+        type=int,
+        default=10,
+        metavar="FRAMES",
+        help="frames between the two whose difference is a deformation (default: 10)",
+    )
+    add_json(parser)
+    add_force(parser)
+
+
+def add_basis_options(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that choose a basis of deformations.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    """
+    choice = parser.add_mutually_exclusive_group()
+    choice.add_argument(
+        "--basis",
+        metavar="NPZ",
+        type=path_argument,
+        help="basis of deformations, see riemhuman basis (default: mesh harmonics)",
+    )
+    choice.add_argument(
+        "--n-components",
+        type=int,
+        default=_N_HARMONICS,
+        metavar="K",
+        help=f"number of mesh harmonics, without --basis (default: {_N_HARMONICS})",
+    )
+
+
+def chosen_basis(
+    options: argparse.Namespace, template: Template, reporter: Reporter
+) -> DeformationBasis:
+    """Return the basis that the options ask for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed options.
+    template : Template
+        The template.
+    reporter : Reporter
+        Says what is being done.
+
+    Returns
+    -------
+    DeformationBasis
+
+    Raises
+    ------
+    ArgumentError
+        If the basis belongs to another template.
+    """
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+    if options.basis is None:
+        with reporter.task(f"{options.n_components} mesh harmonics"):
+            return DeformationBasis.from_laplacian(template, options.n_components)
+    basis = DeformationBasis.load(options.basis)
+    try:
+        basis.check_fits(template)
+    except ArgumentError as error:
+        raise ArgumentError(f"{options.basis}: {error}") from error
+    return basis
+
+
+def _basis(options: argparse.Namespace) -> None:
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+    check_file(options.output, [".npz"], force=options.force)
+    reporter = Reporter(options.quiet)
+    motions = _motions(options)
+    n_frames = sum(len(motion) for motion in motions)
+    with reporter.task(f"{len(motions)} motions, {n_frames:,} frames"):
+        basis = DeformationBasis.from_motions(
+            motions, options.n_components, options.step, progress=reporter.bars
+        )
+    basis.save(options.output)
+    ratio = basis.explained_variance_ratio
+    explained = None if ratio is None else float(ratio.sum())
+    if options.json:
+        say_json(
+            {
+                "output": options.output,
+                "n_components": basis.n_components,
+                "n_vertices": basis.n_vertices,
+                "n_motions": len(motions),
+                "n_frames": n_frames,
+                "step": options.step,
+                "explained_variance": explained,
+            }
+        )
+        return
+    say(f"{basis.n_components} deformations of {basis.n_vertices:,} vertices")
+    if explained is not None:
+        say(f"{100 * explained:.3f} % of the variance of the motions")
+    say(f"written to {options.output}")
+
+
+def _motions(options: argparse.Namespace) -> list[Motion]:
+    """Return the motions asked for, to be read when their frames are."""
+    from riemhuman import datasets
+    from riemhuman.cli.mesh_motions import mesh_motions
+    from riemhuman.surfaces.mesh_arrays import face_difference
+
+    if options.open == bool(options.motions):
+        raise ArgumentError("name HDF5 files or folders of motions, or give --open (not both)")
+    chosen = {"subjects": options.subjects, "sequences": options.sequences}
+    if options.open:
+        return list(datasets.load_open_motions(options.resolution, **chosen))
+    motions: list[Motion] = []
+    for path in options.motions:
+        if path.is_dir() and not list(path.glob("*.hdf5")):
+            if any(chosen.values()):
+                raise ArgumentError(
+                    f"--subjects and --sequences choose from HDF5 files; {path} is a folder of "
+                    "meshes"
+                )
+            motions += mesh_motions(path)
+        else:
+            motions += datasets.load_dfaust(path, **chosen)
+    for motion in motions[1:]:
+        difference = face_difference(motion.faces, motions[0].faces)
+        if difference:
+            raise ArgumentError(
+                f"all motions must share one triangulation; {motion.sequence} and "
+                f"{motions[0].sequence} do not: {difference}"
+            )
+    return motions

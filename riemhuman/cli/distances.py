@@ -1,0 +1,245 @@
+"""Verbs that measure distances: ``dist``, ``matrix`` and ``retrieve``."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.cli.inputs import (
+    add_template,
+    path_argument,
+    same_file,
+    surfaces_in,
+)
+from riemhuman.cli.metrics import (
+    add_align,
+    add_metric_options,
+    check_metric_options,
+    chosen_metric,
+    metric_name,
+    metric_record,
+)
+from riemhuman.cli.outputs import check_file, whole_file
+from riemhuman.cli.terminal import Reporter, note, say, say_json
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+    from riemhuman.geometry.surface_metric import SurfaceMetric
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``dist``, ``matrix`` and ``retrieve``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    _add_dist(verbs)
+    _add_matrix(verbs)
+    _add_retrieve(verbs)
+
+
+def _add_dist(verbs: Verbs) -> None:
+    parser = add_verb(
+        verbs,
+        "dist",
+        _dist,
+        "distance between two registered meshes",
+        "Prints the distance between two meshes that share one triangulation (PLY, OBJ, OFF).",
+        "  riemhuman dist anna_1.ply ben_1.ply             # who it is\n"
+        "  riemhuman dist anna_1.ply anna_2.ply --pose     # how they stand\n"
+        "  riemhuman dist a.obj b.obj -a 1 -l 0.01 -c 0.5 --align --json\n",
+    )
+    parser.add_argument("a_file", metavar="A", type=path_argument, help="mesh file")
+    parser.add_argument("b_file", metavar="B", type=path_argument, help="mesh file")
+    add_template(parser, "A")
+    add_align(parser)
+    add_metric_options(parser)
+    add_json(parser)
+
+
+def _add_matrix(verbs: Verbs) -> None:
+    parser = add_verb(
+        verbs,
+        "matrix",
+        _matrix,
+        "all distances within a folder of registered meshes",
+        "Writes all distances between the meshes of a folder, with their names: the arrays\n"
+        "distances (n, n), names (n,) and metric of an .npz file, and a table on request.",
+        "  riemhuman matrix scans/ -o D.npz\n"
+        "  riemhuman matrix scans/ -o D.npz --csv D.csv --pose --align\n"
+        "  riemhuman matrix thousands/ -o D.npz --resume work/     # after Ctrl-C, once more\n"
+        "  riemhuman matrix scans/ --csv - --quiet | column -s, -t\n",
+    )
+    parser.add_argument("folder", metavar="FOLDER", type=path_argument, help="folder of meshes")
+    parser.add_argument("-o", "--output", metavar="NPZ", type=path_argument, help="file to write")
+    parser.add_argument("--csv", metavar="CSV", help="write a table too; - is standard output")
+    parser.add_argument(
+        "--jobs", metavar="N", type=int, default=-1, help="threads (default: one a core)"
+    )
+    parser.add_argument(
+        "--precision",
+        choices=("double", "single"),
+        default="double",
+        help="single is faster, with relative errors below 1e-5 (default: double)",
+    )
+    parser.add_argument(
+        "--resume",
+        metavar="FOLDER",
+        type=path_argument,
+        help="keep the work here, and go on with it after an interruption: for matrices that "
+        "take hours",
+    )
+    add_template(parser, "the first mesh")
+    add_align(parser)
+    add_metric_options(parser)
+    add_json(parser)
+    add_force(parser)
+
+
+def _add_retrieve(verbs: Verbs) -> None:
+    parser = add_verb(
+        verbs,
+        "retrieve",
+        _retrieve,
+        "the meshes of a folder that are nearest to one",
+        "Prints the meshes of a folder that are nearest to a query, nearest first: rank,\n"
+        "distance and file. The query itself is passed over, should it be in the folder.",
+        "  riemhuman retrieve anna_1.ply scans/            # the same person\n"
+        "  riemhuman retrieve anna_1.ply scans/ --pose -k 10\n"
+        "  riemhuman retrieve anna_1.ply scans/ -k 1 --json\n",
+    )
+    parser.add_argument("query", metavar="QUERY", type=path_argument, help="mesh file")
+    parser.add_argument("folder", metavar="FOLDER", type=path_argument, help="folder of meshes")
+    parser.add_argument("-k", type=int, default=5, metavar="K", help="how many (default: 5)")
+    add_template(parser, "QUERY")
+    add_align(parser)
+    add_metric_options(parser)
+    add_json(parser)
+
+
+def _dist(options: argparse.Namespace) -> None:
+    check_metric_options(options)
+    surfaces = surfaces_in([options.a_file, options.b_file], options)
+    metric = chosen_metric(options, surfaces.template)
+    distance = float(metric.dist(*surfaces[:]))
+    if options.json:
+        say_json(
+            {
+                "distance": distance,
+                "metric": metric_record(metric),
+                "files": [options.a_file, options.b_file],
+                "template": options.template or options.a_file,
+                "aligned": options.align,
+            }
+        )
+    else:
+        say(f"{distance:.10g}")
+
+
+def _matrix(options: argparse.Namespace) -> None:
+    from riemhuman.datasets.registered_meshes import find_meshes
+
+    check_metric_options(options)
+    if options.output is None and options.csv is None:
+        raise ArgumentError("nothing to write: give -o NPZ, or --csv CSV, or both")
+    if options.json and options.csv == "-":
+        raise ArgumentError("--json and --csv - both write to standard output; leave one out")
+    table = None if options.csv in (None, "-") else path_argument(options.csv)
+    if options.output is not None:
+        check_file(options.output, [".npz"], force=options.force)
+    if table is not None:
+        check_file(table, [".csv", ".tsv", ".txt"], force=options.force)
+
+    reporter = Reporter(options.quiet)
+    files = find_meshes(options.folder)
+    surfaces = surfaces_in(files, options)
+    metric = chosen_metric(options, surfaces.template)
+    n_pairs = len(files) * (len(files) - 1) // 2
+    with reporter.task(f"{n_pairs:,} distances, {metric_name(metric)}"):
+        distances = _distances(metric, surfaces, options, reporter)
+
+    names = [file.name for file in files]
+    if options.output is not None:
+        _save_matrix(options.output, distances, names, metric_name(metric))
+    if table is not None:
+        with whole_file(table) as temporary:
+            temporary.write_text(_as_table(distances, names), encoding="utf-8")
+    if options.csv == "-":
+        say(_as_table(distances, names).rstrip("\n"))
+    elif options.json:
+        say_json({"names": names, "distances": distances, "metric": metric_record(metric)})
+    else:
+        say(f"{len(names)} meshes, {n_pairs:,} distances, {metric_name(metric)}")
+        for path in filter(None, (options.output, table)):
+            say(f"  {path}")
+
+
+def _distances(
+    metric: SurfaceMetric, surfaces: Any, options: argparse.Namespace, reporter: Reporter
+) -> ndarray:
+    settings = {"precision": options.precision, "progress": reporter.bars}
+    if options.resume is None:
+        return metric.dist_pairwise(surfaces, options.jobs, **settings)
+    from riemhuman.jobs import pairwise_job
+
+    try:
+        return pairwise_job(metric, surfaces, options.resume, n_jobs=options.jobs, **settings)
+    except KeyboardInterrupt:
+        note(f"what is done is kept in {options.resume}; the same command goes on with it")
+        raise
+
+
+def _save_matrix(path: Path, distances: ndarray, names: list[str], metric: str) -> None:
+    import numpy as np
+
+    from riemhuman.surfaces.array_files import save_arrays
+
+    arrays = {"distances": distances, "names": np.array(names), "metric": np.array(metric)}
+    save_arrays(path, arrays)
+
+
+def _as_table(distances: ndarray, names: list[str]) -> str:
+    """Return a matrix as comma-separated text with names, numbers with all their digits."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(["file", *names])
+    writer.writerows([name, *row] for name, row in zip(names, distances.tolist(), strict=True))
+    return stream.getvalue()
+
+
+def _retrieve(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from riemhuman.datasets.registered_meshes import find_meshes
+
+    check_metric_options(options)
+    if options.k < 1:
+        raise ArgumentError(f"-k must be at least 1; found {options.k}")
+    reporter = Reporter(options.quiet)
+    files = [file for file in find_meshes(options.folder) if not same_file(file, options.query)]
+    if not files:
+        raise ArgumentError(f"{options.folder} holds no mesh but the query")
+    options.template = options.template or options.query
+    query = surfaces_in([options.query], options)
+    others: Any = surfaces_in(files, options)
+    metric = chosen_metric(options, query.template)
+    with reporter.task(f"{len(files):,} distances, {metric_name(metric)}"):
+        (distances,) = metric.cdist(
+            query[:], others, -1, precision="double", progress=reporter.bars
+        )
+
+    nearest = np.argsort(distances, kind="stable")[: options.k]
+    if options.json:
+        results = [{"file": files[i], "distance": distances[i]} for i in nearest]
+        say_json({"query": options.query, "metric": metric_record(metric), "results": results})
+        return
+    for rank, i in enumerate(nearest, start=1):
+        say(f"{rank:>3}  {distances[i]:.6f}  {files[i]}")

@@ -1,0 +1,141 @@
+"""Surfaces that verbs work on: registered mesh files, and the template they are measured over."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, overload
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+    from riemhuman.datasets.registered_meshes import RegisteredMeshes
+    from riemhuman.surfaces.template import Template
+
+
+@dataclass(frozen=True, eq=False)
+class Surfaces:
+    """Registered surfaces in files, read and aligned when they are asked for.
+
+    ``surfaces[i]`` has shape (V, 3), ``surfaces[i:j]`` has shape (j - i, V, 3).
+
+    Attributes
+    ----------
+    meshes : RegisteredMeshes
+        The files.
+    template : Template
+        What they are measured over.
+    align : bool
+        Whether rigid motions are taken out.
+    """
+
+    meshes: RegisteredMeshes
+    template: Template
+    align: bool
+
+    def __len__(self) -> int:
+        return len(self.meshes)
+
+    @overload
+    def __getitem__(self, part: int) -> ndarray: ...
+    @overload
+    def __getitem__(self, part: slice) -> ndarray: ...
+    def __getitem__(self, part: int | slice) -> ndarray:
+        from riemhuman.surfaces.procrustes import procrustes
+
+        points = self.meshes[part]
+        return procrustes(points, to=self.template.vertices) if self.align else points
+
+
+def add_template(parser: argparse.ArgumentParser, default: str) -> None:
+    """Declare the option that names the template.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    default : str
+        What the template is without it.
+    """
+    parser.add_argument(
+        "--template",
+        metavar="MESH",
+        type=path_argument,
+        help=f"measure over this mesh, whose triangles weigh the normals (default: {default})",
+    )
+
+
+def path_argument(text: str) -> Path:
+    """Return the path that an argument names.
+
+    Parameters
+    ----------
+    text : str
+        The argument; ``~`` stands for the user's home.
+
+    Returns
+    -------
+    Path
+    """
+    return Path(text).expanduser()
+
+
+def meshes_named(paths: Sequence[Path]) -> list[Path]:
+    """Return the mesh files that arguments name: files, or folders of them.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files and folders.
+
+    Returns
+    -------
+    list of Path
+        Files in the order of the arguments, those of a folder in natural order.
+    """
+    from riemhuman.datasets.registered_meshes import find_meshes
+
+    files: list[Path] = []
+    for path in paths:
+        files += find_meshes(path) if path.is_dir() else [path]
+    return files
+
+
+def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
+    """Return the surfaces in mesh files, measured over the template that the options ask for.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        Mesh files.
+    options : argparse.Namespace
+        Parsed options, with the file `template`, by default the first, and `align`.
+
+    Returns
+    -------
+    Surfaces
+    """
+    from riemhuman.datasets.registered_meshes import RegisteredMeshes
+    from riemhuman.surfaces.template import Template
+
+    meshes = RegisteredMeshes(files, options.template)
+    template = Template.from_file(options.template or files[0])
+    return Surfaces(meshes, template, options.align)
+
+
+def same_file(one: Path, other: Path) -> bool:
+    """Tell whether two paths lead to the same file.
+
+    Parameters
+    ----------
+    one, other : Path
+        The paths.
+
+    Returns
+    -------
+    bool
+    """
+    return one.exists() and other.exists() and os.path.samefile(one, other)

@@ -1,0 +1,90 @@
+"""The verb ``mean``: the body closest to a set of bodies."""
+
+from __future__ import annotations
+
+import argparse
+
+from riemhuman.cli.bases import add_basis_options, chosen_basis
+from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
+from riemhuman.cli.metrics import (
+    PATH_METRIC,
+    add_align,
+    add_metric_options,
+    check_metric_options,
+    chosen_metric,
+    metric_name,
+    metric_record,
+)
+from riemhuman.cli.outputs import check_file
+from riemhuman.cli.terminal import Reporter, convergence, say, say_json, stop_if_interrupted
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``mean``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "mean",
+        _mean,
+        "the Karcher mean of registered meshes",
+        "Writes the body of least mean squared distance to the meshes, found over a basis of\n"
+        "deformations and the differences of the meshes.",
+        "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
+        "  riemhuman mean scans/ -o mean.obj --pose\n"
+        "  riemhuman mean scans/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",
+    )
+    parser.add_argument(
+        "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="MESH", type=path_argument, help="file to write"
+    )
+    add_basis_options(parser)
+    add_template(parser, "the first mesh")
+    add_align(parser)
+    add_metric_options(parser, PATH_METRIC)
+    add_json(parser)
+    add_force(parser)
+
+
+def _mean(options: argparse.Namespace) -> None:
+    from riemhuman.solvers import BasisMean
+    from riemhuman.surfaces.mesh_files import save_mesh
+
+    check_metric_options(options)
+    check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
+    reporter = Reporter(options.quiet)
+    files = meshes_named(options.meshes)
+    with reporter.task(f"Reading {len(files)} meshes"):
+        surfaces = surfaces_in(files, options)
+        points = surfaces[:]
+    metric = chosen_metric(options, surfaces.template)
+    basis = chosen_basis(options, surfaces.template, reporter)
+    with reporter.task(f"Mean of {len(files)}, {metric_name(metric)}"):
+        result = BasisMean(basis, progress=reporter.bars).solve(metric, points)
+    stop_if_interrupted(result)
+    save_mesh(options.output, result.point, surfaces.template.faces)
+
+    if options.json:
+        say_json(
+            {
+                "files": files,
+                "metric": metric_record(metric),
+                "variance": result.variance,
+                "variances": result.variances,
+                "n_iterations": result.n_iterations,
+                "converged": result.converged,
+                "message": result.message,
+                "output": options.output,
+            }
+        )
+        return
+    say(f"variance    {result.variance:.8g}  (mean squared distance)")
+    say(f"converged   {convergence(result)}")
+    say(f"written to  {options.output}")

@@ -1,0 +1,172 @@
+"""The options that choose a metric, common to the verbs that measure."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.surface_metric import SurfaceMetric
+    from riemhuman.surfaces.template import Template
+
+# Triples of a, λ and c.
+_PRESETS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
+PATH_METRIC = (1.0, 1.0, 0.1)  # where the shape metric would let limbs melt on their way
+_LAM = 1e-4
+
+
+def add_metric_options(
+    parser: argparse.ArgumentParser, default: tuple[float, float, float] = _PRESETS["shape"]
+) -> None:
+    """Declare the options that choose a metric.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    default : tuple of float
+        (a, λ, c) without any option.
+    """
+    a, lam, c = default
+    name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
+    group = parser.add_argument_group("metric", f"a · Ebin(λ) + c · normals; by default {name}")
+    presets = group.add_mutually_exclusive_group()
+    presets.add_argument(
+        "--shape",
+        dest="metric",
+        action="store_const",
+        const="shape",
+        help="tells who it is: (a, λ, c) = (1, 0.0001, 0)",
+    )
+    presets.add_argument(
+        "--pose",
+        dest="metric",
+        action="store_const",
+        const="pose",
+        help="tells how they stand: (a, λ, c) = (0, 0, 1)",
+    )
+    presets.add_argument(
+        "--srnf",
+        dest="metric",
+        action="store_const",
+        const="srnf",
+        help="square root normal fields, to compare with",
+    )
+    group.add_argument("-a", type=float, metavar="A", help="weight of the change of metric (0)")
+    group.add_argument(
+        "-l",
+        "--lam",
+        type=float,
+        metavar="LAMBDA",
+        help=f"λ, weight of the change of area within it ({_LAM:g})",
+    )
+    group.add_argument("-c", type=float, metavar="C", help="weight of the change of normals (0)")
+    parser.set_defaults(default_metric=default)
+
+
+def add_align(parser: argparse.ArgumentParser) -> None:
+    """Declare the options on how surfaces are compared.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    """
+    parser.add_argument(
+        "--align",
+        action="store_true",
+        help="take rigid motions out first: Procrustes alignment with the template",
+    )
+
+
+def check_metric_options(options: argparse.Namespace) -> None:
+    """Refuse options that contradict each other, before any file is read.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed options.
+
+    Raises
+    ------
+    ArgumentError
+        If a preset and weights of its own are asked for.
+    """
+    own = [name for name in ("a", "lam", "c") if getattr(options, name) is not None]
+    if options.metric and own:
+        raise ArgumentError(
+            f"--{options.metric} sets all weights; leave it out, or "
+            f"{', '.join('-l' if name == 'lam' else f'-{name}' for name in own)}"
+        )
+    if own == ["lam"]:
+        raise ArgumentError("-l alone weighs nothing: give -a too, as in -a 1 -l 0.0001")
+
+
+def chosen_metric(options: argparse.Namespace, template: Template) -> SurfaceMetric:
+    """Return the metric that the options ask for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed options.
+    template : Template
+        The template.
+
+    Returns
+    -------
+    SurfaceMetric
+
+    Raises
+    ------
+    ArgumentError
+        If the options contradict each other or make no metric.
+    """
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+    from riemhuman.geometry.srnf import SRNFMetric
+
+    check_metric_options(options)
+    space = AlignedSurfaces(template, equip=False)
+    if options.metric == "srnf":
+        return SRNFMetric(space)
+    a, lam, c = _PRESETS.get(options.metric, options.default_metric)
+    if any(getattr(options, name) is not None for name in ("a", "lam", "c")):
+        a, c = (options.a or 0.0), (options.c or 0.0)
+        lam = _LAM if options.lam is None else options.lam
+    return ElasticMetric(space, a=a, lam=lam, c=c)
+
+
+def metric_record(metric: SurfaceMetric) -> dict[str, Any]:
+    """Return what a metric is, for JSON.
+
+    Parameters
+    ----------
+    metric : SurfaceMetric
+        The metric.
+
+    Returns
+    -------
+    dict
+        Its name, and its weights where it has any.
+    """
+    weights = {name: getattr(metric, name) for name in ("a", "lam", "c") if hasattr(metric, name)}
+    return {"name": "elastic", **weights} if weights else {"name": "SRNF"}
+
+
+def metric_name(metric: SurfaceMetric) -> str:
+    """Return what a metric is, for people.
+
+    Parameters
+    ----------
+    metric : SurfaceMetric
+        The metric.
+
+    Returns
+    -------
+    str
+    """
+    record = metric_record(metric)
+    if record["name"] == "SRNF":
+        return "SRNF"
+    return f"(a, λ, c) = ({record['a']:g}, {record['lam']:g}, {record['c']:g})"

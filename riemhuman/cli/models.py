@@ -1,0 +1,56 @@
+"""The verb ``convert-model``: SMPL's pickles as plain arrays."""
+
+from __future__ import annotations
+
+import argparse
+
+from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.outputs import check_file, whole_file
+from riemhuman.cli.terminal import Reporter, say
+from riemhuman.cli.verbs import Verbs, add_force, add_verb
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``convert-model``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "convert-model",
+        _convert,
+        "a body model's pickle as plain arrays",
+        "Writes a model of the SMPL family as an .npz file of plain arrays, which loads without\n"
+        "running code. A pickle is code: nothing in it is run but what is known to be harmless,\n"
+        "and everything else is refused by name.",
+        "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
+        "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
+    )
+    parser.add_argument("source", metavar="MODEL", type=path_argument, help=".pkl or .npz file")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="NPZ", type=path_argument, help="file to write"
+    )
+    parser.add_argument(
+        "--n-betas",
+        type=int,
+        metavar="B",
+        help="shape coefficients to keep (default: all, but 10 of 300 or more)",
+    )
+    add_force(parser)
+
+
+def _convert(options: argparse.Namespace) -> None:
+    from riemhuman.bodies import convert_model
+
+    check_file(options.output, [".npz"], force=options.force)
+    reporter = Reporter(options.quiet)
+    with reporter.task("Converting"), whole_file(options.output) as temporary:
+        model = convert_model(options.source, temporary, n_betas=options.n_betas)
+    say(
+        f"{model.n_vertices:,} vertices, {model.n_joints} joints, {model.n_betas} shape "
+        "coefficients"
+    )
+    say(f"written to {options.output}")

@@ -1,0 +1,98 @@
+"""The verb ``report``: the paper's experiments as a page."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.terminal import Reporter, say
+from riemhuman.cli.verbs import Verbs, add_verb
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+_N_COMPONENTS = 100
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``report``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "report",
+        _report,
+        "the paper's experiments as a page with pictures",
+        "Does the paper's experiments and writes them into a folder: index.html, which opens\n"
+        "without a network, figures, tables, matrices and where they come from. Without --faust\n"
+        "or --bodies, on the open bodies that ship with the package. What has been computed\n"
+        "before is used again.",
+        "  riemhuman report\n"
+        "  riemhuman report --quick -o quick-report\n"
+        "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
+        "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
+    )
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument("--faust", metavar="FOLDER", help="registrations of MPI FAUST")
+    source.add_argument("--bodies", metavar="FOLDER", help="registered meshes; see --labels")
+    parser.add_argument(
+        "--labels",
+        metavar="CSV",
+        help="with --bodies: a table with the columns file, subject and pose (default: "
+        "labels.csv in the folder)",
+    )
+    parser.add_argument(
+        "--dfaust", metavar="FILE", help="motions of Dynamic FAUST for the basis of geodesics"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        metavar="FOLDER",
+        type=path_argument,
+        default=Path("riemhuman-report"),
+        help="folder to write (default: riemhuman-report)",
+    )
+    parser.add_argument("--quick", action="store_true", help="everything smaller, in half a minute")
+
+
+def _report(options: argparse.Namespace) -> None:
+    from riemhuman.report import make_report
+
+    if options.labels is not None and options.bodies is None:
+        raise ArgumentError("--labels goes with --bodies FOLDER")
+    reporter = Reporter(options.quiet)
+    bodies, basis = _bodies(options, reporter), _basis(options, reporter)
+    page = make_report(
+        options.output, bodies=bodies, basis=basis, quick=options.quick, progress=reporter.task
+    )
+    say(str(page))
+
+
+def _bodies(options: argparse.Namespace, reporter: Reporter) -> Bodies | None:
+    from riemhuman import datasets
+
+    if options.faust is None and options.bodies is None:
+        return None
+    with reporter.task("Loading the bodies"):
+        if options.faust is not None:
+            return datasets.load_faust(options.faust)
+        return datasets.load_bodies(options.bodies, options.labels, progress=reporter.bars)
+
+
+def _basis(options: argparse.Namespace, reporter: Reporter) -> DeformationBasis | None:
+    from riemhuman import datasets
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+    if options.dfaust is None:
+        return None
+    with reporter.task("Basis of Dynamic FAUST"):
+        motions = datasets.load_dfaust(options.dfaust)
+        return DeformationBasis.from_motions(motions, _N_COMPONENTS, progress=reporter.bars)

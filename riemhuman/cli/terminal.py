@@ -1,0 +1,179 @@
+"""What the command line says: results on standard output, everything else on standard error."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.errors import ConvergenceWarning
+
+if TYPE_CHECKING:
+    from riemhuman.solvers import MeanResult, PathResult
+
+
+def say(text: str = "") -> None:
+    """Write lines of a result to standard output.
+
+    Parameters
+    ----------
+    text : str
+        The lines, without the last line break.
+    """
+    sys.stdout.write(f"{text}\n")
+
+
+def say_json(record: Any) -> None:
+    """Write a result to standard output as JSON, floats with all their digits.
+
+    Parameters
+    ----------
+    record : object
+        What JSON knows, NumPy numbers and arrays; NaN and infinite numbers become null.
+    """
+    say(as_json(record))
+
+
+def as_json(record: Any) -> str:
+    """Return a result as JSON text, floats with all their digits.
+
+    Parameters
+    ----------
+    record : object
+        What JSON knows, NumPy numbers and arrays; NaN and infinite numbers become null.
+
+    Returns
+    -------
+    str
+    """
+    return json.dumps(_plain(record), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def note(text: str) -> None:
+    """Write one line to standard error.
+
+    Parameters
+    ----------
+    text : str
+        The line; it begins with the name of the program.
+    """
+    sys.stderr.write(f"riemhuman: {' '.join(text.split())}\n")
+
+
+def tolerate_ascii() -> None:
+    """Let λ and its kin come out as ``?`` where the terminal knows no Unicode."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and "utf" not in stream.encoding.lower():
+            stream.reconfigure(errors="replace")
+
+
+def discard_output() -> None:
+    """Send what is still to be written to standard output nowhere: its reader is gone."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class Reporter:
+    """Says on standard error what a command is doing, unless asked to be quiet.
+
+    Parameters
+    ----------
+    quiet : bool
+        Whether to say nothing.
+    """
+
+    def __init__(self, quiet: bool) -> None:
+        self._quiet = quiet
+
+    @property
+    def bars(self) -> bool:
+        """Whether progress bars are wanted: nobody watches them in a log file."""
+        return not self._quiet and sys.stderr.isatty()
+
+    @contextmanager
+    def task(self, name: str) -> Iterator[None]:
+        """Say what is being done, and then how long it took.
+
+        Parameters
+        ----------
+        name : str
+            What is done.
+        """
+        start = time.perf_counter()
+        if self.bars:
+            sys.stderr.write(f"{name} ...")
+            sys.stderr.flush()
+        try:
+            yield
+        except BaseException:
+            if self.bars:
+                sys.stderr.write("\n")
+            raise
+        if not self._quiet:
+            # On a terminal, in place of what was written there.
+            begin = "\r" if self.bars else ""
+            sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
+
+
+def stop_if_interrupted(result: PathResult | MeanResult) -> None:
+    """Raise the interruption that a solver has turned into a result.
+
+    Parameters
+    ----------
+    result : PathResult or MeanResult
+        What the solver returned.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If it was stopped from the keyboard.
+    """
+    if not result.converged and result.message.startswith("interrupted"):
+        raise KeyboardInterrupt
+
+
+def convergence(result: PathResult | MeanResult) -> str:
+    """Return in words whether a solver has converged.
+
+    Parameters
+    ----------
+    result : PathResult or MeanResult
+        What the solver returned.
+
+    Returns
+    -------
+    str
+    """
+    iterations = "iteration" if result.n_iterations == 1 else "iterations"
+    return f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
+
+
+@contextmanager
+def short_warnings() -> Iterator[None]:
+    """Show warnings in one line each, without the place in the code they come from."""
+
+    def show(message: Warning | str, *others: object, **more: object) -> None:
+        note(f"warning: {message}")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", ConvergenceWarning)
+        warnings.showwarning = show
+        yield
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in the types JSON knows."""
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return os.fspath(value) if isinstance(value, os.PathLike) else value

@@ -1,0 +1,218 @@
+"""Any registered meshes of a folder, with a table that says who is shown and in which pose."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from riemhuman.datasets.bodies import Bodies
+from riemhuman.datasets.registered_meshes import (
+    existing_folder,
+    find_meshes,
+    load_registered,
+    natural_key,
+)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.surfaces.mesh_arrays import face_difference
+from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.template import Template
+
+_LABELS = "labels.csv"
+_COLUMNS = ("file", "subject", "pose")
+_SEPARATORS = (",", ";", "\t")
+
+
+def load_bodies(
+    folder: str | os.PathLike[str],
+    labels: str | os.PathLike[str] | None = None,
+    template: Template | str | os.PathLike[str] | None = None,
+    *,
+    align: bool = True,
+    progress: bool = False,
+) -> Bodies:
+    """Load the registered meshes of a folder, labelled by a table.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder that holds the meshes (``.ply``, ``.obj`` or ``.off``), all with the same
+        triangles. Its subfolders are not looked into.
+    labels : path_like, optional
+        The table: comma-, semicolon- or tab-separated text whose first line names the columns.
+        ``file`` is the name of a mesh file, with or without its ending, ``subject`` and ``pose``
+        any text; other columns are not read. By default ``labels.csv`` in the folder.
+    template : Template or path_like, optional
+        The template, or a mesh file with it; its triangles must be those of the meshes. By
+        default the mean of the meshes after `generalized_procrustes`.
+    align : bool
+        Whether the meshes are rotated and moved (never scaled) onto the template.
+    progress : bool
+        Whether to show a progress bar over files.
+
+    Returns
+    -------
+    bodies : Bodies
+        The meshes in the natural order of their names (body_2 before body_10), in the unit of
+        the files, with subjects and poses numbered in the natural order of theirs.
+
+    Raises
+    ------
+    FileError
+        If the folder holds no mesh, there is no table, or a file cannot be read.
+    FileFormatError
+        If the table lacks a column or an entry, or names a file twice; if meshes have no row in
+        it or rows no mesh; if a mesh is damaged or does not share the triangles of the first.
+    ArgumentError
+        If the template has other triangles or another number of vertices than the meshes.
+    ArgumentTypeError
+        If an argument is not of a type named above.
+    """
+    files = find_meshes(folder)
+    table = existing_folder(folder) / _LABELS if labels is None else _as_path(labels)
+    if labels is None and not table.is_file():
+        raise FileError(
+            f"there is no table of labels {table}; write one with the columns "
+            f"{', '.join(_COLUMNS)}, or say where it is"
+        )
+    rows = _matched(files, _read_rows(table), table)
+    if template is not None and not isinstance(template, Template):
+        template = Template.from_file(template)
+    points, faces = load_registered(files, progress=progress)
+    if template is None:
+        aligned, mean = generalized_procrustes(points)
+        template = Template(mean, faces)
+    else:
+        _check_template(template, points, faces)
+        aligned = procrustes(points, to=template.vertices)
+    subject, subject_names = _numbered([row.subject for row in rows])
+    pose, pose_names = _numbered([row.pose for row in rows])
+    return Bodies(
+        points=aligned if align else points,
+        subject=subject,
+        pose=pose,
+        template=template,
+        subject_names=subject_names,
+        pose_names=pose_names,
+    )
+
+
+class _Row(NamedTuple):
+    """One line of the table."""
+
+    line: int
+    file: str
+    subject: str
+    pose: str
+
+
+def _as_path(labels: str | os.PathLike[str]) -> Path:
+    try:
+        return Path(labels).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(f"labels must be the path of a file; found {labels!r}") from error
+
+
+def _read_rows(table: Path) -> list[_Row]:
+    """Read the table, naming the line where something is wrong with it."""
+    if table.is_dir():
+        raise FileError(f"{table} is a folder; a table of labels was expected")
+    try:
+        # Spreadsheet programs put a byte order mark first.
+        text = table.read_text(encoding="utf-8-sig")
+    except FileNotFoundError as error:
+        raise FileError(f"there is no table of labels {table}") from error
+    except OSError as error:
+        raise FileError(f"{table} cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{table} is not text in UTF-8: {error}") from error
+    heading = text.partition("\n")[0]
+    reader = csv.reader(text.splitlines(), delimiter=max(_SEPARATORS, key=heading.count))
+    try:
+        lines = [(reader.line_num, [entry.strip() for entry in entries]) for entries in reader]
+    except csv.Error as error:
+        raise FileFormatError(f"{table}, line {reader.line_num}: {error}") from error
+
+    names = [name.lower() for name in lines[0][1]] if lines else []
+    missing = [name for name in _COLUMNS if name not in names]
+    if missing:
+        raise FileFormatError(
+            f"{table} lacks the columns {', '.join(missing)}; its first line must name "
+            f"{', '.join(_COLUMNS)}; found {heading.strip()[:60]!r}"
+        )
+    columns = [names.index(name) for name in _COLUMNS]
+    rows = []
+    for line, entries in lines[1:]:
+        if not any(entries):
+            continue
+        found = [entries[column] if column < len(entries) else "" for column in columns]
+        empty = [name for name, entry in zip(_COLUMNS, found, strict=True) if not entry]
+        if empty:
+            raise FileFormatError(f"{table}, line {line}: no {' and no '.join(empty)} given")
+        rows.append(_Row(line, *found))
+    return rows
+
+
+def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_Row]:
+    """Return the row of every file, refusing files without a row and rows without a file."""
+    names = {file.name: file for file in files}
+    stems: dict[str, list[Path]] = {}
+    for file in files:
+        stems.setdefault(file.stem, []).append(file)
+    found: dict[Path, _Row] = {}
+    unknown = []
+    for row in rows:
+        candidates = [names[row.file]] if row.file in names else stems.get(row.file, [])
+        if len(candidates) > 1:
+            raise FileFormatError(
+                f"{table}, line {row.line}: {row.file} may be {_listed(candidates)}; name one"
+            )
+        if not candidates:
+            unknown.append(row.file)
+            continue
+        file = candidates[0]
+        if file in found:
+            raise FileFormatError(
+                f"{table}, line {row.line}: {row.file} has a label already, on line "
+                f"{found[file].line}"
+            )
+        found[file] = row
+    unlabelled = [file for file in files if file not in found]
+    if unknown or unlabelled:
+        problems = []
+        if unlabelled:
+            problems.append(f"meshes without a row: {_listed(unlabelled)}")
+        if unknown:
+            problems.append(f"rows without a mesh: {_listed(unknown)}")
+        raise FileFormatError(
+            f"{table} does not match the meshes of {files[0].parent}: {'; '.join(problems)}"
+        )
+    return [found[file] for file in files]
+
+
+def _listed(files: Sequence[Path | str]) -> str:
+    """Return at most five names as a list."""
+    names = [file if isinstance(file, str) else file.name for file in files]
+    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
+    return ", ".join(names[:5]) + more
+
+
+def _numbered(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the number of each label, and the labels by number."""
+    names = sorted(set(labels), key=natural_key)
+    numbers = {name: number for number, name in enumerate(names)}
+    return np.array([numbers[label] for label in labels], dtype=np.int64), tuple(names)
+
+
+def _check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
+    if template.n_vertices != points.shape[1]:
+        raise ArgumentError(
+            f"template has {template.n_vertices} vertices; the meshes have {points.shape[1]}"
+        )
+    difference = face_difference(template.faces, faces)
+    if difference:
+        raise ArgumentError(f"template must have the triangles of the meshes: {difference}")

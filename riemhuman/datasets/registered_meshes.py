@@ -1,0 +1,218 @@
+"""Mesh files that share one triangulation: found in a folder, and read together."""
+
+from __future__ import annotations
+
+import itertools
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import overload
+
+import numpy as np
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.surfaces.mesh_arrays import face_difference
+from riemhuman.surfaces.mesh_files import load_mesh
+
+MESH_ENDINGS = (".ply", ".obj", ".off")
+
+
+def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the mesh files of a folder in natural order: body_2 comes before body_10.
+
+    Subfolders are not looked into, and hidden files are passed over.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder.
+
+    Returns
+    -------
+    files : list of Path
+        At least one.
+
+    Raises
+    ------
+    FileError
+        If there is no such folder, it cannot be read, or it holds no mesh file.
+    ArgumentTypeError
+        If `folder` is not a path.
+    """
+    root = existing_folder(folder)
+    try:
+        files = [
+            file
+            for file in root.iterdir()
+            if file.suffix.lower() in MESH_ENDINGS and not file.name.startswith(".")
+        ]
+    except OSError as error:
+        raise FileError(f"{root} cannot be read: {error.strerror}") from error
+    if not files:
+        raise FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
+    return sorted(files, key=lambda file: natural_key(file.name))
+
+
+class RegisteredMeshes:
+    """Registered surfaces in files, read when they are asked for, and none of them kept.
+
+    ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3).
+
+    Parameters
+    ----------
+    files : sequence of path_like
+        Mesh files (PLY, OBJ or OFF); at least one.
+    reference : path_like, optional
+        Mesh file whose number of vertices and triangles all must have; by default the first.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no file.
+    FileError
+        If the reference is missing or cannot be read.
+    FileFormatError
+        If it is damaged.
+    """
+
+    def __init__(
+        self,
+        files: Sequence[str | os.PathLike[str]],
+        reference: str | os.PathLike[str] | None = None,
+    ) -> None:
+        self._files = tuple(Path(file) for file in files)
+        if not self._files:
+            raise ArgumentError("files holds no mesh file; at least one is needed")
+        self._reference = self._files[0] if reference is None else Path(reference)
+        vertices, self._faces = load_mesh(self._reference)
+        self._shape = vertices.shape
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files."""
+        return self._files
+
+    @property
+    def faces(self) -> np.ndarray:
+        """The triangles they share, shape (F, 3)."""
+        return self._faces
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    @overload
+    def __getitem__(self, index: int) -> np.ndarray: ...
+    @overload
+    def __getitem__(self, index: slice) -> np.ndarray: ...
+    def __getitem__(self, index: int | slice) -> np.ndarray:
+        if isinstance(index, slice):
+            files = self._files[index]
+            surfaces = np.empty((len(files), *self._shape))
+            for number, file in enumerate(files):
+                surfaces[number] = self._read(file)
+            return surfaces
+        return self._read(self._files[index])
+
+    def _read(self, file: Path) -> np.ndarray:
+        vertices, faces = load_mesh(file)
+        if vertices.shape != self._shape:
+            raise FileFormatError(
+                f"{file} is not registered to {self._reference}: it has {len(vertices)} vertices, "
+                f"that one has {self._shape[0]}"
+            )
+        difference = face_difference(faces, self._faces)
+        if difference:
+            raise FileFormatError(f"{file} is not registered to {self._reference}: {difference}")
+        return vertices
+
+
+def load_registered(
+    files: Sequence[str | os.PathLike[str]],
+    reference: str | os.PathLike[str] | None = None,
+    *,
+    progress: bool = False,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Read meshes that share number of vertices and triangles.
+
+    Parameters
+    ----------
+    files : sequence of path_like
+        Mesh files (PLY, OBJ or OFF); at least one.
+    reference : path_like, optional
+        Mesh file whose number of vertices and triangles all must have; by default the first.
+    progress : bool
+        Whether to show a progress bar over files.
+
+    Returns
+    -------
+    points : array, shape (n, V, 3)
+        Vertices of every mesh.
+    faces : array of int, shape (F, 3)
+        The triangles they share.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no file.
+    FileError
+        If a file is missing or cannot be read.
+    FileFormatError
+        If a file is damaged, or has other triangles or another number of vertices than the
+        reference: it is named, and what differs.
+    """
+    meshes = RegisteredMeshes(files, reference)
+    if not progress:
+        return meshes[:], meshes.faces
+    from tqdm import tqdm
+
+    numbers = tqdm(range(len(meshes)), desc="Meshes", unit="mesh")
+    return np.stack([meshes[number] for number in numbers]), meshes.faces
+
+
+def existing_folder(folder: str | os.PathLike[str]) -> Path:
+    """Return the path of a folder after checking that it is one.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder; ``~`` stands for the user's home.
+
+    Returns
+    -------
+    path : Path
+
+    Raises
+    ------
+    FileError
+        If there is no such folder.
+    ArgumentTypeError
+        If `folder` is not a path.
+    """
+    try:
+        root = Path(folder).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(f"folder must be the path of a folder; found {folder!r}") from error
+    if not root.is_dir():
+        raise FileError(
+            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
+        )
+    return root
+
+
+def natural_key(name: str) -> tuple[object, ...]:
+    """Return a sorting key by which numbers within names count as numbers.
+
+    Parameters
+    ----------
+    name : str
+        A name.
+
+    Returns
+    -------
+    tuple
+    """
+    # Splitting at the digits alternates text and numbers, so that like is compared with like.
+    texts = re.split(r"[0-9]+", name.casefold())
+    numbers = [int(digits) for digits in re.findall(r"[0-9]+", name)]
+    return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=-1)),), name

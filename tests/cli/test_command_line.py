@@ -1,0 +1,177 @@
+"""The command line as a whole: help, exit codes, one-line errors, interruption, pipes."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import riemhuman
+from riemhuman.cli import main
+from riemhuman.cli.terminal import as_json
+
+VERBS = (
+    "tables",
+    "dist",
+    "matrix",
+    "retrieve",
+    "geodesic",
+    "mean",
+    "basis",
+    "convert-model",
+    "info",
+    "report",
+)
+COMMAND = (sys.executable, "-m", "riemhuman")
+
+
+def test_help_lists_every_verb(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    printed = capsys.readouterr().out
+    listed = re.findall(r"^    ([a-z-]+)\b", printed, re.MULTILINE)
+    assert sorted(listed) == sorted(VERBS)
+    assert "exit codes: 0 done" in printed
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_help_of_every_verb_has_examples(capsys, verb):
+    with pytest.raises(SystemExit, match="0"):
+        main([verb, "--help"])
+    described, examples = capsys.readouterr().out.split("\nexamples:\n")
+    assert "--debug" in described
+    commands = [line.strip() for line in examples.splitlines() if line.strip()]
+    named = commands if verb != "tables" else commands[1:]
+    assert len(named) >= 2
+    assert all(command.startswith(f"riemhuman {verb}") for command in named)
+
+
+@pytest.mark.parametrize("verb", [v for v in VERBS if v != "tables"])
+def test_examples_parse(capsys, monkeypatch, verb):
+    """Every example is one the parser takes; nothing is run."""
+    from riemhuman.cli import _parser
+
+    with pytest.raises(SystemExit, match="0"):
+        main([verb, "--help"])
+    examples = capsys.readouterr().out.split("\nexamples:\n")[1]
+    for command in examples.splitlines():
+        words = re.sub(r"(#|\|).*", "", command).split()[1:]
+        if words:
+            assert _parser().parse_args(words).run
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert capsys.readouterr().out == f"riemhuman {riemhuman.__version__}\n"
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys\nfrom riemhuman.cli import main\n"
+        "try:\n    main(['--help'])\nexcept SystemExit:\n    pass\n"
+        "heavy = {'numpy', 'scipy', 'numba', 'autograd', 'matplotlib', 'trimesh'}\n"
+        "print(sorted(heavy & sys.modules.keys()), file=sys.stderr)"
+    )
+    finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert finished.stderr == "[]\n"
+
+
+def test_terminals_without_unicode():
+    finished = subprocess.run(
+        [*COMMAND, "dist", "--help"],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONIOENCODING": "ascii"},
+    )
+    assert (finished.returncode, finished.stderr) == (0, "")
+    assert "(a, ?, c) = (1, 0.0001, 0)" in finished.stdout
+
+
+@pytest.mark.parametrize(
+    "arguments", [["unknown"], ["dist"], ["dist", "a", "b", "--pose", "--shape"], ["info", "--js"]]
+)
+def test_wrong_usage(capsys, arguments):
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert "usage: riemhuman" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "message"),
+    [
+        (riemhuman.RiemhumanError("two\n lines"), 2, "two lines"),
+        (riemhuman.errors.MissingDependencyError("h5py"), 1, "h5py"),
+        (MemoryError(), 1, "there is not enough memory"),
+        (ZeroDivisionError("by zero"), 1, "unexpected ZeroDivisionError: by zero; --debug"),
+        (KeyboardInterrupt(), 130, "interrupted"),
+    ],
+)
+def test_errors_take_one_line(run, scans, monkeypatch, error, code, message):
+    def fail(path):
+        raise error
+
+    monkeypatch.setattr("riemhuman.surfaces.mesh_files.load_mesh", fail)
+    finished = run("info", scans / "body_0.ply")
+    assert (finished.code, finished.out) == (code, "")
+    assert finished.err.startswith(f"riemhuman: {message}")
+    assert finished.err.count("\n") == 1
+    if code != 130:
+        for arguments in (["--debug", "info"], ["info", "--debug"]):
+            with pytest.raises(type(error)):
+                main([*arguments, str(scans / "body_0.ply")])
+
+
+def test_json_keeps_all_digits_and_has_no_nan():
+    record = {"a": 0.1 + 0.2, "b": np.float64(1 / 3), "c": np.array([np.nan, np.inf]), 1: True}
+    assert as_json(record) == (
+        '{\n  "a": 0.30000000000000004,\n  "b": 0.3333333333333333,\n'
+        '  "c": [\n    null,\n    null\n  ],\n  "1": true\n}'
+    )
+
+
+def test_quiet_says_results_alone(run, scans):
+    loud, quiet = (run("retrieve", scans / "body_0.ply", scans, *q) for q in ([], ["--quiet"]))
+    assert quiet.out == loud.out
+    assert quiet.err == ""
+    assert "5 distances" in loud.err
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+def test_a_reader_that_leaves(scans, unbuffered):
+    """As in `riemhuman matrix ... | head -1`: no traceback, and the code that shells give."""
+    reads, writes = os.pipe()
+    os.close(reads)
+    finished = subprocess.run(
+        [*COMMAND, "matrix", str(scans), "--csv", "-", "--quiet"],
+        stdout=writes,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+    )
+    os.close(writes)
+    assert (finished.returncode, finished.stderr) == (141, "")
+
+
+def test_interruption_from_the_keyboard(scans, tmp_path):
+    """Ctrl-C into a running command: code 130, no traceback, nothing half-written."""
+    many = tmp_path / "many"
+    many.mkdir()
+    for number in range(600):
+        os.link(scans / "body_0.ply", many / f"{number}.ply")
+    command = [*COMMAND, "matrix", many, "-o", tmp_path / "D.npz", "--resume", tmp_path / "work"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while not (tmp_path / "work" / "manifest.json").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+        process.send_signal(signal.SIGINT)
+        _, printed = process.communicate(timeout=60)
+    assert process.returncode == 130
+    first, last = printed.splitlines()
+    assert "what is done is kept in" in first
+    assert last == "riemhuman: interrupted"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["many", "work"]

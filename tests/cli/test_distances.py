@@ -1,0 +1,158 @@
+"""The verbs dist, matrix and retrieve agree with the library and with each other."""
+
+import json
+
+import numpy as np
+import pytest
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.surfaces import Template, procrustes, save_mesh
+
+NAMES = [f"body_{number}.ply" for number in (0, 1, 2, 20, 21, 22)]
+
+
+def metric_of(template, a, lam, c):
+    return ElasticMetric(AlignedSurfaces(template, equip=False), a=a, lam=lam, c=c)
+
+
+@pytest.mark.parametrize(
+    ("options", "weights"),
+    [
+        ([], (1, 1e-4, 0)),
+        (["--shape"], (1, 1e-4, 0)),
+        (["--pose"], (0, 0, 1)),
+        (["-a", "2", "-l", "0.01", "-c", "0.5"], (2, 0.01, 0.5)),
+        (["-a", "2"], (2, 1e-4, 0)),
+        (["-c", "3"], (0, 0, 3)),
+        (["-a", "1", "--lam", "1"], (1, 1, 0)),
+    ],
+)
+def test_dist_is_that_of_the_library(run, scans, bodies, options, weights):
+    finished = run("dist", scans / NAMES[0], scans / NAMES[3], *options, "--json")
+    template = Template(bodies.points[0], bodies.template.faces)
+    expected = metric_of(template, *weights).dist(bodies.points[0], bodies.points[20])
+    record = json.loads(finished.out)
+    assert (finished.code, finished.err) == (0, "")
+    assert record["distance"] == expected
+    assert record["metric"]["a"] == weights[0]
+    plain = run("dist", scans / NAMES[0], scans / NAMES[3], *options)
+    assert float(plain.out) == pytest.approx(expected, rel=1e-9)
+
+
+def test_dist_with_another_template_and_srnf(run, scans, bodies, tmp_path):
+    bodies.template.save(tmp_path / "template.obj")
+    files = (scans / NAMES[0], scans / NAMES[3])
+    pair = bodies.points[[0, 20]]
+    finished = run("dist", *files, "--pose", "--template", tmp_path / "template.obj", "--json")
+    expected = metric_of(bodies.template, 0, 0, 1).dist(*pair)
+    assert json.loads(finished.out)["distance"] == expected
+    finished = run("dist", *files, "--srnf", "--json")
+    expected = SRNFMetric(AlignedSurfaces(bodies.template)).dist(*pair)
+    assert json.loads(finished.out)["distance"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_align_takes_rigid_motions_out(run, scans, bodies, tmp_path):
+    turned = bodies.points[0] @ np.array([[0.0, 0, -1], [0, 1, 0], [1, 0, 0]]) + 3.0
+    save_mesh(tmp_path / "turned.off", turned, bodies.template.faces)
+    files = (scans / NAMES[0], tmp_path / "turned.off")
+    assert float(run("dist", *files, "--pose").out) > 1.0
+    assert float(run("dist", *files, "--pose", "--align").out) < 1e-6
+
+
+@pytest.mark.parametrize("options", [[], ["--pose", "--align"], ["--precision", "single"]])
+def test_matrix_is_that_of_the_library(run, scans, bodies, tmp_path, options):
+    output = tmp_path / "D.npz"
+    finished = run("matrix", scans, "-o", output, *options)
+    assert finished.code == 0
+    assert str(output) in finished.out
+    points = bodies.points[[0, 1, 2, 20, 21, 22]]
+    template = Template(points[0], bodies.template.faces)
+    if "--align" in options:
+        points = procrustes(points, to=template.vertices)
+    weights = (0, 0, 1) if "--pose" in options else (1, 1e-4, 0)
+    precision = "single" if "single" in options else "double"
+    expected = metric_of(template, *weights).dist_pairwise(points, precision=precision)
+    with np.load(output) as saved:
+        assert saved["names"].tolist() == NAMES
+        np.testing.assert_array_equal(saved["distances"], expected)
+        assert str(weights[0]) in str(saved["metric"])
+
+
+def test_matrix_as_table_and_json(run, scans, tmp_path):
+    run("matrix", scans, "-o", tmp_path / "D.npz", "--csv", tmp_path / "D.csv")
+    with np.load(tmp_path / "D.npz") as saved:
+        distances = saved["distances"]
+    table = (tmp_path / "D.csv").read_text(encoding="utf-8")
+    printed = run("matrix", scans, "--csv", "-", "--quiet")
+    assert (printed.out, printed.err) == (table, "")
+    heading, *rows = [line.split(",") for line in table.splitlines()]
+    assert heading[1:] == [row[0] for row in rows] == NAMES
+    np.testing.assert_array_equal(np.array([row[1:] for row in rows], dtype=float), distances)
+    record = json.loads(run("matrix", scans, "-o", tmp_path / "E.npz", "--json").out)
+    assert record["distances"] == distances.tolist()
+    assert record["names"] == NAMES
+
+
+def test_matrix_goes_on_after_an_interruption(run, scans, tmp_path, monkeypatch):
+    from riemhuman.jobs.folder import JobFolder
+
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    arguments = ("matrix", scans, "-o", tmp_path / "D.npz", "--resume", tmp_path / "work")
+    with monkeypatch.context() as patch:
+        patch.setattr(JobFolder, "rename", interrupt)
+        finished = run(*arguments)
+    assert finished.code == 130
+    assert "the same command goes on" in finished.err
+    assert not (tmp_path / "D.npz").exists()
+    assert run(*arguments).code == 0
+    run("matrix", scans, "-o", tmp_path / "E.npz")
+    with np.load(tmp_path / "D.npz") as resumed, np.load(tmp_path / "E.npz") as plain:
+        np.testing.assert_array_equal(resumed["distances"], plain["distances"])
+
+
+def test_retrieve_ranks_by_dist(run, scans):
+    query = scans / NAMES[4]
+    record = json.loads(run("retrieve", query, scans, "--pose", "--json").out)
+    found = [(result["file"], result["distance"]) for result in record["results"]]
+    assert len(found) == 5
+    assert str(query) not in [file for file, _ in found]
+    assert [distance for _, distance in found] == sorted(distance for _, distance in found)
+    assert found[0][0] == str(scans / NAMES[1])  # the other person in the same pose
+    for file, distance in found:
+        alone = json.loads(run("dist", query, file, "--pose", "--json").out)["distance"]
+        assert distance == pytest.approx(alone, rel=1e-9)
+    nearest = run("retrieve", query, scans, "--shape", "-k", "2").out.splitlines()
+    assert [line.split()[0] for line in nearest] == ["1", "2"]
+    assert {line.split()[2] for line in nearest} == {str(scans / NAMES[i]) for i in (3, 5)}
+
+
+def test_failures(refused, run, scans, bodies, tmp_path):
+    one, two = scans / NAMES[0], scans / NAMES[1]
+    other = tmp_path / "other.ply"
+    save_mesh(other, bodies.points[0], bodies.template.faces[::-1])
+    assert "absent.ply" in refused("dist", one, tmp_path / "absent.ply")
+    assert "other.ply is not registered to" in refused("dist", one, other)
+    assert "leave it out" in refused("dist", one, two, "--pose", "-a", "1")
+    assert "-l alone" in refused("dist", one, two, "-l", "1")
+    assert "must not both be 0" in refused("dist", one, two, "-a", "0", "-c", "0")
+    assert "a must be a finite number of at least 0" in refused("dist", one, two, "-a", "-1")
+    assert "no folder" in refused("matrix", tmp_path / "absent", "-o", tmp_path / "D.npz")
+    assert "holds no mesh" in refused("retrieve", one, _empty(tmp_path))
+    assert "no mesh but the query" in refused("retrieve", other, tmp_path)
+    assert "-k must be at least 1" in refused("retrieve", one, scans, "-k", "0")
+    assert "nothing to write" in refused("matrix", scans)
+    assert "ending must be .npz" in refused("matrix", scans, "-o", tmp_path / "D.txt")
+    assert "standard output" in refused("matrix", scans, "--csv", "-", "--json")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["empty", "other.ply"]
+    (tmp_path / "D.npz").write_text("mine", encoding="utf-8")
+    assert "exists; --force" in refused("matrix", scans, "-o", tmp_path / "D.npz")
+    assert (tmp_path / "D.npz").read_text(encoding="utf-8") == "mine"
+    assert run("matrix", scans, "-o", tmp_path / "D.npz", "--force").code == 0
+
+
+def _empty(tmp_path):
+    (tmp_path / "empty").mkdir()
+    return tmp_path / "empty"

@@ -1,0 +1,126 @@
+"""The verb info says what files are, and what is wrong with meshes."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+import trimesh
+
+from riemhuman.cli.mesh_facts import mesh_facts
+from riemhuman.datasets import load_open_model
+from riemhuman.surfaces import DeformationBasis, save_mesh
+
+
+@pytest.fixture
+def facts(run):
+    def facts_of(path):
+        finished = run("info", path, "--json")
+        assert (finished.code, finished.err) == (0, "")
+        record = json.loads(finished.out)
+        readable = run("info", path).out
+        assert all(name.replace("_", " ") in readable for name in record)
+        return record
+
+    return facts_of
+
+
+def test_mesh_agrees_with_trimesh(facts, scans, bodies):
+    found = facts(scans / "body_0.ply")
+    oracle = trimesh.Trimesh(bodies.points[0], bodies.template.faces, process=False)
+    assert found["kind"] == "mesh"
+    assert (found["vertices"], found["triangles"]) == (1202, 2400)
+    assert found["edges"] == len(oracle.edges_unique)
+    assert found["closed"] is oracle.is_watertight
+    assert found["parts"] == oracle.body_count
+    assert found["area"] == pytest.approx(oracle.area, rel=1e-12)
+    assert found["volume"] == pytest.approx(oracle.volume, rel=1e-9)
+    np.testing.assert_allclose(found["extents"], oracle.extents, rtol=1e-12)
+    assert found["unit_guess"] == "metres"
+    assert found["usable_as_template"] == "yes"
+
+
+@pytest.mark.parametrize(
+    ("size", "unit"),
+    [
+        (1.0, "metres"),
+        (100.0, "centimetres"),
+        (50.0, "centimetres or inches"),
+        (1000.0, "millimetres"),
+        (1e-3, "none in which this is the size of a human body"),
+    ],
+)
+def test_unit_guess(bodies, size, unit):
+    assert mesh_facts(size * bodies.points[4], bodies.template.faces)["unit_guess"] == unit
+
+
+def test_defects_of_a_mesh():
+    vertices = np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 1], [2, 0, 0], [9, 9, 9.0]]
+    )
+    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 1, 5]])
+    found = mesh_facts(vertices, faces)
+    assert found["closed"] is found["consistently_oriented"] is False
+    assert found["boundary_edges"] == 8
+    assert found["non_manifold_edges"] == 1
+    assert found["degenerate_triangles"] == 1
+    assert found["unused_vertices"] == 1
+    assert found["coincident_vertices"] == 1
+    assert found["volume"] is None
+    assert found["usable_as_template"].startswith("no: the template has 1 of 4 triangles without")
+    assert found["extents"] == [2.0, 1.0, 1.0]
+    two = np.concatenate([vertices[:4], vertices[:4] + 5])
+    tetrahedron = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    found = mesh_facts(two, np.concatenate([tetrahedron, tetrahedron + 4]))
+    assert (found["parts"], found["closed"]) == (2, True)
+    assert found["volume"] == pytest.approx(1 / 3)
+
+
+def test_folder(facts, scans, bodies, tmp_path):
+    found = facts(scans)
+    assert (found["meshes"], found["registered"]) == (6, True)
+    assert (found["first"], found["last"]) == ("body_0.ply", "body_22.ply")
+    save_mesh(tmp_path / "a.ply", bodies.points[0], bodies.template.faces)
+    save_mesh(tmp_path / "b.ply", bodies.points[0], bodies.template.faces[1:])
+    assert "b.ply is not registered to" in facts(tmp_path)["registered"]
+
+
+def test_archives(facts, run, scans, bodies, tmp_path):
+    DeformationBasis.from_laplacian(bodies.template, 6).save(tmp_path / "basis.npz")
+    found = facts(tmp_path / "basis.npz")
+    assert (found["kind"], found["deformations"]) == ("basis of deformations", 6)
+    load_open_model("coarse").save(tmp_path / "model.npz")
+    found = facts(tmp_path / "model.npz")
+    assert (found["kind"], found["vertices"]) == ("body model", 1202)
+    assert found["joints"] == load_open_model("coarse").n_joints
+    run("matrix", scans, "-o", tmp_path / "D.npz")
+    found = facts(tmp_path / "D.npz")
+    assert (found["kind"], found["shape"]) == ("distance matrix", [6, 6])
+    assert found["symmetric"] is found["zero_diagonal"] is found["finite"] is True
+    with np.load(tmp_path / "D.npz") as saved:
+        assert found["largest"] == saved["distances"].max()
+    np.savez(tmp_path / "path.npz", path=bodies.points[:3], faces=bodies.template.faces)
+    assert facts(tmp_path / "path.npz")["times"] == 3
+    np.savez(tmp_path / "other.npz", some=np.zeros((2, 3)))
+    assert facts(tmp_path / "other.npz")["some"] == "float64 (2, 3)"
+
+
+def test_hdf5(facts, bodies, tmp_path):
+    with h5py.File(tmp_path / "registrations_f.hdf5", "w") as file:
+        file["faces"] = bodies.template.faces
+        file["50020_hips"] = np.moveaxis(bodies.points[:3], 0, -1)
+    found = facts(tmp_path / "registrations_f.hdf5")
+    assert found["sequences"] == ["50020_hips: 3 frames"]
+    assert (found["people"], found["vertices"]) == (["50020"], 1202)
+
+
+def test_failures(refused, tmp_path):
+    (tmp_path / "notes.txt").write_text("text", encoding="utf-8")
+    (tmp_path / "bad.npz").write_text("text", encoding="utf-8")
+    (tmp_path / "bad.ply").write_text("text", encoding="utf-8")
+    (tmp_path / "bad.hdf5").write_text("text", encoding="utf-8")
+    assert "no file or folder" in refused("info", tmp_path / "absent.ply")
+    assert "the ending must be one of" in refused("info", tmp_path / "notes.txt")
+    assert "not an .npz archive" in refused("info", tmp_path / "bad.npz")
+    assert "not a PLY file" in refused("info", tmp_path / "bad.ply")
+    assert "not an HDF5 file" in refused("info", tmp_path / "bad.hdf5")

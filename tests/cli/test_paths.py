@@ -1,0 +1,152 @@
+"""The verb geodesic writes what the solver finds, whole or not at all."""
+
+import functools
+import itertools
+import json
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ConvergenceWarning
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.solvers import BasisPath
+from riemhuman.surfaces import DeformationBasis, Template, load_mesh, save_mesh
+
+FOLDER = ["path.glb", "path.html", "path.png", "summary.json"]
+
+
+@pytest.fixture
+def ends(scans):
+    return scans / "body_0.ply", scans / "body_1.ply"
+
+
+@pytest.fixture(scope="module")
+def expected(bodies):
+    """Return the metric and what the library finds with five times and twelve harmonics."""
+    template = Template(bodies.points[0], bodies.template.faces)
+    metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.1)
+    basis = DeformationBasis.from_laplacian(template, 12)
+    return metric, BasisPath(basis, n_times=5).solve(metric, *bodies.points[:2])
+
+
+def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tmp_path):
+    output = tmp_path / "path"
+    options = ("-o", f"{output}/", "--n-times", 5, "--n-components", 12)
+    finished = run("geodesic", *ends, *options, "--json")
+    assert finished.code == 0, finished.err
+    names = sorted(path.name for path in output.iterdir())
+    assert names == [*FOLDER, *(f"time_{i:02d}.ply" for i in range(5))]
+    metric, result = expected
+    for i, surface in enumerate(result.path):
+        np.testing.assert_array_equal(load_mesh(output / f"time_{i:02d}.ply")[0], surface)
+    record = json.loads(finished.out)
+    assert record["energy"] == result.energy
+    assert record["length"] == metric.length(result.path)
+    assert record["distance"] == metric.dist(result.path[0], result.path[-1])
+    assert record["distance"] <= record["length"] <= record["energy"] ** 0.5 * (1 + 1e-12)
+    assert record["converged"] is True
+    summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
+    assert summary == {key: record[key] for key in summary}
+    assert (output / "path.png").read_bytes().startswith(b"\x89PNG")
+    assert "<html" in (output / "path.html").read_text(encoding="utf-8").lower()
+    assert (output / "path.glb").read_bytes().startswith(b"glTF")
+
+    again = run("geodesic", *ends, *options)
+    assert (again.code, again.out) == (2, "")
+    assert "holds an earlier result; --force replaces it" in again.err
+    (output / "time_04.ply").unlink()
+    finished = run("geodesic", *ends, *options, "--force")
+    assert finished.code == 0
+    assert f"{result.energy:.8g}" in finished.out
+    assert (output / "time_04.ply").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["path"]
+
+
+def test_one_file_by_its_ending(run, ends, expected, tmp_path):
+    options = ("--n-times", 5, "--n-components", 12, "--quiet")
+    for ending in ("npz", "glb"):
+        finished = run("geodesic", *ends, "-o", tmp_path / f"path.{ending}", *options)
+        assert (finished.code, finished.err) == (0, "")
+    with np.load(tmp_path / "path.npz") as saved:
+        np.testing.assert_array_equal(saved["path"], expected[1].path)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["path.glb", "path.npz"]
+
+
+def test_basis_and_metric_of_ones_own(run, ends, bodies, tmp_path):
+    basis = DeformationBasis.from_laplacian(bodies.template, 6)
+    basis.save(tmp_path / "basis.npz")
+    options = ("--basis", tmp_path / "basis.npz", "-a", 1, "-l", 1, "--n-times", 3, "--json")
+    record = json.loads(run("geodesic", *ends, "-o", tmp_path / "path.npz", *options).out)
+    assert record["metric"] == {"name": "elastic", "a": 1.0, "lam": 1.0, "c": 0.0}
+    metric = ElasticMetric(
+        AlignedSurfaces(Template(bodies.points[0], bodies.template.faces)), a=1.0, lam=1.0, c=0.0
+    )
+    result = BasisPath(basis, n_times=3).solve(metric, *bodies.points[:2])
+    assert record["energy"] == result.energy
+
+
+def test_failures_leave_nothing(refused, ends, scans, bodies, tmp_path, monkeypatch):
+    assert "absent.ply" in refused("geodesic", ends[0], "absent.ply", "-o", tmp_path / "path")
+    assert "n_times" in refused("geodesic", *ends, "-o", tmp_path / "path", "--n-times", 1)
+    assert "no folder" in refused("geodesic", *ends, "-o", tmp_path / "absent" / "path")
+    assert ".npz or / (a folder)" in refused("geodesic", *ends, "-o", tmp_path / "path.gif")
+    assert list(tmp_path.iterdir()) == []
+    assert "holds something else (body_0.ply)" in refused("geodesic", *ends, "-o", scans, "-f")
+    small = tmp_path / "small.npz"
+    DeformationBasis(np.ones((1, 2, 3)), orthonormalize=True).save(small)
+    message = refused("geodesic", *ends, "-o", tmp_path / "path", "--basis", small)
+    assert "small.npz: the basis belongs to another template" in message
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    message = refused("geodesic", *ends, "-o", tmp_path / "path.png", code=1)
+    assert "pip install 'riemhuman[plot]'" in message
+    assert list(tmp_path.iterdir()) == [small]
+
+
+def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypatch):
+    def interrupt(*arguments, **settings):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("riemhuman.surfaces.gltf_files.save_glb", interrupt)
+    finished = run("geodesic", *ends, "-o", tmp_path / "path", "--n-times", 2)
+    assert finished.code == 130
+    assert finished.err.endswith("riemhuman: interrupted\n")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_interruption_while_solving_leaves_nothing(run, ends, tmp_path, monkeypatch):
+    from riemhuman.solvers.energies import SegmentEnergy
+
+    evaluate, n_calls = SegmentEnergy.value_and_gradient, itertools.count()
+
+    def interrupt(*arguments):
+        if next(n_calls):
+            raise KeyboardInterrupt
+        return evaluate(*arguments)
+
+    monkeypatch.setattr(SegmentEnergy, "value_and_gradient", interrupt)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        finished = run("geodesic", *ends, "-o", tmp_path / "path.npz")
+    assert (finished.code, finished.out) == (130, "")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_path_that_did_not_converge_is_written_with_a_warning(run, ends, tmp_path, monkeypatch):
+    hasty = functools.partial(BasisPath, max_iterations=1, tolerance=1e-300)
+    monkeypatch.setattr("riemhuman.solvers.BasisPath", hasty)
+    output = tmp_path / "path.npz"
+    finished = run("geodesic", *ends, "-o", output, "--n-times", 3, "--n-components", 3, "--json")
+    assert finished.code == 0
+    assert "riemhuman: warning: BasisPath stopped without converging" in finished.err
+    assert json.loads(finished.out)["converged"] is False
+    assert output.exists()
+
+
+def test_meshes_that_are_not_registered(refused, ends, bodies, tmp_path):
+    other = tmp_path / "other.obj"
+    save_mesh(other, bodies.points[0][:, ::-1], bodies.template.faces[1:])
+    message = refused("geodesic", ends[0], other, "-o", tmp_path / "path")
+    assert "other.obj is not registered to" in message
+    assert "2399 triangles found, 2400 expected" in message

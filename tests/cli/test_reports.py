@@ -1,0 +1,56 @@
+"""The verb report hands over what it is asked for, and makes a page."""
+
+import json
+
+import h5py
+import numpy as np
+import pytest
+
+from riemhuman.surfaces import DeformationBasis
+
+
+@pytest.mark.slow
+def test_page_of_a_labelled_folder(run, scans, tmp_path):
+    finished = run("report", "--quick", "--bodies", scans, "-o", tmp_path / "report")
+    assert finished.code == 0, finished.err
+    page = tmp_path / "report" / "index.html"
+    assert finished.out == f"{page}\n"
+    assert "<html" in page.read_text(encoding="utf-8").lower()
+    provenance = json.loads((page.parent / "provenance.json").read_text(encoding="utf-8"))
+    assert provenance["status"] == "finished"
+    assert "Karcher mean" in finished.err
+
+
+def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
+    asked = {}
+
+    def make_report(output, **settings):
+        asked.update(settings, output=output)
+        return output / "index.html"
+
+    monkeypatch.setattr("riemhuman.report.make_report", make_report)
+    monkeypatch.setattr("riemhuman.cli.reports._N_COMPONENTS", 3)
+    with h5py.File(tmp_path / "registrations_m.hdf5", "w") as file:
+        file["faces"] = bodies.template.faces
+        file["50002_hips"] = np.moveaxis(bodies.points[:50], 0, -1)
+    labels = scans / "labels.csv"
+    arguments = ("--bodies", scans, "--labels", labels, "--dfaust", tmp_path, "-o", tmp_path)
+    assert run("report", *arguments).out == f"{tmp_path / 'index.html'}\n"
+    assert asked["bodies"].subject.tolist() == [1, 1, 1, 0, 0, 0]
+    assert asked["bodies"].subject_names == ("athletic woman", "tall slim woman")
+    expected = DeformationBasis.from_motions([bodies.points[:50]], 3)
+    np.testing.assert_array_equal(asked["basis"].vectors, expected.vectors)
+    assert asked["quick"] is False
+    run("report", "--quick")
+    assert (asked["bodies"], asked["basis"], asked["quick"]) == (None, None, True)
+    assert str(asked["output"]) == "riemhuman-report"
+
+
+def test_failures(refused, scans, tmp_path):
+    assert "--labels goes with --bodies" in refused("report", "--labels", "labels.csv")
+    assert "no folder" in refused("report", "--faust", tmp_path / "absent", "-o", tmp_path / "r")
+    message = refused("report", "--bodies", scans, "--labels", "absent.csv", "-o", tmp_path / "r")
+    assert "no table of labels absent.csv" in message
+    assert "neither" in refused("report", "--dfaust", tmp_path, "-o", tmp_path / "r")
+    assert "something else" in refused("report", "--bodies", scans, "-o", scans)
+    assert list(tmp_path.iterdir()) == []
