@@ -9,26 +9,22 @@ from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
+from numpy.typing import DTypeLike
 
+from riemhuman.bodies.fitting import ModelFit, fit_model
+from riemhuman.bodies.joint_tree import joint_parents, root_first
+from riemhuman.bodies.model_checks import (
+    check_sums,
+    check_weights,
+    names_of_joints,
+    precision,
+)
+from riemhuman.bodies.model_files import read_model_fields, write_model_fields
 from riemhuman.bodies.rotations import rotation_matrix
-from riemhuman.checks import integer_array, real_array
+from riemhuman.bodies.skinning import chained_motions, skinned
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.template import Template
-
-# Fields of the file, in SMPL's spelling, and the constructor arguments they fill.
-_FIELDS = {
-    "v_template": "v_template",
-    "f": "faces",
-    "shapedirs": "shapedirs",
-    "J_regressor": "joint_regressor",
-    "weights": "weights",
-    "kintree_table": "kintree_table",
-}
-_OPTIONAL_FIELDS = {"posedirs": "posedirs", "joint_names": "joint_names"}
-_UNSIGNED_ROOT = 2**32 - 1
-# Weights stored in single precision, or rounded for storage, sum to one within this.
-_SUM_TOLERANCE = 1e-3
 
 
 class BodyModel:
@@ -64,12 +60,15 @@ class BodyModel:
         Displacement for each entry of R - I of the joints other than the root.
     joint_names : sequence of str, optional
         Names of the joints; by default "joint_0", "joint_1", and so on.
+    dtype : data type
+        Precision of surfaces and joints, float64 or float32: half the memory. The model itself
+        is kept in double precision.
 
     Raises
     ------
     ArgumentError
-        If shapes disagree, entries are not finite, weights do not sum to one, or the joints
-        do not form one tree.
+        If shapes disagree, entries are not finite, weights do not sum to one, the joints do not
+        form one tree, or `dtype` is another type.
     """
 
     def __init__(
@@ -83,7 +82,9 @@ class BodyModel:
         *,
         posedirs: Any = None,
         joint_names: Sequence[str] | None = None,
+        dtype: DTypeLike = onp.float64,
     ) -> None:
+        self._dtype = precision(dtype)
         v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
         n_vertices = len(v_template)
         self._template = Template(v_template, faces)
@@ -97,32 +98,44 @@ class BodyModel:
         self._weights = _frozen(
             real_array(weights, "weights", (n_vertices, n_joints), batched=False)
         )
-        self._parents = _frozen(_parents(kintree_table, n_joints))
-        self._order = _root_first(self._parents)
+        self._parents = _frozen(joint_parents(kintree_table, n_joints))
+        self._order = root_first(self._parents)
         self._posedirs = None
         if posedirs is not None:
             shape = (n_vertices, 3, 9 * (n_joints - 1))
             self._posedirs = _frozen(real_array(posedirs, "posedirs", shape, batched=False))
-        self._joint_names = _names(joint_names, n_joints)
-        _check_sums(self._joint_regressor, "J_regressor")
-        _check_sums(self._weights, "weights")
-        if self._weights.min() < 0:
-            vertex, joint = (int(i) for i in onp.argwhere(self._weights < 0)[0])
-            raise ArgumentError(
-                f"weights must not be negative; found {self._weights[vertex, joint]:g} "
-                f"at vertex {vertex}, joint {joint}"
-            )
+        self._joint_names = names_of_joints(joint_names, n_joints)
+        self._rest, self._regressor, self._blend = (
+            array.astype(self._dtype, copy=False)
+            for array in (self._template.vertices, self._joint_regressor, self._weights)
+        )
+        check_sums(self._joint_regressor, "J_regressor")
+        check_weights(self._weights)
 
     @classmethod
-    def from_file(cls, path: str | os.PathLike[str]) -> BodyModel:
-        """Read a model from an .npz file in SMPL's layout.
+    def from_file(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        n_betas: int | None = None,
+        dtype: DTypeLike = onp.float64,
+    ) -> BodyModel:
+        """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
+
+        Files of SMPL and SMPL-H are read as they are given out, with posedirs whole, flattened
+        or transposed and a dense or sparse J_regressor. A .pkl file is read as data: nothing in
+        it is run, and chumpy is not needed.
 
         Parameters
         ----------
         path : path-like
             File with v_template, f, shapedirs, J_regressor, weights and kintree_table, and
-            perhaps posedirs and joint_names. Pickled objects there are refused; other fields
-            are left unread.
+            perhaps posedirs and joint_names. Other fields are left unread.
+        n_betas : int, optional
+            Number of shape coefficients to keep, the first ones; by default all, but 10 of a
+            file that has 300 or more.
+        dtype : data type
+            Precision of the surfaces, see `BodyModel`.
 
         Returns
         -------
@@ -132,17 +145,19 @@ class BodyModel:
         Raises
         ------
         ArgumentTypeError
-            If `path` is not a path.
+            If `path` is not a path or `n_betas` no whole number.
+        ArgumentError
+            If `n_betas` is negative or more than the file has, or `dtype` is another type.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it is not an .npz archive, lacks a field, or a field is malformed.
+            If it is no such file, lacks a field, a field is malformed, or a .pkl file asks for
+            anything but arrays to be made.
         """
-        fields = load_arrays(path, tuple(_FIELDS), tuple(_OPTIONAL_FIELDS))
-        arguments = _FIELDS | _OPTIONAL_FIELDS
-        arrays: dict[str, Any] = {arguments[name]: fields[name] for name in fields}
+        dtype = precision(dtype)
+        fields = read_model_fields(path, n_betas)
         try:
-            return cls(**arrays)
+            return cls(**fields, dtype=dtype)
         except (ArgumentError, ArgumentTypeError) as error:
             raise FileFormatError(f"{path}: {error}") from error
 
@@ -169,16 +184,16 @@ class BodyModel:
         kintree_table = onp.stack([self._parents, onp.arange(self.n_joints)])
         fields: dict[str, Any] = {
             "v_template": self._template.vertices.astype(real),
-            "f": self.faces.astype(onp.int32),
+            "faces": self.faces.astype(onp.int32),
             "shapedirs": self._shapedirs.astype(real),
-            "J_regressor": self._joint_regressor.astype(real),
+            "joint_regressor": self._joint_regressor.astype(real),
             "weights": self._weights.astype(real),
             "kintree_table": kintree_table.astype(onp.int32),
             "joint_names": onp.array(self._joint_names),
         }
         if self._posedirs is not None:
             fields["posedirs"] = self._posedirs.astype(real)
-        save_arrays(path, fields, compressed=True)
+        write_model_fields(path, fields)
 
     @property
     def template(self) -> Template:
@@ -219,6 +234,11 @@ class BodyModel:
     def joint_names(self) -> tuple[str, ...]:
         """Names of the joints."""
         return self._joint_names
+
+    @property
+    def dtype(self) -> onp.dtype[Any]:
+        """Precision of surfaces and joints."""
+        return self._dtype
 
     @property
     def n_vertices(self) -> int:
@@ -263,10 +283,11 @@ class BodyModel:
         surface = self._shaped(betas)
         joints = self._joints_of(surface)
         if pose is not None:
-            rotations = rotation_matrix(self._joint_vectors(pose))
+            rotations = self._rotations(pose)
             if self._posedirs is not None:
                 surface = surface + self._pose_offsets(rotations)
-            surface = self._skin(surface, joints, rotations)
+            turns, places = chained_motions(joints, rotations, self._parents, self._order)
+            surface = skinned(surface, self._blend, joints, turns, places)
         return self._translated(surface, trans)
 
     def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
@@ -296,19 +317,53 @@ class BodyModel:
         """
         joints = self._joints_of(self._shaped(betas))
         if pose is not None:
-            _, joints = self._chained(joints, rotation_matrix(self._joint_vectors(pose)))
+            rotations = self._rotations(pose)
+            _, joints = chained_motions(joints, rotations, self._parents, self._order)
         return self._translated(joints, trans)
 
+    def fit(self, points: Any, **options: Any) -> ModelFit:
+        """Find the shapes, poses and translations that give these surfaces.
+
+        See `riemhuman.bodies.fit_model`, which describes the method and the options.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., n_points, 3)
+            Registered surfaces, metres: one point for each vertex, unless the option
+            `correspondence` says otherwise.
+        **options
+            Further arguments of `fit_model`: correspondence, weights, loss, loss_scale,
+            betas_prior, pose_prior, tolerance, max_iterations.
+
+        Returns
+        -------
+        fit : ModelFit
+            Betas, pose and trans, and the distances left.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an argument does not hold numbers of the right kind.
+        ArgumentError
+            If an argument has the wrong shape or is out of its range.
+        """
+        return fit_model(self, points, **options)
+
     def _shaped(self, betas: Any) -> Any:
-        vertices = self._template.vertices
         if betas is None:
-            return vertices
-        betas = real_array(betas, "betas", (self.n_betas,))
+            return self._rest
+        betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
         offsets = np.dot(betas, self._shape_matrix)
-        return vertices + np.reshape(offsets, (*np.shape(betas)[:-1], *vertices.shape))
+        return self._rest + np.reshape(offsets, (*np.shape(betas)[:-1], *self._rest.shape))
 
     def _joints_of(self, surface: Any) -> Any:
-        return np.matmul(self._joint_regressor, surface)
+        return np.matmul(self._regressor, surface)
+
+    def _rounded(self, array: Any) -> Any:
+        return array.astype(self._dtype, copy=False)
+
+    def _rotations(self, pose: Any) -> Any:
+        return self._rounded(rotation_matrix(self._joint_vectors(pose)))
 
     def _joint_vectors(self, pose: Any) -> Any:
         pose = real_array(pose, "pose")
@@ -324,7 +379,7 @@ class BodyModel:
 
     def _pose_offsets(self, rotations: Any) -> Any:
         limbs = onp.flatnonzero(self._parents >= 0)
-        feature = rotations[..., limbs, :, :] - np.eye(3)
+        feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self._dtype)
         feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
         offsets = np.dot(feature, self._pose_matrix)
         return np.reshape(offsets, (*np.shape(feature)[:-1], self.n_vertices, 3))
@@ -332,106 +387,21 @@ class BodyModel:
     def _translated(self, points: Any, trans: Any) -> Any:
         if trans is None:
             return points
-        return points + real_array(trans, "trans", (3,))[..., None, :]
-
-    def _chained(self, joints: Any, rotations: Any) -> tuple[Any, Any]:
-        """Return every joint's global rotation and place, along the tree (equations 3 and 4)."""
-        shape = np.broadcast_shapes(np.shape(joints)[:-2], np.shape(rotations)[:-3])
-        joints = joints + np.zeros((*shape, 1, 1))
-        rotations = rotations + np.zeros((*shape, 1, 1, 1))
-        turns: list[Any] = [None] * self.n_joints
-        places: list[Any] = [None] * self.n_joints
-        for joint in self._order:
-            parent = self._parents[joint]
-            turns[joint], places[joint] = rotations[..., joint, :, :], joints[..., joint, :]
-            if parent >= 0:
-                bone = places[joint] - joints[..., parent, :]
-                places[joint] = places[parent] + _apply(turns[parent], bone)
-                turns[joint] = np.matmul(turns[parent], turns[joint])
-        return np.stack(turns, axis=-3), np.stack(places, axis=-2)
-
-    def _skin(self, surface: Any, joints: Any, rotations: Any) -> Any:
-        """Move every vertex with the mean of its joints' rigid motions (equation 2)."""
-        turns, places = self._chained(joints, rotations)
-        # Joint j moves x to R_j (x - J_j) + place_j.
-        shifts = places - _apply(turns, joints)
-        motions = np.concatenate([turns, shifts[..., None]], axis=-1)
-        lead = np.shape(motions)[:-3]
-        blended = np.matmul(self._weights, np.reshape(motions, (*lead, self.n_joints, 12)))
-        blended = np.reshape(blended, (*lead, self.n_vertices, 3, 4))
-        return (
-            blended[..., 0] * surface[..., 0:1]
-            + blended[..., 1] * surface[..., 1:2]
-            + blended[..., 2] * surface[..., 2:3]
-            + blended[..., 3]
-        )
+        return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
 
     @cached_property
     def _shape_matrix(self) -> onp.ndarray:
-        return onp.ascontiguousarray(self._shapedirs.reshape(-1, self.n_betas).T)
+        matrix = self._shapedirs.reshape(-1, self.n_betas).T
+        return onp.ascontiguousarray(matrix, dtype=self._dtype)
 
     @cached_property
     def _pose_matrix(self) -> onp.ndarray:
         assert self._posedirs is not None, "asked for where there are posedirs only"
-        return onp.ascontiguousarray(self._posedirs.reshape(3 * self.n_vertices, -1).T)
-
-
-def _apply(matrices: Any, vectors: Any) -> Any:
-    return np.matmul(matrices, vectors[..., None])[..., 0]
+        matrix = self._posedirs.reshape(3 * self.n_vertices, -1).T
+        return onp.ascontiguousarray(matrix, dtype=self._dtype)
 
 
 def _frozen(array: onp.ndarray) -> onp.ndarray:
     array = onp.array(array)
     array.flags.writeable = False
     return array
-
-
-def _names(names: Sequence[str] | None, n_joints: int) -> tuple[str, ...]:
-    if names is None:
-        return tuple(f"joint_{j}" for j in range(n_joints))
-    if onp.ndim(names) != 1 or not len(names) == len({str(name) for name in names}) == n_joints:
-        raise ArgumentError(f"joint_names must hold {n_joints} different names; found {names!r}")
-    return tuple(str(name) for name in names)
-
-
-def _check_sums(rows: onp.ndarray, name: str) -> None:
-    error = onp.abs(rows.sum(axis=1) - 1.0)
-    if error.size and error.max() > _SUM_TOLERANCE:
-        row = int(error.argmax())
-        raise ArgumentError(
-            f"every row of {name} must sum to one; row {row} sums to {rows[row].sum():g}"
-        )
-
-
-def _parents(kintree_table: Any, n_joints: int) -> onp.ndarray:
-    """Return the index of each joint's parent, -1 for the root, checked to form one tree."""
-    table = integer_array(kintree_table, "kintree_table", (2, n_joints))
-    index = {int(number): j for j, number in enumerate(table[1])}
-    if len(index) != n_joints:
-        raise ArgumentError("kintree_table numbers a joint twice in its second row")
-    parents = onp.empty(n_joints, dtype=onp.int64)
-    for joint, number in enumerate(table[0].tolist()):
-        if number in (-1, _UNSIGNED_ROOT):
-            parents[joint] = -1
-        elif number in index:
-            parents[joint] = index[number]
-        else:
-            raise ArgumentError(
-                f"kintree_table names {number} as the parent of joint {joint}; no joint has "
-                "that number"
-            )
-    roots = onp.flatnonzero(parents < 0).tolist()
-    if len(roots) != 1:
-        raise ArgumentError(f"kintree_table must have one root; found roots {roots}")
-    return parents
-
-
-def _root_first(parents: onp.ndarray) -> tuple[int, ...]:
-    """Return the joints ordered so that parents precede children; refuse a cycle."""
-    order = onp.flatnonzero(parents < 0).tolist()
-    for joint in order:
-        order.extend(onp.flatnonzero(parents == joint).tolist())
-    if len(order) != len(parents):
-        cycle = sorted(set(range(len(parents))) - set(order))
-        raise ArgumentError(f"kintree_table has a cycle: joints {cycle} never reach the root")
-    return tuple(order)

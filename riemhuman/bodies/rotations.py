@@ -42,14 +42,58 @@ def rotation_matrix(axis_angle: Any) -> Any:
     sine_quotient = np.where(
         small, 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0)), np.sin(angle) / angle
     )
+    cross = _cross_product_matrix(vector)
+    second = _cosine_quotient(x, angle, small) * np.matmul(cross, cross)
+    return np.eye(3) + sine_quotient * cross + second
+
+
+def rotation_derivative(axis_angle: Any) -> Any:
+    """Return the matrices that take changes of axis-angle vectors to turns of the bodies.
+
+    The left Jacobian of the rotation group: with R(ω) the rotation, for small changes,
+    R(ω + dω) = R(J dω) R(ω) to first order, where
+    J = I + ((1 − cos θ) / θ²) K + ((θ − sin θ) / θ³) K².
+
+    Parameters
+    ----------
+    axis_angle : array_like, shape (..., 3)
+        Rotation vectors ω in radians.
+
+    Returns
+    -------
+    derivatives : array, shape (..., 3, 3)
+        Matrices J, in the axes that R maps into.
+
+    Raises
+    ------
+    ArgumentError
+        If the last axis is not of length 3 or an entry is not finite.
+    """
+    vector = real_array(axis_angle, "axis_angle", (3,))
+    squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
+    small = squared_angle < _SERIES_BELOW
+    x = np.where(small, squared_angle, 0.0)
+    angle = np.sqrt(np.where(small, 1.0, squared_angle))
+    third_quotient = np.where(
+        small,
+        1.0 / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0))),
+        (angle - np.sin(angle)) / angle**3,
+    )
+    cross = _cross_product_matrix(vector)
+    return (
+        np.eye(3)
+        + _cosine_quotient(x, angle, small) * cross
+        + third_quotient * np.matmul(cross, cross)
+    )
+
+
+def _cosine_quotient(x: Any, angle: Any, small: Any) -> Any:
     # (1 − cos θ)/θ² as ½ (sin(θ/2) / (θ/2))²: no cancellation.
-    cosine_quotient = np.where(
+    return np.where(
         small,
         0.5 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0))),
         2.0 * (np.sin(0.5 * angle) / angle) ** 2,
     )
-    cross = _cross_product_matrix(vector)
-    return np.eye(3) + sine_quotient * cross + cosine_quotient * np.matmul(cross, cross)
 
 
 def _cross_product_matrix(vector: Any) -> Any:

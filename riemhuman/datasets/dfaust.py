@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from riemhuman.checks import integer_array
+from riemhuman.checks import integer_array, real_number
 from riemhuman.datasets.motions import Motion, chosen
 from riemhuman.errors import (
     ArgumentError,
@@ -39,9 +39,11 @@ class DynamicFaustMotion(Motion):
     subject, sequence : str
         Names, as in the file.
     n_frames : int
-        Number of frames.
+        Number of frames in the file.
     faces : array of int, shape (F, 3)
         Triangles.
+    step : int
+        Every so many-th frame is in use.
     """
 
     def __init__(
@@ -51,9 +53,13 @@ class DynamicFaustMotion(Motion):
         sequence: str,
         n_frames: int,
         faces: np.ndarray,
+        step: int = 1,
     ) -> None:
-        super().__init__(subject, sequence, _FRAMES_PER_SECOND, n_frames, faces)
+        rate, n_used = _FRAMES_PER_SECOND / step, -(-n_frames // step)
+        super().__init__(subject, sequence, rate, n_used, faces)
         self._path = Path(path)
+        self._n_recorded = n_frames
+        self._step = step
 
     @property
     def path(self) -> Path:
@@ -61,12 +67,18 @@ class DynamicFaustMotion(Motion):
         return self._path
 
     def _frames(self, numbers: range) -> np.ndarray:
+        first, end, step = (
+            self._step * part for part in (numbers.start, numbers.stop, numbers.step)
+        )
+        return self._recorded_frames(range(first, end, step))
+
+    def _recorded_frames(self, numbers: range) -> np.ndarray:
         key = f"{self.subject}_{self.sequence}"
         n_vertices = int(self.faces.max()) + 1
         frames = np.empty((len(numbers), n_vertices, 3))
         run = max(1, _SPAN // abs(numbers.step))
         with _opened(self._path) as file:
-            if key not in file or file[key].shape != (n_vertices, 3, len(self)):
+            if key not in file or file[key].shape != (n_vertices, 3, self._n_recorded):
                 raise FileError(f"{self._path} has changed: {key} is not what it was")
             for start in range(0, len(numbers), run):
                 some = np.asarray(numbers[start : start + run])
@@ -96,6 +108,7 @@ def load_dfaust(
     path: str | os.PathLike[str],
     subjects: Sequence[str | int] | str | int | None = None,
     sequences: Sequence[str] | str | None = None,
+    frames_per_second: float = _FRAMES_PER_SECOND,
 ) -> tuple[DynamicFaustMotion, ...]:
     """Load registered sequences of Dynamic FAUST [1]_, to be read when frames are asked for.
 
@@ -112,11 +125,14 @@ def load_dfaust(
     sequences : sequence of str or str, optional
         Motions wanted; by default all there are. Of people not asked for by name, those who lack
         a motion are passed over in it.
+    frames_per_second : float
+        Frame rate wanted: that of the files, 60, or 60 divided by a whole number.
 
     Returns
     -------
     motions : tuple of DynamicFaustMotion
-        Every sequence of the first person, of the second, and so on; points in metres.
+        Every sequence of the first person, of the second, and so on; points in metres, y up, as
+        they are in the files.
 
     Raises
     ------
@@ -126,7 +142,8 @@ def load_dfaust(
         If a file is not HDF5, holds no sequence, no triangles or others than the rest, or
         sequences asked for are not numbers of shape (V, 3, n_frames): all of these are named.
     ArgumentError
-        If a person or motion asked for is not there: the message says what is.
+        If a person or motion asked for is not there: the message says what is. If the frame rate
+        is another.
     ArgumentTypeError
         If an argument is not of a type named above.
     MissingDependencyError
@@ -137,6 +154,7 @@ def load_dfaust(
     .. [1] Bogo, Romero, Pons-Moll, Black, "Dynamic FAUST: Registering Human Bodies in Motion",
        CVPR 2017.
     """
+    step = _step(frames_per_second)
     files = _find_files(path)
     found: dict[str, dict[str, _Entry]] = {}
     faces: np.ndarray | None = None
@@ -153,7 +171,7 @@ def load_dfaust(
     pairs = _wanted(found, subjects, sequences, f" in {_listed(files)}")
     _refuse_malformed(found, pairs, int(faces.max()) + 1)
     return tuple(
-        DynamicFaustMotion(entry.file, subject, sequence, entry.shape[-1], faces)
+        DynamicFaustMotion(entry.file, subject, sequence, entry.shape[-1], faces, step)
         for subject, sequence in pairs
         for entry in [found[subject][sequence]]
     )
@@ -178,6 +196,17 @@ class _Entry(NamedTuple):
         if len(self.shape) != 3 or self.shape[:2] != (n_vertices, 3) or self.shape[2] == 0:
             return f"has shape {self.shape}"
         return None
+
+
+def _step(frames_per_second: float) -> int:
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    step = max(1, round(_FRAMES_PER_SECOND / rate))
+    if abs(step * rate - _FRAMES_PER_SECOND) > 1e-6 * _FRAMES_PER_SECOND:
+        raise ArgumentError(
+            f"frames_per_second must be {_FRAMES_PER_SECOND:g} divided by a whole number; "
+            f"found {rate:g}"
+        )
+    return step
 
 
 def _named(subjects: Any) -> Any:

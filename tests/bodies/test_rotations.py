@@ -8,7 +8,7 @@ from oracles import taylor_slope
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import rotation_matrix
+from riemhuman.bodies import rotation_derivative, rotation_matrix
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 # Across zero, the switch to the power series (at about 0.0316), π and several turns.
@@ -91,3 +91,25 @@ def test_refusals():
         rotation_matrix([0.0, np.nan, 0.0])
     with pytest.raises(ArgumentTypeError, match="axis_angle must be an array of real numbers"):
         rotation_matrix(["x", "y", "z"])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-3, 0.0316, 0.0317, 1.0, 3.0, np.pi, 5.0])
+def test_turns_for_changes_of_the_vector(angle):
+    """R(ω + dω) R(ω)⁻¹ = I + [J dω]×, by autograd."""
+    vector = angle * axes(1, rng=7)[0]
+    changes = autograd.jacobian(rotation_matrix)(vector)
+    turns = np.einsum("xyc,zy->xzc", changes, rotation_matrix(vector))
+    found = rotation_derivative(vector)
+    np.testing.assert_allclose(turns[2, 1], found[0], atol=1e-9)
+    np.testing.assert_allclose(turns[0, 2], found[1], atol=1e-9)
+    np.testing.assert_allclose(turns[1, 0], found[2], atol=1e-9)
+    np.testing.assert_allclose(turns, -turns.transpose(1, 0, 2), atol=1e-9)
+
+
+def test_turns_of_several_vectors():
+    vectors = np.random.default_rng(8).normal(size=(2, 3, 3))
+    found = rotation_derivative(vectors)
+    for index in np.ndindex(2, 3):
+        np.testing.assert_allclose(found[index], rotation_derivative(vectors[index]), atol=1e-15)
+    with pytest.raises(ArgumentError, match="axis_angle must have shape"):
+        rotation_derivative(np.zeros(4))

@@ -135,6 +135,24 @@ def test_slices_are_frames(folder, truth, part):
     np.testing.assert_array_equal(frames, truth["50002_hips"][part])
 
 
+@pytest.mark.parametrize("part", [slice(None), slice(3, 9), slice(40, 2, -3), slice(1, None, 7)])
+@pytest.mark.parametrize("step", [1, 2, 7, 60])
+def test_lower_frame_rates(folder, truth, part, step):
+    (motion,) = load_dfaust(folder, 50002, "hips", frames_per_second=60 / step)
+    frames = truth["50002_hips"][::step]
+    assert motion.frames_per_second == pytest.approx(60 / step)
+    assert len(motion) == len(frames)
+    np.testing.assert_array_equal(motion[part], frames[part])
+    np.testing.assert_array_equal(motion[-1], frames[-1])
+
+
+@pytest.mark.parametrize("rate", [120, 50, 0.7, 59])
+def test_frame_rates_there_are_not(folder, rate):
+    message = f"frames_per_second must be 60 divided by a whole number; found {rate:g}"
+    with pytest.raises(ArgumentError, match=message):
+        load_dfaust(folder, frames_per_second=rate)
+
+
 def test_frames_and_iteration(folder, truth):
     motion = load_dfaust(folder, 50004, "knees")[0]
     for number in (0, 39, -1, -40):

@@ -1,0 +1,48 @@
+"""Body models rewritten as plain archives, which every program can read safely."""
+
+from __future__ import annotations
+
+import os
+
+from riemhuman.bodies.body_model import BodyModel
+
+
+def convert_model(
+    source: str | os.PathLike[str],
+    target: str | os.PathLike[str],
+    *,
+    n_betas: int | None = None,
+) -> BodyModel:
+    """Read a body model, check it, and write it as an .npz file in SMPL's layout.
+
+    The file written holds arrays alone: no pickled objects, no chumpy, no sparse matrices.
+
+    Parameters
+    ----------
+    source : path_like
+        A .pkl or .npz file, see `BodyModel.from_file`.
+    target : path_like
+        File to write, with its suffix; an existing file is replaced.
+    n_betas : int, optional
+        Number of shape coefficients to keep, the first ones; by default as
+        `BodyModel.from_file`.
+
+    Returns
+    -------
+    model : BodyModel
+        The model as written.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a path is not a path or `n_betas` no whole number.
+    ArgumentError
+        If `n_betas` is negative or more than the file has.
+    FileError
+        If a file is missing or cannot be read or written.
+    FileFormatError
+        If `source` is no body model, or asks for anything but arrays to be made.
+    """
+    model = BodyModel.from_file(source, n_betas=n_betas)
+    model.save(target)
+    return model

@@ -1,0 +1,369 @@
+"""Shape, pose and translation of registered surfaces: a body model's fit in correspondence.
+
+The steps are those of Levenberg and Marquardt, written out here rather than left to
+`scipy.optimize.least_squares`: that takes the derivatives of all residuals as one matrix, some
+40,000 by 90 for a body, and factors it anew in every step. The normal equations need the matrix
+only patch by patch, and most patches hang on few joints.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies.correspondence import combination_of_vertices
+from riemhuman.bodies.fitting_equations import (
+    Equations,
+    Loss,
+    by_main_joint,
+    least_squares_step,
+)
+from riemhuman.bodies.joint_motions import Posture, Skeleton
+from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.kernels.threads import single_threaded_blas
+from riemhuman.solvers.model_path import ModelParameters
+
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
+
+LOSSES = ("squared", "huber", "geman-mcclure")
+
+# The first stage uses about so many points, and of each joint's at least these.
+_FEW_POINTS = 1500
+_FEWEST_OF_A_JOINT = 20
+_CLOSED_FORM_ROUNDS = 2
+_LEAST_DAMPING = 1e-9
+_MOST_DAMPING = 1e6
+# A gain of this share of the cost cannot be told from rounding.
+_ROUNDING = 1e-13
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFit:
+    """Parameters of a body model that were fitted to surfaces, and how well they fit.
+
+    Attributes
+    ----------
+    betas : array, shape (..., B)
+        Shape coefficients.
+    pose : array, shape (..., J, 3)
+        Axis-angle rotation of each joint, radians, no more than half a turn.
+    trans : array, shape (..., 3)
+        Translation, metres.
+    distances : array, shape (..., n_points)
+        Distance of each point from where the model has it, metres.
+    converged : array of bool, shape (...)
+        Whether the fit of each surface came to rest.
+    n_iterations : array of int, shape (...)
+        Gauss–Newton steps, both stages together.
+    """
+
+    betas: np.ndarray
+    pose: np.ndarray
+    trans: np.ndarray
+    distances: np.ndarray
+    converged: np.ndarray
+    n_iterations: np.ndarray
+
+    @property
+    def mean_distance(self) -> np.ndarray:
+        """Mean distance of the points of each surface, metres, shape (...)."""
+        return self.distances.mean(axis=-1)
+
+    @property
+    def mean_distance_mm(self) -> np.ndarray:
+        """Mean distance of the points of each surface, millimetres, shape (...)."""
+        return 1000.0 * self.mean_distance
+
+    @property
+    def parameters(self) -> ModelParameters:
+        """The parameters alone: betas, pose and trans, as `ModelPath` takes them."""
+        return ModelParameters(self.betas, self.pose, self.trans)
+
+
+def fit_model(
+    model: BodyModel,
+    points: Any,
+    *,
+    correspondence: Any = None,
+    weights: Any = None,
+    loss: str = "squared",
+    loss_scale: float = 0.01,
+    betas_prior: float = 0.0,
+    pose_prior: float = 0.0,
+    tolerance: float = 1e-6,
+    max_iterations: int = 100,
+) -> ModelFit:
+    """Find the shape, pose and translation of a body model for registered surfaces.
+
+    Minimises Σ_i w_i ρ(‖x_i(β, ω, t) − y_i‖) + b ‖β‖² + p Σ_j ‖ω_j‖² for every surface by
+    itself: y are its points, x the model's, w the weights divided by their sum, ρ the loss, b and
+    p the priors, and j runs over the joints other than the root.
+
+    The start is in closed form: each joint's rotation by Kabsch's solution with the skinning
+    weights, then betas and translation by linear least squares. From there Gauss–Newton steps
+    with exact derivatives, damped as Levenberg and Marquardt have it, are taken on some 1,500
+    points and then on all; with a robust loss, the points are reweighted in every step.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model.
+    points : array_like, shape (..., n_points, 3)
+        Surfaces, metres: one point for each vertex of the model, unless `correspondence` says
+        otherwise.
+    correspondence : array_like of int, pair, or sparse matrix, optional
+        Where each point lies on the model: numbers of vertices, shape (n_points,); or a pair of
+        numbers of triangles, shape (n_points,), and barycentric coordinates, shape
+        (n_points, 3); or a matrix, shape (n_points, V), whose rows sum to one.
+    weights : array_like, shape (n_points,), optional
+        How much each point counts, for instance areas; equal by default. Points of weight zero
+        are left out.
+    loss : {"squared", "huber", "geman-mcclure"}
+        Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond; or r² c² / (r² + c²).
+    loss_scale : float
+        Scale c of the robust losses, metres.
+    betas_prior : float
+        Weight b, square metres: 1e-6 lets one unit of a coefficient weigh as much as 1 mm of
+        mean distance.
+    pose_prior : float
+        Weight p, square metres a squared radian.
+    tolerance : float
+        The fit has come to rest when a step moves the points by less than this, in the root mean
+        square, metres.
+    max_iterations : int
+        Number of steps after which each stage of a fit stops.
+
+    Returns
+    -------
+    fit : ModelFit
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an argument does not hold numbers of the right kind.
+    ArgumentError
+        If a shape is wrong, an entry is not finite, `correspondence` leaves the model, weights
+        are negative or all zero, or another argument is out of its range.
+
+    Warns
+    -----
+    ConvergenceWarning
+        Once, if some fits stopped before they came to rest.
+    """
+    combine = combination_of_vertices(model, correspondence)
+    n_points = combine.shape[0]
+    surfaces = real_array(points, "points", ("n_points", 3))
+    if surfaces.shape[-2] != n_points:
+        raise ArgumentError(
+            f"points has {surfaces.shape[-2]} points a surface (shape {surfaces.shape}); "
+            + (
+                f"the model has {n_points} vertices"
+                if correspondence is None
+                else f"correspondence is for {n_points}"
+            )
+        )
+    fitter = _Fitter(
+        model,
+        combine,
+        _shares(weights, n_points),
+        _losses(loss, real_number(loss_scale, "loss_scale", minimum=0.0, strict=True)),
+        betas_prior=real_number(betas_prior, "betas_prior", minimum=0.0),
+        pose_prior=real_number(pose_prior, "pose_prior", minimum=0.0),
+        tolerance=real_number(tolerance, "tolerance", minimum=0.0, strict=True),
+        max_iterations=whole_number(max_iterations, "max_iterations", minimum=1),
+    )
+    lead = surfaces.shape[:-2]
+    with single_threaded_blas():  # the patches are too small to be shared between threads
+        fits = [fitter.fit(surfaces[index]) for index in np.ndindex(lead)]
+    failed = [number for number, fit in enumerate(fits) if not fit.converged]
+    if failed:
+        warnings.warn(
+            f"{len(failed)} of {len(fits)} fits, the first of surface {failed[0]}, stopped after "
+            f"up to {max_iterations} steps before they came to rest within {tolerance:g} m",
+            ConvergenceWarning,
+            stacklevel=3,
+        )
+    shapes = {
+        "betas": (model.n_betas,),
+        "pose": (model.n_joints, 3),
+        "trans": (3,),
+        "distances": (n_points,),
+        "converged": (),
+        "n_iterations": (),
+    }
+    return ModelFit(
+        **{
+            name: np.array([getattr(fit, name) for fit in fits]).reshape((*lead, *shape))
+            for name, shape in shapes.items()
+        }
+    )
+
+
+class _Fitter:
+    """The fit of one surface after the other."""
+
+    def __init__(
+        self,
+        model: BodyModel,
+        combine: sparse.csr_array,
+        shares: np.ndarray,
+        losses: tuple[Loss, ...],
+        *,
+        betas_prior: float,
+        pose_prior: float,
+        tolerance: float,
+        max_iterations: int,
+    ) -> None:
+        self._skeleton = Skeleton(model)
+        self._tolerance = tolerance
+        self._max_iterations = max_iterations
+        self._model, self._combine = model, combine
+
+        in_pose = np.where(model.parents >= 0, pose_prior, 0.0)
+        in_betas = np.full(model.n_betas, betas_prior)
+        self._prior = np.concatenate([np.repeat(in_pose, 3), in_betas, np.zeros(3)])
+
+        of_joints = by_main_joint(self._skeleton, combine @ model.weights)
+        of_joints = [numbers[shares[numbers] > 0] for numbers in of_joints]
+        everything = np.concatenate(of_joints)
+        few = np.concatenate([_spread_out(numbers, len(everything)) for numbers in of_joints])
+        some, whole = (
+            Equations(model, self._skeleton, combine, shares, numbers)
+            for numbers in (few, everything)
+        )
+        self._stages = [(some, each) for each in losses] + [(whole, losses[-1])]
+        if len(few) == len(everything):
+            self._stages.pop()
+
+    def fit(self, target: np.ndarray) -> ModelFit:
+        posture = self._start(target)
+        n_iterations, converged = 0, False
+        for stage in self._stages:
+            posture, steps, converged = self._descend(*stage, target, posture)
+            n_iterations += steps
+        points = self._model(posture.betas, posture.pose, posture.trans)
+        gaps = self._combine @ points - target
+        return ModelFit(
+            betas=posture.betas,
+            pose=Rotation.from_rotvec(posture.pose).as_rotvec(),
+            trans=posture.trans,
+            distances=np.linalg.norm(gaps, axis=-1),
+            converged=np.array(converged),
+            n_iterations=np.array(n_iterations),
+        )
+
+    def _start(self, target: np.ndarray) -> Posture:
+        """Return rotations in closed form, then betas and translation by least squares."""
+        (equations, loss), skeleton = self._stages[0], self._skeleton
+        betas, trans = np.zeros(skeleton.n_betas), np.zeros(3)
+        linear = np.arange(3 * skeleton.n_joints, len(self._prior))
+        for _ in range(_CLOSED_FORM_ROUNDS):
+            turns = equations.closed_form_turns(target, betas)
+            pose = _relative(turns, skeleton.parents)
+            posture = Posture(betas, pose, trans)
+            matrix, right = self._normal(equations, loss, posture, target)
+            step = np.zeros(len(right))
+            step[linear] = least_squares_step(
+                matrix[np.ix_(linear, linear)], right[linear], _LEAST_DAMPING
+            )
+            posture = posture.moved(step)
+            betas, trans = posture.betas, posture.trans
+        return posture
+
+    def _descend(
+        self, equations: Equations, loss: Loss, target: np.ndarray, posture: Posture
+    ) -> tuple[Posture, int, bool]:
+        """Return the parameters at rest, the number of steps and whether they are at rest."""
+        damping = _LEAST_DAMPING
+        cost = self._cost(equations, loss, posture, target)
+        for n_steps in range(1, self._max_iterations + 1):
+            matrix, right = self._normal(equations, loss, posture, target)
+            while True:
+                step = least_squares_step(matrix, right, damping)
+                trial = posture.moved(step)
+                movement = np.sqrt(step @ matrix @ step)
+                if damping < 1.0 and (
+                    movement < self._tolerance or step @ right < _ROUNDING * cost
+                ):
+                    return trial, n_steps, True
+                trial_cost = self._cost(equations, loss, trial, target)
+                if trial_cost < cost:
+                    break
+                damping = 10.0 * max(damping, 1e-5)
+                if damping > _MOST_DAMPING:
+                    return posture, n_steps, False
+            posture, cost = trial, trial_cost
+            damping = max(damping / 10.0, _LEAST_DAMPING)
+        return posture, self._max_iterations, False
+
+    def _parameters(self, posture: Posture) -> np.ndarray:
+        return np.concatenate([posture.pose.ravel(), posture.betas, posture.trans])
+
+    def _cost(
+        self, equations: Equations, loss: Loss, posture: Posture, target: np.ndarray
+    ) -> float:
+        prior = float(self._prior @ self._parameters(posture) ** 2)
+        return equations.cost(posture, target, loss) + prior
+
+    def _normal(
+        self, equations: Equations, loss: Loss, posture: Posture, target: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        matrix, right = equations.normal(posture, target, loss)
+        matrix[np.diag_indices_from(matrix)] += self._prior
+        return matrix, right - self._prior * self._parameters(posture)
+
+
+def _relative(turns: np.ndarray, parents: np.ndarray) -> np.ndarray:
+    """Return rotations in space as axis-angle vectors relative to the parent joint."""
+    axes = np.where((parents >= 0)[:, np.newaxis, np.newaxis], turns[parents], np.eye(3))
+    return Rotation.from_matrix(axes.transpose(0, 2, 1) @ turns).as_rotvec()
+
+
+def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
+    """Return about a joint's share of the few points of the first stage."""
+    wanted = max(_FEWEST_OF_A_JOINT, len(numbers) * _FEW_POINTS // max(n_points, 1))
+    if wanted >= len(numbers):
+        return numbers
+    return numbers[np.linspace(0, len(numbers) - 1, wanted).astype(np.int64)]
+
+
+def _losses(name: str, scale: float) -> tuple[Loss, ...]:
+    """Return the losses of one stage after the other, the one asked for last."""
+    one_of(name, "loss", LOSSES)
+
+    def squared(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return squares, np.ones_like(squares)
+
+    def huber(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        distances = np.sqrt(squares)
+        far = distances > scale
+        factor = np.divide(scale, distances, out=np.ones_like(squares), where=far)
+        return np.where(far, 2.0 * scale * distances - scale**2, squares), factor
+
+    def geman_mcclure(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        quotient = scale**2 / (squares + scale**2)
+        return squares * quotient, quotient**2
+
+    if name == "geman-mcclure":
+        # It pays no heed to points far away, and so needs a start near the solution.
+        return huber, geman_mcclure
+    return (squared,) if name == "squared" else (huber,)
+
+
+def _shares(weights: Any, n_points: int) -> np.ndarray:
+    if weights is None:
+        return np.full(n_points, 1.0 / n_points)
+    values = real_array(weights, "weights", (n_points,), batched=False)
+    if (values < 0).any() or not (values > 0).any():
+        raise ArgumentError(
+            "weights must not be negative, and at least one must be positive; found values from "
+            f"{values.min():g} to {values.max():g}"
+        )
+    return values / values.sum()

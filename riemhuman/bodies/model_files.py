@@ -1,0 +1,133 @@
+"""Files of body models in SMPL's layout: .npz archives, and the pickles of its makers."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from riemhuman.bodies.safe_pickle import load_pickled_arrays
+from riemhuman.checks import whole_number
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
+
+# Fields of the file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
+_FIELDS = {
+    "v_template": "v_template",
+    "f": "faces",
+    "shapedirs": "shapedirs",
+    "J_regressor": "joint_regressor",
+    "weights": "weights",
+    "kintree_table": "kintree_table",
+}
+_OPTIONAL_FIELDS = {"posedirs": "posedirs", "joint_names": "joint_names"}
+_PICKLES = (".pkl", ".pickle")
+# SMPL's files come with 10 shape coefficients or 300, of which 10 are in use.
+_MANY_BETAS = 300
+_USUAL_BETAS = 10
+
+
+def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) -> dict[str, Any]:
+    """Read the arrays of a body model, in the layouts that are about, and return one layout.
+
+    Parameters
+    ----------
+    path : path_like
+        An .npz file, or a .pkl file of Python 2 or 3, whose contents are not run.
+    n_betas : int, optional
+        Number of shape coefficients to keep, the first ones; by default all, but 10 of a file
+        that has 300 or more.
+
+    Returns
+    -------
+    fields : dict of str to array
+        The arguments of `BodyModel` by name.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path or `n_betas` no whole number.
+    ArgumentError
+        If `n_betas` is negative or more than the file has.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If it is of another kind, lacks a field, or asks for anything but arrays to be made.
+    """
+    if n_betas is not None:
+        whole_number(n_betas, "n_betas", minimum=0)
+    is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
+    load = load_pickled_arrays if is_pickle else load_arrays
+    found = load(path, tuple(_FIELDS), tuple(_OPTIONAL_FIELDS))
+    names = _FIELDS | _OPTIONAL_FIELDS
+    fields = {names[name]: array for name, array in found.items()}
+    try:
+        fields["joint_regressor"] = _dense(fields["joint_regressor"], fields["weights"].shape)
+    except ArgumentError as error:
+        raise FileFormatError(f"{path}: {error}") from error
+    if "posedirs" in fields:
+        n_entries = 9 * (len(fields["joint_regressor"]) - 1)
+        n_vertices = len(np.atleast_1d(fields["v_template"]))
+        fields["posedirs"] = _posedirs(fields["posedirs"], n_vertices, n_entries)
+    if fields["shapedirs"].ndim == 3:
+        fields["shapedirs"] = _first_betas(fields["shapedirs"], n_betas, path)
+    return fields
+
+
+def write_model_fields(path: str | os.PathLike[str], fields: Mapping[str, Any]) -> None:
+    """Write the arrays of a body model as a compressed .npz file in SMPL's layout.
+
+    Parameters
+    ----------
+    path : path_like
+        File to write, with its suffix.
+    fields : mapping of str to array
+        The arguments of `BodyModel` by name.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    FileError
+        If the file cannot be written.
+    """
+    names = {argument: name for name, argument in (_FIELDS | _OPTIONAL_FIELDS).items()}
+    arrays = {names[argument]: array for argument, array in fields.items()}
+    save_arrays(path, arrays, compressed=True)
+
+
+def _dense(regressor: Any, shape_of_weights: tuple[int, ...]) -> np.ndarray:
+    """Return the joint regressor as an array; a sparse one may claim any shape."""
+    if not sparse.issparse(regressor):
+        return np.atleast_1d(regressor)
+    if regressor.shape[::-1] != shape_of_weights:
+        raise ArgumentError(
+            f"J_regressor must have the shape of weights, {shape_of_weights}, transposed; found "
+            f"{regressor.shape}"
+        )
+    return regressor.toarray()
+
+
+def _posedirs(posedirs: np.ndarray, n_vertices: int, n_entries: int) -> np.ndarray:
+    """Return pose-dependent displacements as (V, 3, entries), from any layout that is about."""
+    whole, rows = (n_vertices, 3, n_entries), (3 * n_vertices, n_entries)
+    if posedirs.shape == rows:
+        return posedirs.reshape(whole)
+    if posedirs.shape in ((n_entries, n_vertices, 3), rows[::-1]):
+        return np.moveaxis(posedirs.reshape(n_entries, n_vertices, 3), 0, -1)
+    return posedirs
+
+
+def _first_betas(
+    shapedirs: np.ndarray, n_betas: int | None, path: str | os.PathLike[str]
+) -> np.ndarray:
+    found = shapedirs.shape[-1]
+    if n_betas is None:
+        n_betas = _USUAL_BETAS if found >= _MANY_BETAS else found
+    if n_betas > found:
+        raise ArgumentError(f"n_betas is {n_betas}; {path} has {found} shape coefficients")
+    return shapedirs[..., :n_betas]

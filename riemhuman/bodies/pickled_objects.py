@@ -1,0 +1,392 @@
+"""What a pickled body model may hold: arrays, sparse matrices and inert chumpy objects.
+
+Each kind of object is a record of this file, filled with what the pickle says of it. Nothing of
+NumPy's, SciPy's or chumpy's own unpickling is called, and no array is made before its size has
+been compared with the data that are there.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import ABC, abstractmethod
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from riemhuman.errors import FileFormatError
+
+# Real numbers and text; not objects ("O") or structures ("V").
+_DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
+_MOST_AXES = 8
+_DEEPEST_CHUMPY = 8
+# An array of text has room for its longest in every entry.
+_LONGEST_TEXT = 200
+
+
+class Budget:
+    """Bytes that may still be copied out of a pickle, whatever it says.
+
+    Parameters
+    ----------
+    n_bytes : int
+        Number of bytes.
+    """
+
+    def __init__(self, n_bytes: int) -> None:
+        self._left = n_bytes
+
+    def take(self, n_bytes: int) -> None:
+        """Count bytes that are about to be copied, or refuse.
+
+        Parameters
+        ----------
+        n_bytes : int
+            Number of bytes.
+
+        Raises
+        ------
+        FileFormatError
+            If so many are not left.
+        """
+        self._left -= n_bytes
+        if self._left < 0:
+            raise FileFormatError("uses its data more often than its size allows")
+
+
+class Record(ABC):
+    """An object of the pickle that has a state."""
+
+    def build(self, state: Any, budget: Budget) -> None:
+        """Take the state over.
+
+        Parameters
+        ----------
+        state : object
+            State, as it is in the pickle.
+        budget : Budget
+            What may still be copied.
+
+        Raises
+        ------
+        FileFormatError
+            If it is not the state of such an object.
+        """
+        self._take(state, budget)
+
+    @abstractmethod
+    def _take(self, state: Any, budget: Budget) -> None: ...
+
+
+class DtypeRecord(Record):
+    """A NumPy data type.
+
+    Parameters
+    ----------
+    code : str
+        Kind and size, such as "f8".
+    """
+
+    def __init__(self, code: Any) -> None:
+        if not isinstance(code, str) or not _DTYPES.fullmatch(code):
+            raise FileFormatError(
+                f"holds an array of type {shortened(code)}; arrays must hold numbers or text"
+            )
+        self.dtype = np.dtype(code)
+
+    def _take(self, state: Any, budget: Budget) -> None:
+        if not isinstance(state, tuple) or len(state) < 5 or state[1] not in ("<", ">", "|", "="):
+            raise FileFormatError("holds a malformed NumPy data type")
+        if any(part is not None for part in state[2:5]):
+            raise FileFormatError("holds a structured array; arrays must hold numbers or text")
+        self.dtype = self.dtype.newbyteorder(state[1])
+
+
+class ArrayRecord(Record):
+    """A NumPy array, empty until it is built.
+
+    Parameters
+    ----------
+    array : array, optional
+        The array, if known already.
+    """
+
+    def __init__(self, array: np.ndarray | None = None) -> None:
+        self.array = array
+
+    def _take(self, state: Any, budget: Budget) -> None:
+        if not isinstance(state, tuple) or len(state) != 5:
+            raise FileFormatError("holds a malformed NumPy array")
+        _, shape, dtype, in_columns, data = state
+        self.array = array_of(data, dtype, shape, "F" if in_columns is True else "C", budget)
+
+
+class SparseRecord(Record):
+    """A SciPy sparse matrix.
+
+    Parameters
+    ----------
+    layout : str
+        "csc", "csr" or "coo".
+    """
+
+    def __init__(self, layout: str) -> None:
+        self._layout = layout
+        self._state: dict[str, Any] = {}
+
+    def _take(self, state: Any, budget: Budget) -> None:
+        self._state = _attributes(state, f"{self._layout} matrix")
+
+    def matrix(self) -> sparse.coo_array:
+        """Return the matrix, its indices checked.
+
+        Returns
+        -------
+        matrix : scipy.sparse.coo_array
+
+        Raises
+        ------
+        FileFormatError
+            If its parts do not make a matrix.
+        """
+        shape = self._state.get("_shape", self._state.get("shape"))
+        if not isinstance(shape, tuple) or len(shape) != 2 or not all(map(_is_length, shape)):
+            raise FileFormatError(f"holds a sparse matrix of shape {shortened(shape)}")
+        data = self._part("data")
+        if data.dtype.kind not in "fiub":
+            raise FileFormatError(f"holds a {self._layout} matrix of other things than numbers")
+        if self._layout == "coo":
+            coords = self._state.get("coords") or (self._state.get("row"), self._state.get("col"))
+            if not isinstance(coords, tuple) or len(coords) != 2:
+                raise FileFormatError("holds a malformed coo matrix")
+            row, column = (_indices(each) for each in coords)
+        else:
+            starts, minor = (_indices(self._state.get(name)) for name in ("indptr", "indices"))
+            n_major = shape[1] if self._layout == "csc" else shape[0]
+            counts = np.diff(starts)
+            if len(starts) != n_major + 1 or starts[0] != 0 or (counts < 0).any():
+                raise FileFormatError(f"holds a {self._layout} matrix whose indptr is malformed")
+            if starts[-1] > len(minor):
+                raise FileFormatError(f"holds a {self._layout} matrix with too few indices")
+            minor, data = minor[: starts[-1]], data[: starts[-1]]
+            major = np.repeat(np.arange(n_major), counts)
+            row, column = (minor, major) if self._layout == "csc" else (major, minor)
+        if data.shape != row.shape or row.shape != column.shape:
+            raise FileFormatError(f"holds a {self._layout} matrix with unequal parts")
+        for index, length in ((row, shape[0]), (column, shape[1])):
+            if index.size and not 0 <= index.min() <= index.max() < length:
+                raise FileFormatError(f"holds a {self._layout} matrix with entries outside it")
+        return sparse.coo_array((data.astype(np.float64), (row, column)), shape=shape)
+
+    def _part(self, name: str) -> np.ndarray:
+        part = self._state.get(name)
+        if not isinstance(part, ArrayRecord) or part.array is None or part.array.ndim != 1:
+            raise FileFormatError(f"holds a {self._layout} matrix without {name}")
+        return part.array
+
+
+class ChumpyRecord(Record):
+    """A chumpy object: its state, and no more.
+
+    Parameters
+    ----------
+    name : str
+        "Ch" or "Select".
+    """
+
+    def __init__(self, name: str) -> None:
+        self._name = name
+        self._state: dict[str, Any] = {}
+
+    def _take(self, state: Any, budget: Budget) -> None:
+        self._state = _attributes(state, f"chumpy {self._name}")
+
+    def value(self, depth: int) -> np.ndarray:
+        """Return the value of the object.
+
+        Parameters
+        ----------
+        depth : int
+            Number of chumpy objects around this one.
+
+        Returns
+        -------
+        value : array
+
+        Raises
+        ------
+        FileFormatError
+            If the state lacks what the value follows from.
+        """
+        if depth == _DEEPEST_CHUMPY:
+            raise FileFormatError(f"holds more than {_DEEPEST_CHUMPY} chumpy objects in another")
+        needed = ("x",) if self._name == "Ch" else ("a", "idxs")
+        missing = [name for name in needed if name not in self._state]
+        if missing:
+            raise FileFormatError(f"holds a chumpy {self._name} without {' and '.join(missing)}")
+        if self._name == "Ch":
+            return _dense(self._state["x"], depth + 1)
+        chosen_from = _dense(self._state["a"], depth + 1).ravel()
+        indices = _dense(self._state["idxs"], depth + 1).ravel()
+        if indices.dtype.kind not in "iu" or (
+            indices.size and not 0 <= indices.min() <= indices.max() < len(chosen_from)
+        ):
+            raise FileFormatError("holds a chumpy Select with indices outside its array")
+        shape = self._state.get("preferred_shape")
+        if shape is None:
+            return chosen_from[indices]
+        if isinstance(shape, (ArrayRecord, list)):
+            shape = tuple(_dense(shape, depth + 1).ravel().tolist())
+        if not isinstance(shape, tuple) or len(shape) > _MOST_AXES:
+            raise FileFormatError("holds a chumpy Select with a malformed preferred_shape")
+        if not all(map(_is_length, shape)) or math.prod(shape) != len(indices):
+            raise FileFormatError(
+                f"holds a chumpy Select of {len(indices)} numbers whose preferred_shape is "
+                f"{shortened(shape)}"
+            )
+        return chosen_from[indices].reshape(shape)
+
+
+def plain_value(value: Any) -> Any:
+    """Return the array, or sparse matrix, that a value of a pickle stands for.
+
+    Parameters
+    ----------
+    value : object
+        A record, a number, a text, or a list of them.
+
+    Returns
+    -------
+    array : array or scipy.sparse.coo_array
+
+    Raises
+    ------
+    FileFormatError
+        If it stands for none.
+    """
+    return value.matrix() if isinstance(value, SparseRecord) else _dense(value, 0)
+
+
+def shortened(value: Any) -> str:
+    """Return text of a file, or the type of anything else in it, for a message.
+
+    Parameters
+    ----------
+    value : object
+        What is in the file.
+
+    Returns
+    -------
+    text : str
+        At most some eighty characters.
+    """
+    if isinstance(value, tuple) and len(value) <= _MOST_AXES and all(map(_is_length, value)):
+        return repr(value)
+    if not isinstance(value, str):
+        return type(value).__name__
+    text = value if value.isprintable() else repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."
+
+
+def _dense(value: Any, depth: int) -> np.ndarray:
+    if isinstance(value, ChumpyRecord):
+        return value.value(depth)
+    if isinstance(value, ArrayRecord) and value.array is not None:
+        return value.array
+    items = value if isinstance(value, (list, tuple)) else [value]
+    if all(
+        isinstance(item, (int, float, np.generic))
+        or (isinstance(item, str) and len(item) <= _LONGEST_TEXT)
+        for item in items
+    ):
+        return np.asarray(value)
+    raise FileFormatError(f"holds {shortened(type(value).__name__)} in place of an array")
+
+
+def _attributes(state: Any, label: str) -> dict[str, Any]:
+    if isinstance(state, tuple) and len(state) == 2 and state[1] is None:
+        state = state[0]
+    if not isinstance(state, dict):
+        raise FileFormatError(f"holds a malformed {label}")
+    return state
+
+
+def _is_length(value: Any) -> bool:
+    return isinstance(value, (int, np.integer)) and bool(0 <= value < 2**62)
+
+
+def _indices(record: Any) -> np.ndarray:
+    array = record.array if isinstance(record, ArrayRecord) else record
+    if not isinstance(array, np.ndarray) or array.ndim != 1 or array.dtype.kind not in "iu":
+        raise FileFormatError("holds a sparse matrix with malformed indices")
+    return array.astype(np.int64)
+
+
+def bytes_of(data: Any, budget: Budget) -> bytes | bytearray:
+    """Return data as bytes; Python 2 wrote them as text.
+
+    Parameters
+    ----------
+    data : object
+        Text or bytes.
+    budget : Budget
+        What may still be copied.
+
+    Returns
+    -------
+    data : bytes or bytearray
+
+    Raises
+    ------
+    FileFormatError
+        If it is anything else.
+    """
+    if not isinstance(data, (str, bytes, bytearray)):
+        raise FileFormatError(f"holds an array whose data are {shortened(type(data).__name__)}")
+    budget.take(len(data))
+    try:
+        return data.encode("latin-1") if isinstance(data, str) else data
+    except UnicodeEncodeError as error:
+        raise FileFormatError("holds an array whose data are no bytes") from error
+
+
+def array_of(data: Any, dtype: Any, shape: Any, order: Any, budget: Budget) -> Any:
+    """Return an array whose data are all there.
+
+    Parameters
+    ----------
+    data : object
+        Text or bytes.
+    dtype : object
+        A `DtypeRecord`.
+    shape : object
+        A tuple of lengths.
+    order : object
+        "F" if the first index runs fastest.
+    budget : Budget
+        What may still be copied.
+
+    Returns
+    -------
+    array : array
+
+    Raises
+    ------
+    FileFormatError
+        If the arguments are of other kinds, or do not fit each other.
+    """
+    if not isinstance(dtype, DtypeRecord):
+        raise FileFormatError("holds an array without a data type")
+    if not isinstance(shape, tuple) or len(shape) > _MOST_AXES or not all(map(_is_length, shape)):
+        raise FileFormatError(f"holds an array of shape {shortened(shape)}")
+    raw = bytes_of(data, budget)
+    needed = math.prod(shape) * dtype.dtype.itemsize
+    if needed != len(raw):
+        raise FileFormatError(
+            f"holds an array of shape {shape} and type {dtype.dtype}, which takes {needed} bytes, "
+            f"with {len(raw)} bytes of data"
+        )
+    array = np.ndarray(shape, dtype.dtype, raw, order="F" if order == "F" else "C")
+    array.flags.writeable = False
+    return array

@@ -1,0 +1,405 @@
+"""Recorded motions of AMASS, given to a body model and computed frame by frame."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.checks import one_of, real_array, real_number
+from riemhuman.datasets.motions import Motion
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileError,
+    FileFormatError,
+)
+from riemhuman.surfaces.array_files import load_arrays
+from riemhuman.surfaces.mesh_arrays import face_difference
+
+# The joints of SMPL's body, which all its family begin with: the parent of each.
+_BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
+_BODY, _FACE, _HANDS = len(_BODY_PARENTS), 3, 30
+# What the joints of a file or a model are, by their number.
+_LAYOUTS = {
+    _BODY: ("body",),
+    _BODY + 2: ("body", "still hands"),
+    _BODY + _HANDS: ("body", "hands"),
+    _BODY + _FACE + _HANDS: ("body", "face", "hands"),
+}
+_SIZES = {"body": _BODY, "still hands": 2, "face": _FACE, "hands": _HANDS}
+_RATES = ("mocap_framerate", "mocap_frame_rate")
+_POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
+_NEEDED_POSES = ("root_orient", "pose_body")
+_NOT_MOTIONS = ("shape.npz", "_stagei.npz")
+_ENDINGS = ("_poses", "_stageii")
+# z up to y up: a quarter turn about x.
+_TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+_FRAMES_AT_A_TIME = 16
+_FILES_KEPT = 4
+
+
+class AmassMotion(Motion):
+    """One file of AMASS, with the body model that it drives.
+
+    Frame i is ``model(betas, pose_vectors[i], translations[i])``, made when it is asked for.
+
+    Parameters
+    ----------
+    path : path_like
+        File.
+    model : BodyModel
+        The model.
+    gender : str
+        Gender the betas are for.
+    recorded_frames_per_second : float
+        Frame rate of the file.
+    numbers : array of int, shape (n_frames,)
+        Frames of the file that are in use.
+    frames_per_second : float
+        Frame rate of these.
+    up : {"y", "z"}
+        Axis that points up.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        model: BodyModel,
+        gender: str,
+        recorded_frames_per_second: float,
+        numbers: np.ndarray,
+        frames_per_second: float,
+        up: str,
+    ) -> None:
+        self._path = Path(path)
+        sequence = self._path.stem
+        for ending in _ENDINGS:
+            sequence = sequence.removesuffix(ending)
+        subject = self._path.absolute().parent.name
+        super().__init__(subject, sequence, frames_per_second, len(numbers), model.faces)
+        self._model = model
+        self._gender = gender
+        self._recorded_frames_per_second = recorded_frames_per_second
+        self._numbers = numbers
+        self._up = up
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self._path
+
+    @property
+    def model(self) -> BodyModel:
+        """The body model."""
+        return self._model
+
+    @property
+    def gender(self) -> str:
+        """Gender the betas are for: "female", "male" or "neutral"."""
+        return self._gender
+
+    @property
+    def recorded_frames_per_second(self) -> float:
+        """Frame rate of the file."""
+        return self._recorded_frames_per_second
+
+    @cached_property
+    def betas(self) -> np.ndarray:
+        """Shape coefficients of the model, shape (B,); those the file lacks are zero."""
+        betas = self._recording().betas[: self._model.n_betas]
+        return np.pad(betas, (0, self._model.n_betas - len(betas)))
+
+    @property
+    def pose_vectors(self) -> np.ndarray:
+        """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
+        return self._parameters(range(len(self)))[0]
+
+    @property
+    def translations(self) -> np.ndarray:
+        """Translation in every frame, shape (n_frames, 3), metres."""
+        return self._parameters(range(len(self)))[1]
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        return self._model.joints(self.betas)[0]
+
+    def _recording(self) -> _Recording:
+        try:
+            changed = self._path.stat().st_mtime_ns
+        except OSError as error:
+            raise FileError(f"{self._path} cannot be read: {error.strerror}") from error
+        return _read(self._path, changed)
+
+    def _parameters(self, numbers: range) -> tuple[np.ndarray, np.ndarray]:
+        """Return the pose vectors and translations of some frames."""
+        recording = self._recording()
+        chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
+        if len(recording.translations) <= self._numbers[-1]:
+            raise FileError(f"{self._path} has changed: it has fewer frames than it had")
+        pose = _of_model(recording.poses[chosen], self._model.n_joints)
+        translations = recording.translations[chosen]
+        if self._up == "y":
+            # The root turns about itself, so that turning the whole space moves it as well.
+            root = self._root
+            turn = Rotation.from_matrix(_TO_Y_UP)
+            pose[:, 0] = (turn * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
+            translations = (translations + root) @ _TO_Y_UP.T - root
+        return pose, translations
+
+    def _frames(self, numbers: range) -> np.ndarray:
+        frames = np.empty((len(numbers), self._model.n_vertices, 3))
+        for first in range(0, len(numbers), _FRAMES_AT_A_TIME):
+            some = numbers[first : first + _FRAMES_AT_A_TIME]
+            frames[first : first + len(some)] = self._model(self.betas, *self._parameters(some))
+        return frames
+
+
+def load_amass(
+    path: str | os.PathLike[str],
+    model: BodyModel | Mapping[str, BodyModel],
+    *,
+    frames_per_second: float | None = None,
+    up: str = "y",
+) -> tuple[AmassMotion, ...]:
+    """Load motions of AMASS [1]_ for a body model; frames are made when they are asked for.
+
+    The data set is not part of this library; its makers give it out to those who register. Files
+    in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are read.
+    A model and a file share the 22 joints of SMPL's body, and the 30 of the hands and 3 of the
+    face where both have them; what only the file has is left out, and what only the model has
+    (with 24 joints, two hands) is not turned. Soft-tissue coefficients (``dmpls``) are not used.
+
+    Parameters
+    ----------
+    path : path_like
+        A file, or a folder: all .npz files below it, in the order of their names, other than
+        ``shape.npz`` and ``*_stagei.npz``, which hold no motion.
+    model : BodyModel or mapping of str to BodyModel
+        SMPL, SMPL-H or SMPL-X model, of 22, 24, 52 or 55 joints; or one for each gender in the
+        files, all with the same triangles. Betas mean what they should with the right one alone.
+    frames_per_second : float, optional
+        Frame rate wanted, at most that of the files: the frames nearest in time are taken. By
+        default all frames.
+    up : {"y", "z"}
+        "y" turns the files' motions, whose z axis points up, so that y does, as everywhere in
+        this library; "z" leaves them as they are.
+
+    Returns
+    -------
+    motions : tuple of AmassMotion
+        One for each file; its subject is the name of the folder the file is in.
+
+    Raises
+    ------
+    FileError
+        If the path holds no such file, or a file cannot be read.
+    FileFormatError
+        If files lack fields or these are malformed: all such files are named, and what is wrong.
+    ArgumentError
+        If the model has other joints than SMPL's, there is none for a gender, or the frame rate
+        is more than that of a file.
+    ArgumentTypeError
+        If an argument is not of a type named above.
+
+    References
+    ----------
+    .. [1] Mahmood, Ghorbani, Troje, Pons-Moll, Black, "AMASS: Archive of Motion Capture as
+       Surface Shapes", ICCV 2019.
+    """
+    one_of(up, "up", ("y", "z"))
+    wanted = None
+    if frames_per_second is not None:
+        wanted = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
+    models = _models(model)
+    headers: dict[Path, _Header] = {}
+    problems = []
+    for file in _find_files(path):
+        try:
+            headers[file] = _read_header(file)
+        except FileFormatError as error:
+            problems.append(str(error))
+    if problems:
+        raise FileFormatError("; ".join(problems))
+    return tuple(_motion(file, header, models, wanted, up) for file, header in headers.items())
+
+
+class _Header(NamedTuple):
+    """What is read of a file when it is loaded."""
+
+    gender: str
+    frames_per_second: float
+    n_frames: int
+
+
+class _Recording(NamedTuple):
+    """The numbers of a file."""
+
+    betas: np.ndarray
+    poses: np.ndarray  # (T, joints, 3)
+    translations: np.ndarray
+
+
+def _motion(
+    file: Path,
+    header: _Header,
+    models: Mapping[str | None, BodyModel],
+    wanted: float | None,
+    up: str,
+) -> AmassMotion:
+    model = models.get(header.gender, models.get(None))
+    if model is None:
+        known = ", ".join(map(repr, models))
+        raise ArgumentError(f"model must have one for {header.gender!r}, as in {file}; has {known}")
+    recorded = header.frames_per_second
+    rate = recorded if wanted is None else wanted
+    if rate > recorded:
+        raise ArgumentError(
+            f"frames_per_second must be at most that of the files; {file} has {recorded:g}, "
+            f"found {rate:g}"
+        )
+    n_frames = int((header.n_frames - 1) * rate / recorded + 1e-9) + 1
+    numbers = np.rint(np.arange(n_frames) * (recorded / rate)).astype(np.int64)
+    numbers = np.minimum(numbers, header.n_frames - 1)
+    return AmassMotion(file, model, header.gender, recorded, numbers, rate, up)
+
+
+def _models(model: Any) -> dict[str | None, BodyModel]:
+    """Return the model of each gender, or one for all under None."""
+    models = dict(model) if isinstance(model, Mapping) else {None: model}
+    if not models:
+        raise ArgumentError("model holds no model; at least one is needed")
+    first = next(iter(models.values()))
+    for gender, each in models.items():
+        label = "model" if gender is None else f"model[{gender!r}]"
+        if not isinstance(each, BodyModel):
+            raise ArgumentTypeError(f"{label} must be a BodyModel; found {type(each).__name__}")
+        if each.n_joints not in _LAYOUTS or tuple(each.parents[:_BODY]) != _BODY_PARENTS:
+            numbers = ", ".join(map(str, _LAYOUTS))
+            raise ArgumentError(
+                f"{label} must have the joints of SMPL, SMPL-H or SMPL-X: one of {numbers}, the "
+                f"first {_BODY} those of SMPL's body; found {each.n_joints} joints"
+                + (" in another tree" if each.n_joints in _LAYOUTS else "")
+            )
+        if face_difference(each.faces, first.faces):
+            raise ArgumentError(f"{label} must have the triangles of the other models")
+    return models
+
+
+def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
+    """Return the rotations of a file's joints as those of a model's."""
+    parts, start = {}, 0
+    for part in _LAYOUTS[poses.shape[1]]:
+        parts[part] = poses[:, start : start + _SIZES[part]]
+        start += _SIZES[part]
+    still = {part: np.zeros((len(poses), size, 3)) for part, size in _SIZES.items()}
+    return np.concatenate([parts.get(part, still[part]) for part in _LAYOUTS[n_joints]], axis=1)
+
+
+def _find_files(path: str | os.PathLike[str]) -> list[Path]:
+    try:
+        root = Path(path).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(
+            f"path must be the path of a file or folder; found {path!r}"
+        ) from error
+    if not root.exists():
+        raise FileError(f"there is no file or folder {root}")
+    if not root.is_dir():
+        return [root]
+    files = [file for file in sorted(root.rglob("*.npz")) if not file.name.endswith(_NOT_MOTIONS)]
+    if not files:
+        raise FileError(f"{root} holds no .npz file with a motion")
+    return files
+
+
+def _read_header(file: Path) -> _Header:
+    """Return what must be known before frames are asked for; the rest stays unread."""
+    shapes, fields = _look_into(file)
+    rate_name = next((name for name in _RATES if name in shapes), " or ".join(_RATES))
+    needed = ["trans", "betas", rate_name]
+    needed += _NEEDED_POSES if any(name in shapes for name in _NEEDED_POSES) else ["poses"]
+    missing = [name for name in needed if name not in shapes]
+    if missing:
+        found = ", ".join(sorted(shapes)) or "none"
+        raise FileFormatError(f"{file} lacks the fields {', '.join(missing)}; found {found}")
+    n_frames = (*shapes["trans"], 0)[0]
+    widths = {"trans": (3,), "poses": tuple(3 * number for number in _LAYOUTS)}
+    widths |= {name: (width,) for name, width in _POSES.items()}
+    for name, some in widths.items():
+        shape = shapes.get(name, (n_frames, some[0]))
+        if n_frames == 0 or len(shape) != 2 or shape[0] != n_frames or shape[1] not in some:
+            length = n_frames or "n_frames"
+            width = " or ".join(map(str, some))
+            raise FileFormatError(
+                f"{file}: {name} must have shape ({length}, {width}); found {shape}"
+            )
+    try:
+        rate = real_number(fields[rate_name], rate_name, minimum=0.0, strict=True)
+    except (ArgumentError, ArgumentTypeError) as error:
+        raise FileFormatError(f"{file}: {error}") from error
+    return _Header(_gender(fields.get("gender"), file), rate, n_frames)
+
+
+def _look_into(file: Path) -> tuple[dict[str, tuple[int, ...]], dict[str, np.ndarray]]:
+    """Return the shapes of the arrays of an archive, and frame rate and gender themselves."""
+    try:
+        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
+            shapes = {name: _shape(archive.zip, name) for name in archive.files}
+            fields = {name: archive[name] for name in (*_RATES, "gender") if name in shapes}
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {error.strerror}") from error
+    except Exception as error:  # whatever a damaged archive makes a parser stumble over
+        raise FileFormatError(f"{file} is not an .npz archive of plain arrays: {error}") from error
+    return shapes, fields
+
+
+def _shape(archive: Any, name: str) -> tuple[int, ...]:
+    """Return the shape of an array, of which no more than the header is read."""
+    with archive.open(f"{name}.npy") as stream:
+        is_old = np.lib.format.read_magic(stream) == (1, 0)
+        read = (
+            np.lib.format.read_array_header_1_0 if is_old else np.lib.format.read_array_header_2_0
+        )
+        return read(stream)[0]
+
+
+def _gender(value: np.ndarray | None, file: Path) -> str:
+    """Return the gender a file says, which may be text, bytes, or bytes written as text."""
+    if value is None:
+        return "neutral"
+    if value.size != 1 or value.dtype.kind not in "SU":
+        raise FileFormatError(f"{file}: gender must be a word; found {value.dtype} {value.shape}")
+    word = value.ravel()[0]
+    text = word.decode("latin-1") if isinstance(word, bytes) else str(word)
+    return text.removeprefix("b'").removesuffix("'").strip().lower()
+
+
+@lru_cache(maxsize=_FILES_KEPT)
+def _read(file: Path, changed: int) -> _Recording:
+    """Return the numbers of a file, kept while it is in use and has not changed."""
+    fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
+    try:
+        betas = real_array(fields["betas"], "betas").ravel()
+        translations = real_array(fields["trans"], "trans", ("n_frames", 3), batched=False)
+        n_frames = len(translations)
+        if "poses" in fields:
+            poses = real_array(fields["poses"], "poses", (n_frames, "3 n_joints"), batched=False)
+        else:
+            still = {name: np.zeros((n_frames, width)) for name, width in _POSES.items()}
+            poses = np.concatenate(
+                [
+                    real_array(fields.get(name, still[name]), name, (n_frames, width))
+                    for name, width in _POSES.items()
+                ],
+                axis=1,
+            )
+    except (ArgumentError, ArgumentTypeError) as error:
+        raise FileFormatError(f"{file}: {error}") from error
+    return _Recording(betas, poses.reshape(n_frames, -1, 3), translations)

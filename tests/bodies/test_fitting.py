@@ -1,0 +1,411 @@
+"""Fits of body models: truths recovered, derivatives against autograd, maps, losses, priors."""
+
+import warnings
+
+import autograd
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from model_pickles import smpl_fields
+from oracles import taylor_slope
+from scipy import sparse
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel, ModelFit
+from riemhuman.bodies.correspondence import combination_of_vertices
+from riemhuman.bodies.fitting import LOSSES, _losses
+from riemhuman.bodies.fitting_equations import Equations, least_squares_step
+from riemhuman.bodies.joint_motions import JointMotions, Posture, Skeleton
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.solvers import ModelPath
+
+
+@pytest.fixture(scope="module")
+def model():
+    return load_open_model("coarse")
+
+
+@pytest.fixture(scope="module")
+def smpl():
+    """Return a made-up model with pose-dependent displacements."""
+    fields = smpl_fields(n_vertices=120)
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    return BodyModel(**fields)
+
+
+def parameters(model, n, rng=0, turn=0.6):
+    rng = np.random.default_rng(rng)
+    betas = rng.normal(size=(n, model.n_betas))
+    return betas, turn * rng.normal(size=(n, model.n_joints, 3)), rng.normal(size=(n, 3))
+
+
+def distances_mm(points, others):
+    return 1000.0 * np.linalg.norm(points - others, axis=-1).mean(axis=-1)
+
+
+def test_a_hundred_bodies_are_recovered(model):
+    betas, pose, trans = parameters(model, 100)
+    points = model(betas, pose, trans)
+    fit = model.fit(points)
+    assert isinstance(fit, ModelFit)
+    assert fit.converged.all()
+    surfaces = model(fit.betas, fit.pose, fit.trans)
+    assert distances_mm(surfaces, points).max() < 1e-3
+    gaps = np.linalg.norm(surfaces - points, axis=-1)
+    np.testing.assert_allclose(fit.distances, gaps, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fit.mean_distance_mm, distances_mm(surfaces, points), atol=1e-9)
+    np.testing.assert_allclose(fit.mean_distance, fit.mean_distance_mm / 1000, rtol=1e-12)
+    np.testing.assert_allclose(fit.betas, betas, atol=1e-4)
+    np.testing.assert_allclose(fit.trans, trans, atol=1e-5)
+    turns, found = (Rotation.from_rotvec(each.reshape(-1, 3)) for each in (pose, fit.pose))
+    # Toes of the coarse model hang on few vertices, and so are the least certain.
+    assert (turns.inv() * found).magnitude().max() < 1e-3
+    assert np.linalg.norm(fit.pose, axis=-1).max() <= np.pi + 1e-12
+
+
+def test_any_heading_and_place(model):
+    betas, pose, _ = parameters(model, 12, rng=1)
+    pose[:, 0] = Rotation.random(12, random_state=2).as_rotvec()
+    trans = 1e3 * np.random.default_rng(3).normal(size=(12, 3))
+    points = model(betas, pose, trans)
+    fit = model.fit(points)
+    assert fit.converged.all()
+    assert fit.mean_distance_mm.max() < 1e-3
+
+
+def test_the_open_bodies_to_the_level_of_their_noise():
+    bodies = load_open_bodies("coarse")
+    clean = bodies.model(bodies.betas, bodies.pose_vectors, bodies.translations)[::7]
+    assert bodies.model.fit(clean).mean_distance_mm.max() < 1e-3
+    noisy = bodies.points[::7]
+    fit = bodies.model.fit(noisy)
+    assert fit.converged.all()
+    # The truth is one of the candidates, and the fit minimises squares.
+    squares = np.sum(fit.distances**2, axis=-1)
+    assert (squares <= np.sum((noisy - clean) ** 2, axis=(-1, -2))).all()
+
+
+def test_noise_that_is_independent_averages_out(model):
+    betas, pose, trans = parameters(model, 5, rng=4)
+    clean = model(betas, pose, trans)
+    sigma = 0.002
+    noisy = clean + sigma * np.random.default_rng(5).normal(size=clean.shape)
+    fit = model.fit(noisy)
+    n_parameters = 3 * model.n_joints + model.n_betas + 3
+    # The residual has as many degrees of freedom as coordinates, less the parameters.
+    freedom = clean[0].size - n_parameters
+    squares = np.sum(fit.distances**2, axis=-1) / sigma**2
+    np.testing.assert_allclose(squares, freedom, atol=5 * np.sqrt(2 * freedom))
+    errors = np.sum((model(fit.betas, fit.pose, fit.trans) - clean) ** 2, axis=(-1, -2))
+    np.testing.assert_allclose(errors / sigma**2, n_parameters, atol=5 * np.sqrt(2 * n_parameters))
+
+
+def test_pose_dependent_displacements(smpl):
+    betas, pose, trans = parameters(smpl, 10, rng=6, turn=0.4)
+    fit = smpl.fit(smpl(betas, pose, trans))
+    assert fit.converged.all()
+    assert fit.mean_distance_mm.max() < 1e-3
+
+
+def test_leading_axes_and_single_surfaces(model):
+    betas, pose, trans = parameters(model, 6, rng=7)
+    points = model(betas, pose, trans).reshape(2, 3, -1, 3)
+    before = points.copy()
+    fit = model.fit(points)
+    np.testing.assert_array_equal(points, before)
+    assert fit.betas.shape == (2, 3, model.n_betas)
+    assert fit.pose.shape == (2, 3, model.n_joints, 3)
+    assert fit.trans.shape == (2, 3, 3)
+    assert fit.distances.shape == (2, 3, model.n_vertices)
+    assert fit.converged.shape == fit.n_iterations.shape == fit.mean_distance_mm.shape == (2, 3)
+    one = model.fit(points[1, 2])
+    assert one.betas.shape == (model.n_betas,)
+    assert one.converged.shape == ()
+    for name, value in one.parameters._asdict().items():
+        np.testing.assert_allclose(value, getattr(fit, name)[1, 2], atol=1e-12)
+    empty = model.fit(points[:0])
+    assert empty.pose.shape == (0, 3, model.n_joints, 3)
+
+
+def test_end_points_of_a_model_path(model):
+    points = model(*parameters(model, 2, rng=8, turn=0.2))
+    metric = ElasticMetric(AlignedSurfaces(model.template), 0.0, 0.0, 1.0)
+    solver = ModelPath(model, n_times=3, parameters=lambda f: model.fit(f).parameters)
+    path = solver.solve(metric, *points).path
+    np.testing.assert_allclose(path[[0, -1]], points, atol=1e-6)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("which", ["open", "pose-dependent"])
+@pytest.mark.parametrize("mapped", [False, True])
+def test_the_right_hand_side_is_the_gradient(model, smpl, loss, which, mapped):
+    """The derivatives by hand against those of autograd through the model itself."""
+    body = model if which == "open" else smpl
+    rng = np.random.default_rng(9)
+    combine = combination_of_vertices(body, _on_triangles(body, 80, rng) if mapped else None)
+    posture = Posture(*(each[0] for each in parameters(body, 1, rng=10)))
+    target = combine @ body(*vars(posture).values())
+    target = target + 0.02 * rng.normal(size=target.shape)
+    shares = rng.uniform(size=len(target))
+    shares /= shares.sum()
+    numbers = rng.permutation(len(target))
+    equations = Equations(body, Skeleton(body), combine, shares, numbers)
+    function = _losses(loss, 0.02)[-1]
+    _, right = equations.normal(posture, target, function)
+
+    def cost(step):
+        turned = 3 * body.n_joints
+        points = body(
+            posture.betas + step[turned:-3],
+            posture.pose + anp.reshape(step[:turned], (-1, 3)),
+            posture.trans + step[-3:],
+        )
+        gaps = anp.sum((anp.dot(combine.toarray(), points) - target) ** 2, axis=-1)
+        if loss == "huber":
+            distances = anp.sqrt(gaps)
+            gaps = anp.where(distances > 0.02, 0.04 * distances - 0.02**2, gaps)
+        elif loss == "geman-mcclure":
+            gaps = gaps * 0.02**2 / (gaps + 0.02**2)
+        return anp.sum(shares * gaps)
+
+    zero = np.zeros(len(right))
+    assert equations.cost(posture, target, function) == pytest.approx(cost(zero), rel=1e-10)
+    gradient = autograd.grad(cost)(zero)
+    np.testing.assert_allclose(-2.0 * right, gradient, rtol=0, atol=1e-9 * abs(gradient).max())
+    assert taylor_slope(cost, zero, rng.normal(size=len(zero)), -2.0 * right) > 1.9
+
+
+@pytest.mark.parametrize("mapped", [False, True])
+def test_the_matrix_is_that_of_the_derivatives(smpl, mapped):
+    rng = np.random.default_rng(11)
+    combine = combination_of_vertices(smpl, _on_triangles(smpl, 50, rng) if mapped else None)
+    posture = Posture(*(each[0] for each in parameters(smpl, 1, rng=12)))
+    n_points = combine.shape[0]
+    equations = Equations(
+        smpl, Skeleton(smpl), combine, np.full(n_points, 1 / n_points), np.arange(n_points)
+    )
+    squared = _losses("squared", 1.0)[0]
+    matrix, _ = equations.normal(posture, np.zeros((n_points, 3)), squared)
+
+    def points(step):
+        moved = smpl(step[72:82], anp.reshape(step[:72], (24, 3)), step[82:])
+        return anp.ravel(anp.dot(combine.toarray(), moved))
+
+    start = np.concatenate([posture.pose.ravel(), posture.betas, posture.trans])
+    rows = autograd.jacobian(points)(start)
+    np.testing.assert_allclose(matrix, rows.T @ rows / n_points, rtol=0, atol=1e-10)
+
+
+def test_motions_are_those_of_the_model(smpl):
+    betas, pose, trans = (each[0] for each in parameters(smpl, 1, rng=13))
+    motions = JointMotions(Skeleton(smpl), Posture(betas, pose, trans))
+    np.testing.assert_allclose(motions.places + trans, smpl.joints(betas, pose, trans), atol=1e-12)
+
+
+def _on_triangles(model, n_points, rng):
+    triangles = rng.integers(len(model.faces), size=n_points)
+    return triangles, rng.dirichlet([1.0, 1.0, 1.0], size=n_points)
+
+
+def test_points_that_are_some_of_the_vertices(model):
+    betas, pose, trans = parameters(model, 3, rng=14)
+    rng = np.random.default_rng(15)
+    numbers = np.concatenate([rng.permutation(model.n_vertices)[:900], [5, 5]])
+    points = model(betas, pose, trans)
+    fit = model.fit(points[:, numbers], correspondence=numbers)
+    assert fit.distances.shape == (3, 902)
+    assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 1e-2
+
+
+def test_points_inside_triangles(model):
+    betas, pose, trans = parameters(model, 3, rng=16)
+    rng = np.random.default_rng(17)
+    triangles, coordinates = _on_triangles(model, 2000, rng)
+    points = model(betas, pose, trans)
+    scan = np.einsum("pc,npcx->npx", coordinates, points[:, model.faces[triangles]])
+    matrix = combination_of_vertices(model, (triangles, coordinates))
+    fits = [
+        model.fit(scan, correspondence=each)
+        for each in ((triangles, coordinates), [triangles, coordinates], matrix, matrix.tocoo())
+    ]
+    for fit in fits:
+        assert fit.converged.all()
+        assert fit.mean_distance_mm.max() < 1e-3
+        assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 0.1
+
+
+def test_weights_leave_points_out(model):
+    betas, pose, trans = parameters(model, 2, rng=18)
+    points = model(betas, pose, trans)
+    spoilt = np.zeros(model.n_vertices, dtype=bool)
+    spoilt[::3] = True
+    moved = points + 0.3 * spoilt[:, None]
+    fit = model.fit(moved, weights=np.where(spoilt, 0.0, model.template.vertex_areas))
+    assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < 1e-2
+    np.testing.assert_allclose(fit.distances[:, spoilt], 0.3 * np.sqrt(3), atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("loss", "share", "bound"), [("huber", 0.1, 1.0), ("geman-mcclure", 0.4, 0.02)]
+)
+def test_robust_losses(model, loss, share, bound):
+    betas, pose, trans = parameters(model, 6, rng=19)
+    points = model(betas, pose, trans)
+    rng = np.random.default_rng(20)
+    spoilt = rng.uniform(size=points.shape[:2]) < share
+    moved = points + 0.3 * spoilt[..., None] * rng.normal(size=points.shape)
+    fit = model.fit(moved, loss=loss)
+    assert fit.converged.all()
+    assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < bound
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        plain = model.fit(moved, max_iterations=10)
+    assert distances_mm(model(plain.betas, plain.pose, plain.trans), points).min() > 5.0
+
+
+def test_priors_pull_towards_zero(model):
+    betas, pose, trans = parameters(model, 1, rng=21)
+    points = model(betas, pose, trans)[0]
+    free = model.fit(points)
+    fits = [model.fit(points, betas_prior=weight) for weight in (1e-7, 1e-5, 1e-1)]
+    lengths = [np.linalg.norm(fit.betas) for fit in (free, *fits)]
+    assert sorted(lengths, reverse=True) == lengths
+    assert lengths[-1] < 0.01 * lengths[0]
+    fits = [model.fit(points, pose_prior=weight) for weight in (1e-6, 1e-4, 10.0)]
+    limbs = [np.linalg.norm(fit.pose[1:]) for fit in (free, *fits)]
+    assert sorted(limbs, reverse=True) == limbs
+    assert limbs[-1] < 0.01 * limbs[0]
+    # The root is not held.
+    assert np.linalg.norm(fits[-1].pose[0]) > 0.05
+
+
+def test_with_priors_the_gradient_is_zero(model):
+    points = model(*parameters(model, 1, rng=22))[0]
+    fit = model.fit(points, betas_prior=1e-5, pose_prior=1e-4, tolerance=1e-10)
+    assert fit.converged
+
+    def cost(betas, pose, trans):
+        gaps = anp.sum((model(betas, pose, trans) - points) ** 2, axis=-1)
+        return anp.mean(gaps) + 1e-5 * anp.sum(betas**2) + 1e-4 * anp.sum(pose[1:] ** 2)
+
+    for argument in range(3):
+        gradient = autograd.grad(cost, argument)(fit.betas, fit.pose, fit.trans)
+        np.testing.assert_allclose(gradient, 0.0, atol=1e-8)
+
+
+def test_not_converging_is_said_and_warned_of_once(model):
+    points = model(*parameters(model, 3, rng=23))
+    points = points + 0.02 * np.random.default_rng(24).normal(size=points.shape)
+    with pytest.warns(ConvergenceWarning, match="3 of 3 fits, the first of surface 0") as caught:
+        fit = model.fit(points, max_iterations=1)
+    assert len(caught) == 1
+    assert caught[0].filename == __file__
+    assert not fit.converged.any()
+    assert np.isfinite(fit.distances).all()
+
+
+def test_a_joint_that_moves_nothing_stays(model):
+    """One more joint, without vertices: its rotation is nobody's to tell."""
+    n_vertices, n_joints = model.weights.shape
+    lonely = BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        np.concatenate([model.joint_regressor, model.joint_regressor[:1]]),
+        np.concatenate([model.weights, np.zeros((n_vertices, 1))], axis=1),
+        [[*model.parents, 3], range(n_joints + 1)],
+    )
+    points = model(*parameters(model, 2, rng=25))
+    fit = lonely.fit(points)
+    assert fit.mean_distance_mm.max() < 1e-3
+    np.testing.assert_allclose(fit.pose[:, -1], 0.0, atol=1e-12)
+
+
+def test_a_flat_point_cloud_is_fitted_as_well_as_can_be(model):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        for points in (np.zeros((model.n_vertices, 3)), model() * [1.0, 1.0, 0.0], -model()):
+            fit = model.fit(points, max_iterations=5)
+            assert np.isfinite(fit.distances).all()
+            assert np.isfinite(fit.pose).all()
+
+
+@pytest.mark.parametrize("damping", [1e-9, 0.1, 10.0])
+def test_damped_steps(damping):
+    rng = np.random.default_rng(26)
+    rows = rng.normal(size=(20, 6)) * [1e-4, 1e-2, 1, 1, 10, 0]
+    matrix, right = rows.T @ rows, rows.T @ rng.normal(size=20)
+    step = least_squares_step(matrix, right, damping)
+    assert step[5] == 0.0
+    system = matrix[:5, :5] + damping * np.diag(np.diag(matrix)[:5])
+    np.testing.assert_allclose(system @ step[:5], right[:5], rtol=1e-9)
+
+
+BAD = {
+    "another number of points": (
+        {"points": np.zeros((7, 3))},
+        r"points has 7 points a surface \(shape \(7, 3\)\); the model has 1202 vertices",
+    ),
+    "other than the map's": (
+        {"correspondence": np.arange(5)},
+        r"points has 1202 points a surface .*; correspondence is for 5",
+    ),
+    "flat": ({"points": np.zeros(1202)}, r"points must have shape \(\.\.\., n_points, 3\)"),
+    "not a number": ({"points": np.full((1202, 3), np.nan)}, "points holds 3606 NaN"),
+    "no such vertex": (
+        {"correspondence": np.arange(1, 1203)},
+        "correspondence must number vertices of the model, from 0 to 1201; found numbers from 1 ",
+    ),
+    "no vertex": ({"correspondence": np.arange(0)}, "from 0 to 1201; found none"),
+    "no such triangle": (
+        {"correspondence": ([2400], [[1, 0, 0]])},
+        "must number triangles of the model, from 0 to 2399; found numbers from 2400 to 2400",
+    ),
+    "coordinates off one": (
+        {"correspondence": ([0, 1], [[1, 0, 0], [0.5, 0.2, 0.2]])},
+        r"correspondence must have rows that sum to one; row 1 sums to 0\.9",
+    ),
+    "too few coordinates": (
+        {"correspondence": ([0, 1], [[1, 0, 0]])},
+        r"barycentric coordinates of correspondence must have shape \(2, 3\)",
+    ),
+    "a matrix of another width": (
+        {"correspondence": sparse.eye_array(7)},
+        r"correspondence must have shape \(n_points, 1202\); found \(7, 7\)",
+    ),
+    "a matrix off one": (
+        {"correspondence": 2.0 * sparse.eye_array(1202)},
+        "rows that sum to one; row 0 sums to 2",
+    ),
+    "negative weights": ({"weights": np.full(1202, -1.0)}, "weights must not be negative"),
+    "no weights": ({"weights": np.zeros(1202)}, "at least one must be positive"),
+    "too few weights": ({"weights": np.ones(7)}, r"weights must have shape \(1202\)"),
+    "loss": ({"loss": "cubic"}, "loss must be one of 'squared', 'huber', 'geman-mcclure'"),
+    "scale": ({"loss_scale": 0.0}, "loss_scale must be a finite number above 0"),
+    "betas prior": ({"betas_prior": -1}, "betas_prior must be a finite number of at least 0"),
+    "pose prior": ({"pose_prior": np.inf}, "pose_prior must be a finite number of at least 0"),
+    "tolerance": ({"tolerance": 0}, "tolerance must be a finite number above 0"),
+    "steps": ({"max_iterations": 0}, "max_iterations must be a whole number of at least 1"),
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_bad_arguments(model, case):
+    arguments, message = BAD[case]
+    with pytest.raises(ArgumentError, match=message):
+        model.fit(**({"points": model()} | arguments))
+
+
+def test_arguments_of_another_type(model):
+    for arguments in (
+        {"points": "body"},
+        {"correspondence": np.array([0.5])},
+        {"correspondence": "all"},
+        {"weights": "areas"},
+        {"max_iterations": 2.5},
+        {"tolerance": "small"},
+    ):
+        with pytest.raises(ArgumentTypeError, match=next(iter(arguments))):
+            model.fit(**({"points": model()} | arguments))

@@ -1,0 +1,293 @@
+"""Files of body models: SMPL's pickles and archives in the layouts that are about."""
+
+import io
+import pickle
+import pickletools
+
+import numpy as np
+import pytest
+from model_pickles import Call, Ch, Select, Sparse, pickled, smpl_fields, smpl_pickle
+from scipy import sparse
+
+from riemhuman.bodies import BodyModel, convert_model
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+
+FIELDS = smpl_fields()
+NAMES = {
+    "faces": "f",
+    "shapedirs": "shapedirs",
+    "joint_regressor": "J_regressor",
+    "weights": "weights",
+    "posedirs": "posedirs",
+}
+
+
+def written(path, content):
+    path.write_bytes(content)
+    return path
+
+
+def archive(path, **changes):
+    fields = {name: value for name, value in (FIELDS | changes).items() if value is not None}
+    np.savez(path, **fields)
+    return path
+
+
+def assert_same(model, fields=FIELDS, atol=0.0):
+    np.testing.assert_array_equal(model.template.vertices, fields["v_template"])
+    for name, field in NAMES.items():
+        np.testing.assert_allclose(getattr(model, name), fields[field], rtol=0, atol=atol)
+    assert model.parents[0] == -1
+    np.testing.assert_array_equal(model.parents[1:], fields["kintree_table"][0, 1:])
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    return BodyModel.from_file(archive(tmp_path_factory.mktemp("smpl") / "model.npz"))
+
+
+@pytest.mark.parametrize("protocol", [0, 2])
+@pytest.mark.parametrize("name", ["model.pkl", "MODEL.PKL", "model.pickle"])
+def test_smpl_pickles_are_read_like_archives(tmp_path, reference, protocol, name):
+    content = smpl_pickle(FIELDS, protocol)
+    names = [argument for _, argument, _ in pickletools.genops(content)] if protocol else []
+    if protocol:
+        assert "chumpy.reordering Select" in names
+        assert "scipy.sparse.csc csc_matrix" in names
+    model = BodyModel.from_file(written(tmp_path / name, content))
+    assert_same(model)
+    assert (model.n_joints, model.posedirs.shape[-1]) == (24, 207)
+    rng = np.random.default_rng(1)
+    betas, pose, trans = (0.5 * rng.normal(size=shape) for shape in [(2, 10), (2, 24, 3), (2, 3)])
+    np.testing.assert_array_equal(model(betas, pose, trans), reference(betas, pose, trans))
+
+
+def test_the_opcodes_are_what_python_reads(tmp_path):
+    """What the helper writes of plain arrays, Python's own reader reads back."""
+    for protocol in (0, 2):
+        found = pickle.loads(
+            pickled({"a": FIELDS["weights"], "b": FIELDS["f"]}, protocol), encoding="latin1"
+        )
+        np.testing.assert_array_equal(found["a"], FIELDS["weights"])
+        np.testing.assert_array_equal(found["b"], FIELDS["f"])
+
+
+@pytest.mark.parametrize("protocol", range(pickle.HIGHEST_PROTOCOL + 1))
+def test_pickles_of_this_python(tmp_path, protocol):
+    fields = FIELDS | {"J_regressor": sparse.csc_matrix(FIELDS["J_regressor"])}
+    fields["weights"] = np.asfortranarray(fields["weights"])
+    fields["joint_names"] = np.array([f"bone {j}" for j in range(24)])
+    content = pickle.dumps(fields, protocol=protocol)
+    model = BodyModel.from_file(written(tmp_path / "model.pkl", content))
+    assert_same(model)
+    assert model.joint_names[3] == "bone 3"
+
+
+@pytest.mark.parametrize("layout", ["csc", "csr", "coo"])
+@pytest.mark.parametrize("module", ["scipy.sparse.{}", "scipy.sparse._{}"])
+@pytest.mark.parametrize("kind", ["matrix", "array"])
+def test_sparse_regressors(tmp_path, layout, module, kind):
+    matrix = sparse.coo_matrix(FIELDS["J_regressor"]).asformat(layout)
+    changed = Sparse(matrix, module.format(layout), f"{layout}_{kind}")
+    path = written(tmp_path / "model.pkl", pickled(FIELDS | {"J_regressor": changed}))
+    assert_same(BodyModel.from_file(path))
+
+
+def test_joints_and_surfaces_by_the_formula_written_out(reference):
+    rng = np.random.default_rng(2)
+    betas, pose = rng.normal(size=10), 0.6 * rng.normal(size=(24, 3))
+    turns = [_rodrigues(vector) for vector in pose]
+    shaped = FIELDS["v_template"] + FIELDS["shapedirs"] @ betas
+    joints = FIELDS["J_regressor"] @ shaped
+    feature = np.concatenate([(turn - np.eye(3)).ravel() for turn in turns[1:]])
+    shaped = shaped + FIELDS["posedirs"] @ feature
+    motions = np.zeros((24, 4, 4))
+    for joint in range(24):
+        local = np.eye(4)
+        local[:3, :3], parent = turns[joint], int(FIELDS["kintree_table"][0, joint])
+        local[:3, 3] = joints[joint] - (joints[parent] if joint else 0.0)
+        motions[joint] = motions[parent] @ local if joint else local
+    expected = np.zeros_like(shaped)
+    for vertex, row in enumerate(FIELDS["weights"]):
+        for joint, weight in enumerate(row):
+            moved = motions[joint] @ [*(shaped[vertex] - joints[joint]), 1.0]
+            expected[vertex] += weight * moved[:3]
+    np.testing.assert_allclose(reference(betas, pose), expected, rtol=0, atol=1e-6)
+
+
+def _rodrigues(vector):
+    angle = np.linalg.norm(vector)
+    x, y, z = vector / angle
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda p: p.reshape(180, 207),
+        lambda p: p.reshape(180, 207).T,
+        lambda p: np.moveaxis(p, -1, 0),
+    ],
+)
+def test_layouts_of_posedirs(tmp_path, change):
+    posedirs = change(FIELDS["posedirs"])
+    assert_same(BodyModel.from_file(archive(tmp_path / "m.npz", posedirs=posedirs)))
+    path = written(tmp_path / "m.pkl", pickled(FIELDS | {"posedirs": Ch(posedirs)}))
+    assert_same(BodyModel.from_file(path))
+
+
+def test_many_shape_coefficients(tmp_path):
+    many = smpl_fields(n_betas=300)
+    path = archive(tmp_path / "m.npz", shapedirs=many["shapedirs"])
+    assert BodyModel.from_file(path).n_betas == 10
+    for n_betas in (0, 1, 16, 300):
+        found = BodyModel.from_file(path, n_betas=n_betas).shapedirs
+        np.testing.assert_array_equal(found, many["shapedirs"][..., :n_betas])
+    sixteen = archive(tmp_path / "h.npz", shapedirs=many["shapedirs"][..., :16])
+    assert BodyModel.from_file(sixteen).n_betas == 16
+    with pytest.raises(ArgumentError, match=r"n_betas is 17; .*h\.npz has 16"):
+        BodyModel.from_file(sixteen, n_betas=17)
+    with pytest.raises(ArgumentError, match="n_betas must be a whole number of at least 0"):
+        BodyModel.from_file(sixteen, n_betas=-1)
+    with pytest.raises(ArgumentTypeError, match="n_betas must be a whole number"):
+        BodyModel.from_file(sixteen, n_betas=2.5)
+
+
+def test_single_precision(tmp_path, reference):
+    model = BodyModel.from_file(archive(tmp_path / "m.npz"), dtype=np.float32)
+    rng = np.random.default_rng(4)
+    betas, pose, trans = rng.normal(size=10), 0.5 * rng.normal(size=(24, 3)), rng.normal(size=3)
+    assert reference.dtype == np.float64
+    for arguments in [(), (betas,), (betas, pose), (betas, pose, trans), (None, None, trans)]:
+        assert model(*arguments).dtype == model.joints(*arguments).dtype == np.float32
+        np.testing.assert_allclose(model(*arguments), reference(*arguments), rtol=0, atol=1e-5)
+    for dtype in ("float16", int, "word"):
+        with pytest.raises(ArgumentError, match="dtype must be float64 or float32"):
+            BodyModel.from_file(tmp_path / "m.npz", dtype=dtype)
+
+
+def test_conversion(tmp_path):
+    source = written(tmp_path / "model.pkl", smpl_pickle(FIELDS))
+    converted = convert_model(source, tmp_path / "model.npz")
+    assert_same(converted)
+    with np.load(tmp_path / "model.npz", allow_pickle=False) as fields:
+        assert {fields[name].dtype.kind for name in fields.files} <= set("fiU")
+        assert fields["posedirs"].shape == (60, 3, 207)
+    assert_same(BodyModel.from_file(tmp_path / "model.npz"))
+    assert convert_model(source, tmp_path / "few.npz", n_betas=3).n_betas == 3
+    assert BodyModel.from_file(tmp_path / "few.npz").n_betas == 3
+
+
+def test_a_refused_conversion_writes_nothing(tmp_path):
+    source = written(tmp_path / "model.pkl", pickled(Call("os system", ("true",))))
+    with pytest.raises(FileFormatError, match=r"os\.system"):
+        convert_model(source, tmp_path / "model.npz")
+    assert [path.name for path in tmp_path.iterdir()] == ["model.pkl"]
+
+
+@pytest.mark.parametrize("name", [name for name in FIELDS if name != "posedirs"])
+def test_missing_fields_are_named(tmp_path, name):
+    fields = {other: value for other, value in FIELDS.items() if other != name}
+    path = written(tmp_path / "model.pkl", pickled(fields))
+    with pytest.raises(FileFormatError, match=rf"model\.pkl lacks the fields {name}; found \w+, "):
+        BodyModel.from_file(path)
+
+
+def test_all_missing_fields_are_named(tmp_path):
+    path = written(tmp_path / "model.pkl", pickled({}))
+    with pytest.raises(FileFormatError, match="f, shapedirs, J_regressor, weights.*; found none"):
+        BodyModel.from_file(path)
+
+
+def spoilt(name, index, value):
+    array = FIELDS[name].astype(np.float64)
+    array[index] = value
+    return {name: array}
+
+
+REGRESSOR = sparse.csc_matrix(FIELDS["J_regressor"])
+MALFORMED = {
+    "weights off one": (spoilt("weights", 5, 0.5), "every row of weights must sum to one; row 5"),
+    "a joint too few": (
+        {"J_regressor": FIELDS["J_regressor"][:23]},
+        r"weights must have shape \(60, 23\)|posedirs must have shape",
+    ),
+    "cycle": (
+        {"kintree_table": np.array([[-1, 2, 1, *[0] * 21], range(24)])},
+        r"kintree_table has a cycle: joints \[1, 2\]",
+    ),
+    "sparse, a joint too few": (
+        {"J_regressor": Sparse(REGRESSOR[:23])},
+        r"J_regressor must have the shape of weights, \(60, 24\), transposed; found \(23, 60\)",
+    ),
+    "sparse, vast": (
+        {"J_regressor": Sparse(REGRESSOR, changes={"_shape": (2**40, 60)})},
+        r"J_regressor must have the shape of weights",
+    ),
+    "posedirs of 23 joints": (
+        {"posedirs": FIELDS["posedirs"][..., :198]},
+        r"posedirs must have shape \(60, 3, 207\)",
+    ),
+    "not a number": (spoilt("v_template", (3, 1), np.nan), "v_template holds 1 NaN"),
+    "a word": ({"weights": "heavy"}, "weights must be an array of real numbers"),
+    "nothing": ({"weights": None}, "holds NoneType in place of an array, in its field weights"),
+    "chumpy without a state": (
+        {"v_template": Ch(None)},
+        "holds NoneType in place of an array, in its field v_template",
+    ),
+    "a selection outside": (
+        {"v_template": Select(Ch(np.zeros(4)), np.array([0, 4]), (2,))},
+        "holds a chumpy Select with indices outside its array, in its field v_template",
+    ),
+    "a selection of another size": (
+        {"v_template": Select(Ch(np.zeros(4)), np.array([0, 3]), (60, 3))},
+        r"Select of 2 numbers whose preferred_shape is \(60, 3\)",
+    ),
+    "sparse, outside": (
+        {"J_regressor": Sparse(REGRESSOR, changes={"indices": REGRESSOR.indices + 3})},
+        "csc matrix with entries outside it, in its field J_regressor",
+    ),
+    "sparse, starts fall": (
+        {"J_regressor": Sparse(REGRESSOR, changes={"indptr": REGRESSOR.indptr[::-1].copy()})},
+        "csc matrix whose indptr is malformed",
+    ),
+    "sparse, too short": (
+        {"J_regressor": Sparse(REGRESSOR, changes={"indices": REGRESSOR.indices[:5]})},
+        "csc matrix with too few indices",
+    ),
+    "sparse, of words": (
+        {"J_regressor": Sparse(REGRESSOR, changes={"data": np.array(["a"])})},
+        "csc matrix of other things than numbers",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", MALFORMED)
+def test_malformed_fields(tmp_path, case):
+    changes, message = MALFORMED[case]
+    path = written(tmp_path / "model.pkl", pickled(FIELDS | changes))
+    with pytest.raises(FileFormatError, match=rf"model\.pkl:? .*({message})"):
+        BodyModel.from_file(path)
+
+
+def test_other_chumpy_objects_are_refused_by_name(tmp_path):
+    changed = FIELDS | {"v_template": Ch(FIELDS["v_template"], "MatVecMult", "chumpy.ch")}
+    with pytest.raises(FileFormatError, match=r"asks for chumpy\.ch\.MatVecMult, which is refused"):
+        BodyModel.from_file(written(tmp_path / "model.pkl", pickled(changed)))
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(FileError, match=r"nowhere\.pkl cannot be read"):
+        BodyModel.from_file(tmp_path / "nowhere.pkl")
+    with pytest.raises(ArgumentTypeError, match="path must be the path of a file"):
+        BodyModel.from_file(7)
+
+
+def test_a_pickle_named_npz_and_the_reverse(tmp_path):
+    with pytest.raises(FileFormatError, match=r"m\.npz is not an \.npz archive"):
+        BodyModel.from_file(written(tmp_path / "m.npz", smpl_pickle(FIELDS)))
+    stream = io.BytesIO()
+    np.savez(stream, **FIELDS)
+    with pytest.raises(FileFormatError, match=r"m\.pkl is not a whole pickle"):
+        BodyModel.from_file(written(tmp_path / "m.pkl", stream.getvalue()))

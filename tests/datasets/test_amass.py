@@ -1,0 +1,328 @@
+"""The AMASS reader, on made-up files in the layouts of its makers."""
+
+import io
+
+import numpy as np
+import pytest
+from model_pickles import smpl_fields
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import Motion, load_amass, load_open_model
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileError,
+    FileFormatError,
+    FrameIndexError,
+)
+from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+TO_Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])
+
+
+def body_model(n_joints=52, n_betas=16, rng=0):
+    fields = smpl_fields(n_joints, n_vertices=30, n_betas=n_betas, rng=rng)
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    return BodyModel(**fields)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return body_model()
+
+
+def smpl_h(n_frames=50, rng=0, rate=120.0, **changes):
+    """Return the fields of a file in SMPL-H's layout."""
+    rng = np.random.default_rng(rng)
+    fields = {
+        "trans": rng.normal(size=(n_frames, 3)),
+        "gender": np.array("female"),
+        "mocap_framerate": np.array(rate),
+        "betas": rng.normal(size=16),
+        "dmpls": rng.normal(size=(n_frames, 8)),
+        "poses": 0.3 * rng.normal(size=(n_frames, 156)),
+    }
+    return {name: value for name, value in (fields | changes).items() if value is not None}
+
+
+def smpl_x(n_frames=20, rng=0, **changes):
+    """Return the fields of a file in SMPL-X's layout."""
+    rng = np.random.default_rng(rng)
+    widths = {"root_orient": 3, "pose_body": 63, "pose_hand": 90, "pose_jaw": 3, "pose_eye": 6}
+    fields = {
+        "gender": np.array("neutral"),
+        "surface_model_type": np.array("smplx"),
+        "mocap_frame_rate": np.array(30),
+        "trans": rng.normal(size=(n_frames, 3)),
+        "betas": rng.normal(size=16),
+    }
+    fields |= {name: 0.3 * rng.normal(size=(n_frames, n)) for name, n in widths.items()}
+    return {name: value for name, value in (fields | changes).items() if value is not None}
+
+
+def write(path, fields):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    np.savez(path, **fields)
+    return path
+
+
+def test_frames_are_those_of_the_model(tmp_path, model):
+    fields = smpl_h()
+    path = write(tmp_path / "CMU" / "07" / "07_02_poses.npz", fields)
+    (motion,) = load_amass(path, model, up="z")
+    assert isinstance(motion, Motion)
+    assert (motion.subject, motion.sequence, motion.gender) == ("07", "07_02", "female")
+    assert motion.path == path
+    assert motion.model is model
+    assert len(motion) == motion.n_frames == 50
+    assert motion.frames_per_second == motion.recorded_frames_per_second == 120
+    np.testing.assert_array_equal(motion.faces, model.faces)
+    expected = model(fields["betas"], fields["poses"], fields["trans"])
+    np.testing.assert_allclose(motion[:], expected, atol=1e-12)
+    np.testing.assert_allclose(motion[7], expected[7], atol=1e-12)
+    np.testing.assert_allclose(motion[40:3:-9], expected[40:3:-9], atol=1e-12)
+    np.testing.assert_allclose(np.stack(list(motion)), expected, atol=1e-12)
+    np.testing.assert_array_equal(motion.translations, fields["trans"])
+    np.testing.assert_array_equal(motion.pose_vectors.reshape(50, -1), fields["poses"])
+    with pytest.raises(FrameIndexError, match="'07_02' of '07', 50 frames at 120"):
+        motion[50]
+
+
+def test_up_is_turned_to_y(tmp_path, model):
+    path = write(tmp_path / "a.npz", smpl_h())
+    (left,) = load_amass(path, model, up="z")
+    (turned,) = load_amass(path, model)
+    np.testing.assert_allclose(turned[:], left[:] @ TO_Y_UP.T, atol=1e-10)
+    # What was up, z, is y; and nothing is mirrored.
+    np.testing.assert_allclose(turned[:][..., 1], left[:][..., 2], atol=1e-10)
+    assert np.linalg.det(TO_Y_UP) == 1
+    again = model(turned.betas, turned.pose_vectors, turned.translations)
+    np.testing.assert_allclose(again, turned[:], atol=1e-12)
+
+
+def test_frame_rates(tmp_path, model):
+    fields = smpl_h(n_frames=61)
+    path = write(tmp_path / "a.npz", fields)
+    (whole,) = load_amass(path, model)
+    for rate, numbers in [
+        (120, range(61)),
+        (60, range(0, 61, 2)),
+        (30.0, range(0, 61, 4)),
+        (40, range(0, 61, 3)),
+        (50, [0, 2, 5, 7, 10, 12, 14]),
+        (1, [0]),
+    ]:
+        (motion,) = load_amass(path, model, frames_per_second=rate)
+        assert motion.frames_per_second == rate
+        assert motion.recorded_frames_per_second == 120
+        if rate != 50:
+            assert len(motion) == len(numbers)
+        np.testing.assert_allclose(motion[: len(numbers)], whole[:][list(numbers)], atol=1e-12)
+    (motion,) = load_amass(path, model, frames_per_second=50)
+    times = np.arange(len(motion)) / 50
+    assert abs(times[-1] - 0.5) < 1 / 50
+    with pytest.raises(ArgumentError, match=r"frames_per_second must be at most .*120, found 121"):
+        load_amass(path, model, frames_per_second=121)
+
+
+@pytest.mark.parametrize("n_joints", [22, 24, 52, 55])
+@pytest.mark.parametrize("layout", ["smpl_h", "smpl_x", "smpl_x poses", "smpl_h parts"])
+def test_joints_both_have_are_taken(tmp_path, n_joints, layout):
+    model = body_model(n_joints)
+    n_frames = 20
+    if layout == "smpl_h":
+        fields = smpl_h(n_frames)
+        poses = fields["poses"]
+        body, face, hands = poses[:, :66], np.zeros((n_frames, 9)), poses[:, 66:]
+    else:
+        fields = smpl_x(n_frames)
+        body = np.concatenate([fields["root_orient"], fields["pose_body"]], axis=1)
+        face = np.concatenate([fields["pose_jaw"], fields["pose_eye"]], axis=1)
+        hands = fields["pose_hand"]
+        if layout == "smpl_x poses":
+            fields = smpl_x(n_frames, poses=np.concatenate([body, face, hands], axis=1))
+        if layout == "smpl_h parts":
+            fields = smpl_x(n_frames, pose_jaw=None, pose_eye=None)
+            face = np.zeros((n_frames, 9))
+    expected = {
+        22: [body],
+        24: [body, np.zeros((n_frames, 6))],
+        52: [body, hands],
+        55: [body, face, hands],
+    }[n_joints]
+    (motion,) = load_amass(write(tmp_path / "m_stageii.npz", fields), model, up="z")
+    assert motion.sequence == "m"
+    assert motion.frames_per_second == fields.get("mocap_framerate", 30)
+    found = motion.pose_vectors.reshape(n_frames, -1)
+    np.testing.assert_array_equal(found, np.concatenate(expected, axis=1))
+
+
+@pytest.mark.parametrize("n_betas", [4, 16, 20])
+def test_betas_are_cut_or_filled_up(tmp_path, n_betas):
+    fields = smpl_h()
+    (motion,) = load_amass(write(tmp_path / "a.npz", fields), body_model(n_betas=n_betas))
+    expected = np.zeros(n_betas)
+    expected[:16] = fields["betas"][:n_betas]
+    np.testing.assert_array_equal(motion.betas, expected)
+
+
+@pytest.mark.parametrize(
+    "gender", [np.array("male"), np.array(b"male"), np.array("b'male'"), np.array(["Male"])]
+)
+def test_genders_choose_the_model(tmp_path, model, gender):
+    other = body_model(rng=1)
+    path = write(tmp_path / "a.npz", smpl_h(gender=gender))
+    (motion,) = load_amass(path, {"female": model, "male": other})
+    assert motion.gender == "male"
+    assert motion.model is other
+    with pytest.raises(ArgumentError, match="model must have one for 'male', as in .*a.npz; has"):
+        load_amass(path, {"female": model})
+
+
+def test_without_gender(tmp_path, model):
+    path = write(tmp_path / "a.npz", smpl_h(gender=None))
+    assert load_amass(path, model)[0].gender == "neutral"
+
+
+def test_a_folder_is_all_its_motions(tmp_path, model):
+    for rng, name in enumerate(["B/s2/x_poses.npz", "A/s1/y_poses.npz", "A/s1/x_poses.npz"]):
+        write(tmp_path / name, smpl_h(rng=rng))
+    write(tmp_path / "A" / "s1" / "shape.npz", {"betas": np.zeros(16)})
+    write(tmp_path / "A" / "s1" / "neutral_stagei.npz", {"betas": np.zeros(16)})
+    (tmp_path / "A" / "LICENSE.txt").write_text("…")
+    motions = load_amass(tmp_path, model)
+    assert [(m.subject, m.sequence) for m in motions] == [("s1", "x"), ("s1", "y"), ("s2", "x")]
+    basis = DeformationBasis.from_motions(motions, n_components=5, step=10)
+    expected = DeformationBasis.from_motions([m[:] for m in motions], n_components=5, step=10)
+    np.testing.assert_allclose(basis.vectors, expected.vectors, atol=1e-10)
+
+
+def test_poses_are_read_when_frames_are_asked_for(tmp_path, model, monkeypatch):
+    path = write(tmp_path / "a.npz", smpl_h())
+    opened = []
+    read = np.lib.format.read_array
+    monkeypatch.setattr(
+        np.lib.format, "read_array", lambda *a, **k: opened.append(array := read(*a, **k)) or array
+    )
+    (motion,) = load_amass(path, model)
+    assert max((array.size for array in opened), default=0) <= 1
+    motion[3]
+    n_read = len(opened)
+    motion[4]
+    assert len(opened) == n_read
+
+
+def test_a_file_that_changes(tmp_path, model):
+    path = write(tmp_path / "a.npz", smpl_h())
+    (motion,) = load_amass(path, model)
+    motion[0]
+    write(path, smpl_h(n_frames=10))
+    with pytest.raises(FileError, match=r"a\.npz has changed: it has fewer frames"):
+        motion[0]
+    path.unlink()
+    with pytest.raises(FileError, match=r"a\.npz cannot be read"):
+        motion[0]
+
+
+def test_models_of_other_trees(tmp_path, model):
+    path = write(tmp_path / "a.npz", smpl_h())
+    with pytest.raises(ArgumentError, match="one of 22, 24, 52, 55.*; found 23 joints$"):
+        load_amass(path, load_open_model("coarse"))
+    fields = smpl_fields(24, n_vertices=30)
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    fields["kintree_table"] = [[-1, *range(23)], range(24)]
+    with pytest.raises(ArgumentError, match="found 24 joints in another tree"):
+        load_amass(path, BodyModel(**fields))
+    with pytest.raises(ArgumentTypeError, match="model must be a BodyModel; found str"):
+        load_amass(path, "smplh")
+    with pytest.raises(ArgumentTypeError, match=r"model\['male'\] must be a BodyModel"):
+        load_amass(path, {"female": model, "male": None})
+    with pytest.raises(ArgumentError, match="model holds no model"):
+        load_amass(path, {})
+
+
+WRONG = {
+    "no poses": (smpl_h(poses=None), "lacks the fields poses; found betas, dmpls, gender"),
+    "no body": (smpl_x(pose_body=None), "lacks the fields pose_body; found"),
+    "no frame rate": (
+        smpl_h(mocap_framerate=None),
+        "lacks the fields mocap_framerate or mocap_frame_rate; found",
+    ),
+    "several": (smpl_h(trans=None, betas=None), "lacks the fields trans, betas; found dmpls"),
+    "another length": (
+        smpl_h(poses=np.zeros((49, 156))),
+        r"poses must have shape \(50, 66 or 72 or 156 or 165\); found \(49, 156\)",
+    ),
+    "another width": (smpl_h(poses=np.zeros((50, 69))), r"poses must have .* found \(50, 69\)"),
+    "another width of a part": (
+        smpl_x(pose_body=np.zeros((20, 60))),
+        r"pose_body must have shape \(20, 63\); found \(20, 60\)",
+    ),
+    "flat": (smpl_h(trans=np.zeros(150)), r"trans must have shape \(150, 3\); found \(150,\)"),
+    "no frames": (smpl_h(0), r"trans must have shape \(n_frames, 3\); found \(0, 3\)"),
+    "no number": (smpl_h(trans=np.array(3.0)), r"trans must have shape \(n_frames, 3\)"),
+    "frame rate zero": (smpl_h(rate=0.0), "mocap_framerate must be a finite number above 0"),
+    "frame rate a word": (smpl_h(rate="fast"), "mocap_framerate must be a real number"),
+    "gender a number": (smpl_h(gender=np.array(3)), "gender must be a word; found int64"),
+    "pickled": (smpl_h(gender=np.array([{}], dtype=object)), "not an .npz archive of plain arrays"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_files(tmp_path, model, case):
+    fields, message = WRONG[case]
+    path = write(tmp_path / "a.npz", fields)
+    with pytest.raises(FileFormatError, match=rf"a\.npz:? .*{message}"):
+        load_amass(path, model)
+
+
+@pytest.mark.parametrize("name", ["poses", "trans", "betas"])
+def test_numbers_that_are_not(tmp_path, model, name):
+    fields = smpl_h()
+    fields[name].ravel()[5] = np.nan
+    (motion,) = load_amass(write(tmp_path / "a.npz", fields), model)
+    with pytest.raises(FileFormatError, match=rf"a\.npz: {name} holds 1 NaN"):
+        motion[0]
+
+
+def test_every_unreadable_file_is_named(tmp_path, model):
+    write(tmp_path / "good.npz", smpl_h())
+    write(tmp_path / "poor.npz", smpl_h(betas=None))
+    (tmp_path / "page.npz").write_bytes(b"<html>please register</html>")
+    stream = io.BytesIO()
+    np.savez(stream, **smpl_h())
+    (tmp_path / "short.npz").write_bytes(stream.getvalue()[:3000])
+    with pytest.raises(FileFormatError) as caught:
+        load_amass(tmp_path, model)
+    for words in ("poor.npz lacks the fields betas", "page.npz is not", "short.npz is not"):
+        assert words in str(caught.value)
+    assert "good.npz" not in str(caught.value)
+
+
+def test_an_array_in_place_of_an_archive(tmp_path, model):
+    with (tmp_path / "a.npz").open("wb") as stream:
+        np.save(stream, np.zeros(3))
+    with pytest.raises(FileFormatError, match=r"a\.npz is not an \.npz archive of plain arrays"):
+        load_amass(tmp_path, model)
+
+
+def test_other_arguments(tmp_path, model):
+    with pytest.raises(FileError, match="no file or folder .*nowhere"):
+        load_amass(tmp_path / "nowhere", model)
+    with pytest.raises(FileError, match="holds no .npz file with a motion"):
+        load_amass(tmp_path, model)
+    path = write(tmp_path / "a.npz", smpl_h())
+    with pytest.raises(ArgumentTypeError, match="path must be the path of a file or folder"):
+        load_amass(3, model)
+    with pytest.raises(ArgumentError, match="up must be one of 'y', 'z'; found 'x'"):
+        load_amass(path, model, up="x")
+    with pytest.raises(ArgumentError, match="frames_per_second must be a finite number above 0"):
+        load_amass(path, model, frames_per_second=0)
+    with pytest.raises(ArgumentTypeError, match="frames_per_second must be a real number"):
+        load_amass(path, model, frames_per_second="slow")
+
+
+def test_the_turn_is_a_quarter_about_x():
+    turn = Rotation.from_euler("x", -90, degrees=True).as_matrix()
+    np.testing.assert_allclose(turn, TO_Y_UP, atol=1e-15)
