@@ -31,6 +31,7 @@ _ROOM_OF_NAME = {
     "DeformationBasis": "surfaces.deformation_basis",
     "Template": "surfaces.template",
     "load_mesh": "surfaces.mesh_files",
+    "save_glb": "surfaces.gltf_files",
     "save_mesh": "surfaces.mesh_files",
     "generalized_procrustes": "surfaces.procrustes",
     "procrustes": "surfaces.procrustes",
@@ -40,7 +41,20 @@ _ROOM_OF_NAME = {
     "ConvergenceWarning": "errors",
     "RiemhumanError": "errors",
 }
-_ROOMS = ("bodies", "datasets", "errors", "geometry", "kernels", "retrieval", "solvers", "surfaces")
+_ROOMS = (
+    "bodies",
+    "datasets",
+    "descriptors",
+    "errors",
+    "geometry",
+    "jobs",
+    "kernels",
+    "report",
+    "retrieval",
+    "solvers",
+    "statistics",
+    "surfaces",
+)
 
 __all__ = [*_ROOM_OF_NAME, *_ROOMS]
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from riemhuman.__main__ import main
-from riemhuman.datasets import load_open_bodies
+from riemhuman.datasets import Bodies, load_open_bodies
 from riemhuman.surfaces import save_mesh
 
 
@@ -83,6 +83,37 @@ def test_tables_as_json(capsys):
         scores["nn"] > 90 > 20 > tables["How do they stand?"]["shape metric (1, 0.0001, 0)"]["nn"]
     )
     assert scores["n_queries"] == 100
+
+
+def few_bodies(resolution):
+    bodies = load_open_bodies(resolution)
+    chosen = [0, 2, 80, 82]
+    return Bodies(
+        points=bodies.points[chosen],
+        subject=bodies.subject[chosen],
+        pose=bodies.pose[chosen],
+        template=bodies.template,
+        model=bodies.model,
+        subject_names=bodies.subject_names,
+        pose_names=bodies.pose_names,
+    )
+
+
+def test_all_representations(monkeypatch, capsys):
+    few = few_bodies("coarse")
+    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", lambda resolution: few)
+    assert main(["--all", "--resolution", "coarse"]) == 0
+    printed = capsys.readouterr().out
+    who, how = printed.split("How do they stand?")
+    for name in ("shape metric", "SRNF", "model shape vector", "APT", "ShapeDNA", "HKS", "WKS"):
+        assert re.search(rf"^{name}.* \d+\.\d", who, re.MULTILINE), name
+    assert re.search(r"^(Better|Nothing is better) than pose metric \(0, 0, 1\)", how, re.MULTILINE)
+    assert "failed" not in printed
+
+    assert main(["--all", "--resolution", "coarse", "--json"]) == 0
+    records = json.loads(capsys.readouterr().out)
+    assert {"representation": "HKS", "task": "shape"}.items() <= records[-6].items()
+    assert records[-6]["scores"]["nn"] == 100.0
 
 
 def test_quiet_prints_tables_alone(capsys):

@@ -37,7 +37,8 @@ def add_verbs(verbs: Verbs) -> None:
         "  riemhuman\n"
         "  riemhuman tables --resolution coarse\n"
         "  riemhuman tables --faust ~/MPI-FAUST\n"
-        "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n",
+        "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
+        "  riemhuman tables --all --resolution coarse    # descriptors and model vectors too\n",
     )
     source = parser.add_mutually_exclusive_group()
     source.add_argument(
@@ -62,6 +63,12 @@ def add_verbs(verbs: Verbs) -> None:
         default="full",
         help="resolution of the open bodies: 13,348 or 1,202 vertices (default: full)",
     )
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help="every representation there is, with mean average precision and times; takes some "
+        "minutes in full resolution",
+    )
     add_json(parser)
 
 
@@ -81,6 +88,10 @@ def _run(options: argparse.Namespace) -> None:
             f"  {len(bodies)} bodies: {n_people} people, {n_poses} poses, "
             f"{bodies.template.n_vertices:,} vertices, {bodies.template.n_faces:,} triangles"
         )
+
+    if options.all:
+        _compare_all(bodies, options)
+        return
 
     space = AlignedSurfaces(bodies.template, equip=False)
     metrics = {
@@ -111,6 +122,23 @@ def _run(options: argparse.Namespace) -> None:
     say(
         "\nPer cent, every body against all others: NN nearest neighbour, FT and ST first and "
         "second tier."
+    )
+
+
+def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
+    from riemhuman import retrieval
+    from riemhuman.report.representations import available
+
+    reporter = Reporter(options.quiet)
+    with reporter.task("All representations"):
+        records = retrieval.benchmark(bodies, available(bodies), n_jobs=-1, progress=reporter.bars)
+    if options.json:
+        say_json([asdict(record) for record in records])
+        return
+    say(f"\n{retrieval.format_benchmark(records)}")
+    say(
+        "\nPer cent, every body against all others: NN nearest neighbour, FT and ST first and "
+        "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
     )
 
 

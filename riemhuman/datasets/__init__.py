@@ -1,18 +1,25 @@
 """Registered bodies to compute with: the open set that ships, and readers for others."""
 
+from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.faust import load_faust
+from riemhuman.datasets.labelled_folder import load_bodies
 from riemhuman.datasets.motions import Motion
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
+from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 
 __all__ = [
     "Bodies",
+    "LabelledMeshes",
     "Motion",
+    "load_amass",
+    "load_bodies",
     "load_dfaust",
     "load_faust",
     "load_open_bodies",
     "load_open_model",
     "load_open_motions",
+    "load_shrec14",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy import linalg, sparse
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
@@ -75,7 +75,7 @@ def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndar
         )
     laplacian = cotangent_laplacian(template)[used][:, used]
     areas = template.vertex_areas[used]
-    values, vectors = _lowest(laplacian, areas, n_constant + n_harmonics)
+    values, vectors = lowest_eigenpairs(laplacian, areas, n_constant + n_harmonics)
     functions = np.zeros((n_harmonics, template.n_vertices))
     functions[:, used] = vectors[:, n_constant:].T
     peaks = np.abs(functions).argmax(axis=1)
@@ -92,21 +92,77 @@ def _n_components(template: Template) -> int:
     return int(sparse.csgraph.connected_components(graph, directed=False, return_labels=False))
 
 
-def _lowest(
+def lowest_eigenpairs(
     laplacian: sparse.csr_array, areas: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest eigenvalues and eigenvectors of L h = μ A h, in increasing order."""
+    """Return the lowest eigenvalues and eigenvectors of L h = μ A h.
+
+    Parameters
+    ----------
+    laplacian : sparse array, shape (V, V)
+        Symmetric positive semi-definite matrix L.
+    areas : array, shape (V,)
+        Positive masses A.
+    count : int
+        How many are wanted, those of μ = 0 included.
+
+    Returns
+    -------
+    eigenvalues : array, shape (count,)
+        In increasing order.
+    vectors : array, shape (V, count)
+        Eigenvectors, orthonormal with respect to the masses.
+    """
     n_vertices = len(areas)
     if 2 * count >= n_vertices:  # Lanczos iterations need room; a small mesh has none
         return linalg.eigh(
             laplacian.toarray(), np.diag(areas), subset_by_index=(0, count - 1), check_finite=False
         )
-    values, vectors = eigsh(
-        sparse.csc_array(laplacian),
-        count,
-        M=sparse.diags_array(areas, format="csc"),
-        sigma=-_SHIFT * 4 * np.pi / areas.sum(),
-        v0=np.random.default_rng(0).normal(size=n_vertices),
+    shift = _SHIFT * 4 * np.pi / areas.sum()
+    roots = np.sqrt(areas)
+    factor = _factor(laplacian, areas, -shift)
+    start = np.random.default_rng(0).normal(size=n_vertices)
+
+    def more(n_more: int, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def inverse(vector: np.ndarray) -> np.ndarray:
+            image = roots * factor.solve(roots * vector.ravel())
+            return image - known @ (known.T @ image)
+
+        operator = LinearOperator((n_vertices, n_vertices), matvec=inverse, dtype=np.float64)
+        # More Lanczos vectors take fewer rounds, but each must be kept orthogonal to all.
+        n_lanczos = min(n_vertices, max(20, 3 * n_more // 2))
+        inverses, vectors = eigsh(
+            operator,
+            n_more,
+            which="LA",
+            v0=start - known @ (known.T @ start),
+            ncv=n_lanczos,
+        )
+        return 1 / inverses - shift, vectors
+
+    values, vectors = more(count, np.zeros((n_vertices, 0)))
+    # Of an eigenvalue that symmetry makes multiple, Lanczos iterations may see too few copies.
+    limit = values.max() * (1 - 1e-8)
+    while (n_missing := _n_below(laplacian, areas, limit) - int(np.sum(values < limit))) > 0:
+        new_values, new_vectors = more(n_missing, vectors)
+        if new_values.min() >= limit:
+            break
+        values = np.concatenate([values, new_values])
+        vectors = np.concatenate([vectors, new_vectors], axis=1)
+    order = np.argsort(values)[:count]
+    return values[order], vectors[:, order] / roots[:, np.newaxis]
+
+
+def _n_below(laplacian: sparse.csr_array, areas: np.ndarray, limit: float) -> int:
+    """Count the eigenvalues below a limit by Sylvester's law of inertia."""
+    return int(np.sum(_factor(laplacian, areas, limit).U.diagonal() < 0))
+
+
+def _factor(laplacian: sparse.csr_array, areas: np.ndarray, shift: float) -> SuperLU:
+    """Factorise L - shift A without pivoting, so that the factors are symmetric."""
+    return splu(
+        sparse.csc_array(laplacian - shift * sparse.diags_array(areas)),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
     )
-    order = np.argsort(values)
-    return values[order], vectors[:, order]

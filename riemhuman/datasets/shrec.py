@@ -1,0 +1,315 @@
+"""Labelled meshes that are not registered, as in SHREC'14: a folder and a class file."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from riemhuman.checks import real_number
+from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
+from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
+from riemhuman.surfaces.mesh_files import load_mesh
+
+
+@dataclass(frozen=True, eq=False)
+class LabelledMeshes:
+    """Meshes with a class each, read from their files one by one when they are asked for.
+
+    ``meshes[i]`` is a pair: vertices, shape (V, 3), and faces, shape (F, 3).
+
+    Attributes
+    ----------
+    files : tuple of Path
+        Mesh files.
+    ids : tuple of str
+        What the class file calls each mesh.
+    subject : array of int, shape (n,)
+        Class of each mesh: an index into `subject_names`.
+    subject_names : tuple of str
+        Names of the classes.
+    scale : float
+        Factor from the files' unit to metres.
+    missing : tuple of str
+        Ids of the class file that have no mesh file.
+    unlisted : tuple of str
+        Names of mesh files that the class file does not list.
+    """
+
+    files: tuple[Path, ...]
+    ids: tuple[str, ...]
+    subject: np.ndarray
+    subject_names: tuple[str, ...]
+    scale: float
+    missing: tuple[str, ...]
+    unlisted: tuple[str, ...]
+
+    def __len__(self) -> int:
+        """Return the number of meshes."""
+        return len(self.files)
+
+    def __getitem__(self, index: int) -> tuple[np.ndarray, np.ndarray]:
+        vertices, faces = load_mesh(self.files[index])
+        return self.scale * vertices, faces
+
+    def __iter__(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        return (self[index] for index in range(len(self)))
+
+    def problems(self) -> dict[str, str]:
+        """Read every file, and return why some cannot be read.
+
+        Returns
+        -------
+        dict of str to str
+            Messages by id, of the files that are damaged alone.
+        """
+        found = {}
+        for index, name in enumerate(self.ids):
+            try:
+                self[index]
+            except RiemhumanError as error:
+                found[name] = str(error)
+        return found
+
+
+def load_shrec14(
+    folder: str | os.PathLike[str],
+    classes: str | os.PathLike[str] | None = None,
+    *,
+    scale: float = 1.0,
+    allow_missing: bool = False,
+) -> LabelledMeshes:
+    """Find the meshes of a SHREC'14 human data set, labelled by a class file.
+
+    The data sets are not part of this library [1]_. Their meshes are not registered to each other:
+    of the representations here, descriptors that need no template apply.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder of the mesh files (``.ply``, ``.obj`` or ``.off``), or one above it. Should a
+        mesh be there in several formats, the first of these is read.
+    classes : path_like, optional
+        The class file, in the format of the Princeton Shape Benchmark [2]_. By default the only
+        file in the folder, or below it, that ends in ``.cla``. Its ids are names of mesh files,
+        with or without ending; where they are bare numbers, the file of an id is the one whose
+        name has this number as its last.
+    scale : float
+        Factor that makes metres of the files' unit.
+    allow_missing : bool
+        Whether to go on with the others where the class file lists meshes that are not there.
+
+    Returns
+    -------
+    LabelledMeshes
+        In the order of the class file; nothing but file names has been read.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a path is not one.
+    ArgumentError
+        If the scale is not a positive number.
+    FileError
+        If there is no such folder, it holds no mesh or no class file, several class files, or
+        lacks meshes that the class file lists.
+    FileFormatError
+        If the class file is damaged, by name and line, or an id fits several meshes.
+
+    References
+    ----------
+    .. [1] Pickup et al., "SHREC'14 Track: Shape Retrieval of Non-Rigid 3D Human Models",
+       Eurographics Workshop on 3D Object Retrieval, 2014.
+    .. [2] Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
+    """
+    root = existing_folder(folder)
+    scale = real_number(scale, "scale", minimum=0.0, strict=True)
+    class_file = _find_class_file(root) if classes is None else _as_path(classes)
+    members = read_classes(class_file)
+    names, files = _find_meshes(root)
+    ids = [name for listed in members.values() for name in listed]
+    found = {name: _file_of(name, names, class_file) for name in ids}
+    missing = tuple(name for name in ids if found[name] is None)
+    if missing and (not allow_missing or len(missing) == len(ids)):
+        listed = ", ".join(missing[:20]) + (
+            f" and {len(missing) - 20} more" if len(missing) > 20 else ""
+        )
+        rest = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
+        raise FileError(
+            f"{root} lacks {len(missing)} of the {len(ids)} meshes that {class_file} lists: "
+            f"{listed}{rest}"
+        )
+    subjects = [number for number, listed in enumerate(members.values()) for _ in listed]
+    kept = [(name, label) for name, label in zip(ids, subjects, strict=True) if found[name]]
+    used = {found[name] for name, _ in kept}
+    return LabelledMeshes(
+        files=tuple(files[str(found[name])] for name, _ in kept),
+        ids=tuple(name for name, _ in kept),
+        subject=np.array([label for _, label in kept], dtype=np.int64),
+        subject_names=tuple(members),
+        scale=scale,
+        missing=missing,
+        unlisted=tuple(files[name].name for name in files if name not in used),
+    )
+
+
+def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
+    """Read a class file of the Princeton Shape Benchmark.
+
+    Its first words are ``PSB 1`` and the numbers of classes and of meshes. Then come the classes:
+    name, name of the parent class or 0, number of meshes, and the id of each. Line breaks do not
+    matter.
+
+    Parameters
+    ----------
+    path : path_like
+        The class file.
+
+    Returns
+    -------
+    dict of str to tuple of str
+        Ids of the meshes by name of class; classes without meshes of their own are left out.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If it is damaged; the message names the line.
+    """
+    file = _as_path(path)
+    try:
+        text = file.read_bytes().decode("utf-8-sig", errors="replace")
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {error.strerror}") from error
+    words = _Words(file, text)
+    if words.next("the word PSB").upper() != "PSB":
+        words.refuse("a class file begins with PSB")
+    words.next("the version")
+    n_classes = words.next_count("the number of classes")
+    n_meshes = words.next_count("the number of meshes")
+    members: dict[str, tuple[str, ...]] = {}
+    seen: set[str] = set()
+    for number in range(n_classes):
+        name = words.next(f"the name of class {number + 1} of {n_classes}")
+        if name in members:
+            words.refuse("this class is there already")
+        parent = words.next(f"the parent of class {name}")
+        if parent not in ("0", "-1") and parent not in members:
+            words.refuse(f"the parent of class {name} must be 0 or a class defined before")
+        ids = []
+        for _ in range(words.next_count(f"the number of meshes of class {name}")):
+            ids.append(words.next(f"the id of a mesh of class {name}"))
+            if ids[-1] in seen:
+                words.refuse("this mesh is in a class already")
+            seen.add(ids[-1])
+        members[name] = tuple(ids)
+    words.refuse_more()
+    if len(seen) != n_meshes:
+        raise FileFormatError(
+            f"{file}: {len(seen)} meshes found in classes, the header declares {n_meshes}"
+        )
+    return {name: ids for name, ids in members.items() if ids}
+
+
+class _Words:
+    """The words of a text, with the line each stands in."""
+
+    def __init__(self, file: Path, text: str) -> None:
+        self._file = file
+        self._lines = text.splitlines()
+        self._words = [
+            (number, word)
+            for number, line in enumerate(self._lines, start=1)
+            for word in line.split()
+        ]
+        self._position = 0
+
+    def next(self, meaning: str) -> str:
+        if self._position == len(self._words):
+            raise FileFormatError(
+                f"{self._file}, line {max(len(self._lines), 1)}: the file ends where {meaning} "
+                "was expected"
+            )
+        self._position += 1
+        return self._words[self._position - 1][1]
+
+    def next_count(self, meaning: str) -> int:
+        word = self.next(meaning)
+        if not re.fullmatch(r"[0-9]{1,9}", word):
+            self.refuse(f"{meaning} was expected")
+        return int(word)
+
+    def refuse(self, reason: str) -> None:
+        number, word = self._words[self._position - 1]
+        raise FileFormatError(f"{self._file}, line {number}: {word[:60]!r} found; {reason}")
+
+    def refuse_more(self) -> None:
+        if self._position < len(self._words):
+            self._position += 1
+            self.refuse("the file has more words than its header declares")
+
+
+def _as_path(path: str | os.PathLike[str]) -> Path:
+    try:
+        return Path(path).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(f"classes must be the path of a file; found {path!r}") from error
+
+
+def _find_class_file(root: Path) -> Path:
+    found = sorted(file for file in root.rglob("*") if _is_visible(file, (".cla",)))
+    if not found:
+        raise FileError(
+            f"{root} holds no class file: no file there ends in .cla; name it, classes="
+        )
+    if len(found) > 1:
+        listed = ", ".join(str(file.relative_to(root)) for file in found)
+        raise FileError(f"{root} holds {len(found)} class files: {listed}; choose one, classes=")
+    return found[0]
+
+
+def _find_meshes(root: Path) -> tuple[dict[str, list[str]], dict[str, Path]]:
+    """Return keys of mesh files by last number in the name, and files by key: path but ending."""
+    files: dict[str, Path] = {}
+    for file in root.rglob("*"):
+        if _is_visible(file, MESH_ENDINGS):
+            key = str(file.relative_to(root).with_suffix(""))
+            files[key] = min(files.get(key, file), file, key=_preference)
+    if not files:
+        raise FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
+    files = {key: files[key] for key in sorted(files, key=natural_key)}
+    names: dict[str, list[str]] = {}
+    for key in files:
+        stem = Path(key).name
+        numbers = re.findall(r"[0-9]+", stem)
+        for name in {stem, f"#{int(numbers[-1])}"} if numbers else {stem}:
+            names.setdefault(name, []).append(key)
+    return names, files
+
+
+def _file_of(name: str, names: Mapping[str, list[str]], class_file: Path) -> str | None:
+    """Return the key of the mesh file that an id means, if there is one."""
+    stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
+    keys = names.get(stem, [])
+    if not keys and re.fullmatch(r"[0-9]+", stem):
+        keys = names.get(f"#{int(stem)}", [])
+    if len(keys) > 1:
+        raise FileFormatError(
+            f"{class_file}: the id {name} fits several meshes, {', '.join(sorted(keys))}; keep one"
+        )
+    return keys[0] if keys else None
+
+
+def _is_visible(file: Path, endings: tuple[str, ...]) -> bool:
+    return file.suffix.lower() in endings and not file.name.startswith(".") and file.is_file()
+
+
+def _preference(file: Path) -> tuple[int, str]:
+    return MESH_ENDINGS.index(file.suffix.lower()), file.name

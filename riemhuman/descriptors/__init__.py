@@ -1,0 +1,25 @@
+"""Descriptors: vectors that stand for a surface, which other work compares bodies by."""
+
+from riemhuman.descriptors.area_projection import AreaProjectionTransform, ProjectedAreas
+from riemhuman.descriptors.descriptor import Descriptor
+from riemhuman.descriptors.heat_kernel import HeatKernelSignature
+from riemhuman.descriptors.latent_vectors import IdMatch, LatentVectors
+from riemhuman.descriptors.model_vectors import ModelPoseVectors, ModelShapeVectors
+from riemhuman.descriptors.shape_dna import ShapeDNA
+from riemhuman.descriptors.spectra import Spectrum, spectrum
+from riemhuman.descriptors.wave_kernel import WaveKernelSignature
+
+__all__ = [
+    "AreaProjectionTransform",
+    "Descriptor",
+    "HeatKernelSignature",
+    "IdMatch",
+    "LatentVectors",
+    "ModelPoseVectors",
+    "ModelShapeVectors",
+    "ProjectedAreas",
+    "ShapeDNA",
+    "Spectrum",
+    "WaveKernelSignature",
+    "spectrum",
+]

@@ -1,0 +1,159 @@
+"""What every descriptor can do: turn a mesh into a vector, and compare vectors."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.distance import pdist, squareform
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
+from riemhuman.geometry.pairwise import thread_count
+
+Mesh = tuple[ArrayLike, ArrayLike]
+
+
+class Descriptor(ABC):
+    """A vector that stands for a surface, with a distance between such vectors.
+
+    Subclasses are frozen records of parameters. They define `describe`, and `distances` where the
+    Euclidean distance is not theirs.
+    """
+
+    # Whether threads share the work, or only wait for each other.
+    _in_threads = True
+
+    @abstractmethod
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the vector of one surface.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (d,)
+        """
+
+    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+        """Return the vectors of many surfaces.
+
+        Parameters
+        ----------
+        bodies : object or iterable of (vertices, faces)
+            Registered surfaces with the fields ``points`` and ``template``, or meshes. A sequence
+            of meshes, such as `riemhuman.datasets.LabelledMeshes`, is read one at a time.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one. Spectra are computed one at a
+            time in any case.
+
+        Returns
+        -------
+        array, shape (n, d)
+
+        Raises
+        ------
+        ArgumentTypeError
+            If `bodies` is neither.
+        ArgumentError
+            If there is no surface.
+        RiemhumanError
+            If a surface cannot be described; the message says which.
+        """
+        count, mesh = meshes_of(bodies)
+
+        def describe(index: int) -> np.ndarray:
+            try:
+                return self.describe(*mesh(index))
+            except RiemhumanError as error:
+                raise type(error)(f"body {index}: {error}") from error
+
+        n_threads = thread_count(n_jobs) if self._in_threads else 1
+        with ThreadPoolExecutor(n_threads) as pool:
+            return np.stack(list(pool.map(describe, range(count))))
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        """Return all distances within a set of vectors.
+
+        Parameters
+        ----------
+        vectors : array_like, shape (n, d)
+            Vectors of `describe`, one a row.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+        """
+        return pairwise(vectors, "euclidean")
+
+
+def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarray:
+    """Return all distances within a set of vectors.
+
+    Parameters
+    ----------
+    vectors : array_like, shape (n, d)
+        Vectors, one a row.
+    metric : str or callable
+        A distance that `scipy.spatial.distance.pdist` knows.
+
+    Returns
+    -------
+    array, shape (n, n)
+        Symmetric, with zero diagonal.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the vectors are not real numbers.
+    ArgumentError
+        If they are not the rows of a matrix, or not finite.
+    """
+    rows = real_array(vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
+    if len(rows) < 2:
+        return np.zeros((len(rows), len(rows)))
+    return squareform(pdist(rows, metric))
+
+
+def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
+    """Return how many meshes there are, and a function that gives one by its index.
+
+    Parameters
+    ----------
+    bodies : object or iterable of (vertices, faces)
+        Registered surfaces with the fields ``points`` and ``template``, or meshes.
+
+    Returns
+    -------
+    count : int
+    mesh : callable
+        Takes an index to vertices and faces.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is neither.
+    ArgumentError
+        If there is none.
+    """
+    if hasattr(bodies, "points") and hasattr(bodies, "template"):
+        return len(bodies.points), lambda index: (bodies.points[index], bodies.template.faces)
+    if not isinstance(bodies, Iterable):
+        raise ArgumentTypeError(
+            "bodies must be registered surfaces (with points and a template) or meshes, pairs of "
+            f"vertices and faces; found {type(bodies).__name__}"
+        )
+    meshes: Any = bodies if hasattr(bodies, "__getitem__") else list(bodies)
+    if len(meshes) == 0:
+        raise ArgumentError("bodies holds no surface; at least one is needed")
+    return len(meshes), lambda index: meshes[index]

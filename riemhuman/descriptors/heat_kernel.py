@@ -1,0 +1,164 @@
+"""The heat kernel signature of a surface, as one vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import one_of, real_array, whole_number
+from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.descriptors.pooling import area_histograms
+from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.errors import ArgumentError
+
+_POOLINGS = ("histogram", "mean", "vertex mean")
+_NORMALIZATIONS = ("none", "area")
+_TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
+# Of log₁₀(4πt h): 0 where the surface is flat within a distance of √t.
+_LOWER, _UPPER = -0.5, 1.5
+
+
+@dataclass(frozen=True)
+class HeatKernelSignature(Descriptor):
+    r"""How much heat stays at a point after times t, gathered over the surface [1]_.
+
+    The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, zero
+    included. Used here is :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a plane. As
+    distributions of signatures tell surfaces apart [2]_, the default gathers a histogram a time,
+    weighted by area; histograms are compared by the sum of absolute differences. The mean is
+    compared by the Euclidean distance; weighted by area it is the heat trace
+    :math:`\sum_k e^{-\mu_k t} / A` and knows no more than the eigenvalues.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Times t > 0, in square metres, or in units of the surface's area; see `normalization`.
+    pooling : {"histogram", "mean", "vertex mean"}
+        "mean" is weighted by area. "vertex mean" is not: it depends on how vertices are spread
+        over the surface, and compares surfaces alike only if they are registered.
+    normalization : {"none", "area"}
+        Whether surfaces are compared as they are, or scaled to area 1.
+    n_eigenvalues : int
+        How many eigenvalues the sum has, without zero.
+    n_bins : int
+        Number of bins of a histogram.
+    laplacian : {"cotangent", "robust"}
+        Discretisation, see `riemhuman.descriptors.spectra.spectrum`.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a parameter is of the wrong type.
+    ArgumentError
+        If a time is not positive, or a choice is not one of those named.
+
+    References
+    ----------
+    .. [1] Sun, Ovsjanikov, Guibas, "A Concise and Provably Informative Multi-Scale Signature
+       Based on Heat Diffusion", SGP 2009.
+    .. [2] Bronstein, Bronstein, Guibas, Ovsjanikov, "Shape Google: Geometric Words and Expressions
+       for Invariant Shape Retrieval", ACM Transactions on Graphics 30(1), 2011.
+    """
+
+    _in_threads = False
+
+    times: tuple[float, ...] = _TIMES
+    pooling: str = "histogram"
+    normalization: str = "none"
+    n_eigenvalues: int = 60
+    n_bins: int = 16
+    laplacian: str = "cotangent"
+
+    def __post_init__(self) -> None:
+        times = real_array(self.times, "times", ("n_times",), batched=False)
+        if times.size == 0 or times.min() <= 0:
+            raise ArgumentError(f"times must be positive numbers; found {times.tolist()}")
+        object.__setattr__(self, "times", tuple(times.tolist()))
+        one_of(self.pooling, "pooling", _POOLINGS)
+        one_of(self.normalization, "normalization", _NORMALIZATIONS)
+        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
+        whole_number(self.n_bins, "n_bins", minimum=2)
+        one_of(self.laplacian, "laplacian", LAPLACIANS)
+
+    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the heat kernel signature of every vertex.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (n_times, V)
+            h_t, in 1 / metre², or of the surface scaled to area 1.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an array does not hold numbers of the right kind.
+        ArgumentError
+            If the arrays are no mesh, or the mesh has too few eigenvalues.
+        DegenerateSurfaceError
+            If a triangle has no area, with the cotangent Laplacian.
+        """
+        return self._of(self._spectrum(vertices, faces))
+
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the gathered signatures of one surface.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (n_times * n_bins,), or (n_times,) for a mean
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an array does not hold numbers of the right kind.
+        ArgumentError
+            If the arrays are no mesh, or the mesh has too few eigenvalues.
+        DegenerateSurfaceError
+            If a triangle has no area, with the cotangent Laplacian.
+        """
+        found = self._spectrum(vertices, faces)
+        used = found.areas > 0
+        areas = found.areas[used]
+        excess = 4 * np.pi * np.array(self.times)[:, np.newaxis] * self._of(found)[:, used]
+        if self.pooling == "histogram":
+            return area_histograms(np.log10(excess), areas, _LOWER, _UPPER, self.n_bins)
+        weights = areas if self.pooling == "mean" else None
+        return np.log10(np.average(excess, axis=1, weights=weights))
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        """Return all distances within a set of vectors.
+
+        Parameters
+        ----------
+        vectors : array_like, shape (n, d)
+            Vectors of `describe`, one a row.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+        """
+        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
+
+    def _spectrum(self, vertices: ArrayLike, faces: ArrayLike) -> Spectrum:
+        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
+        return found.of_unit_area() if self.normalization == "area" else found
+
+    def _of(self, found: Spectrum) -> np.ndarray:
+        decay = np.exp(-np.outer(self.times, found.eigenvalues))
+        return decay @ found.functions**2 + found.constants

@@ -1,0 +1,189 @@
+"""Shape and pose vectors of registered surfaces, by fitting a body model."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
+
+from riemhuman.checks import one_of, real_array
+from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.surfaces.mesh_arrays import face_difference
+
+
+@dataclass(frozen=True, eq=False)
+class _ModelVectors(Descriptor):
+    model: Any
+
+    def __post_init__(self) -> None:
+        if not callable(getattr(self.model, "fit", None)):
+            raise ArgumentTypeError(
+                f"model must be a body model with a method fit; found {type(self.model).__name__}"
+            )
+
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the vector of one surface.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres, in the order of the model's.
+        faces : array_like, shape (F, 3)
+            The model's triangles.
+
+        Returns
+        -------
+        array, shape (d,)
+
+        Raises
+        ------
+        ArgumentTypeError
+            If the vertices are not numbers.
+        ArgumentError
+            If the surface is not registered to the model.
+        """
+        points = self._registered(vertices, faces)
+        return self._vectors(self.model.fit(points[np.newaxis]))[0]
+
+    def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
+        """Return the vectors of many surfaces, fitted together.
+
+        Parameters
+        ----------
+        bodies : object or iterable of (vertices, faces)
+            Registered surfaces with the fields ``points`` and ``template``, or meshes; all with
+            the model's vertices and triangles.
+        n_jobs : int, optional
+            Not used: the model fits its surfaces in one batch.
+
+        Returns
+        -------
+        array, shape (n, d)
+
+        Raises
+        ------
+        ArgumentError
+            If a surface is not registered to the model.
+        """
+        count, mesh = meshes_of(bodies)
+        points = np.stack([self._registered(*mesh(i), f" of body {i}") for i in range(count)])
+        return self._vectors(self.model.fit(points))
+
+    def _registered(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> np.ndarray:
+        points = real_array(vertices, f"vertices{where}", ("n_vertices", 3), batched=False)
+        template = self.model.template
+        if len(points) != template.n_vertices:
+            raise ArgumentError(
+                f"vertices{where} must be registered to the model, which has "
+                f"{template.n_vertices}; found {len(points)}"
+            )
+        difference = face_difference(np.asarray(faces), template.faces)
+        if difference:
+            raise ArgumentError(f"faces{where} must be the triangles of the model: {difference}")
+        return points
+
+    @abstractmethod
+    def _vectors(self, fit: Any) -> np.ndarray:
+        """Return what describes each surface of a fit, shape (n, d)."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelShapeVectors(_ModelVectors):
+    """The shape coefficients of a body model fitted to registered surfaces.
+
+    With an SMPL model these are the SMPL shape vectors the paper compares with. The distance is
+    Euclidean.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Model that the surfaces are registered to; its method ``fit`` takes surfaces to a record
+        with the field ``betas``.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the model cannot fit.
+    """
+
+    def _vectors(self, fit: Any) -> np.ndarray:
+        return np.asarray(fit.betas, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelPoseVectors(_ModelVectors):
+    """The joint rotations of a body model fitted to registered surfaces.
+
+    With an SMPL model these are the SMPL pose vectors the paper compares with.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Model that the surfaces are registered to; its method ``fit`` takes surfaces to a record
+        with the field ``pose``.
+    distance : {"axis-angle", "rotation"}
+        The Euclidean distance of axis-angle vectors, or the sum over joints of the angle of the
+        rotation from one to the other, which does not jump where an axis-angle vector does, at
+        half a turn.
+    root : bool
+        Whether the rotation of joints without a parent counts: which way the body faces.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the model cannot fit.
+    ArgumentError
+        If there is no such distance.
+    """
+
+    distance: str = "axis-angle"
+    root: bool = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        one_of(self.distance, "distance", ("axis-angle", "rotation"))
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        """Return all distances within a set of pose vectors.
+
+        Parameters
+        ----------
+        vectors : array_like, shape (n, 3 * n_joints)
+            Vectors of `describe`, one a row.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal; in radians.
+
+        Raises
+        ------
+        ArgumentError
+            If the rows are not axis-angle vectors of joints.
+        """
+        if self.distance == "axis-angle":
+            return pairwise(vectors, "euclidean")
+        rows = real_array(vectors, "vectors", ("n_vectors", "3 n_joints"), batched=False)
+        if rows.shape[1] % 3:
+            raise ArgumentError(
+                f"vectors must hold 3 numbers for each joint; found {rows.shape[1]} in all"
+            )
+        turns = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat().reshape(len(rows), -1, 4)
+        total = np.zeros((len(rows), len(rows)))
+        for joint in np.swapaxes(turns, 0, 1):
+            # With unit quaternions p, q and the nearer of ±q: atan2 keeps small angles exact.
+            gaps = np.linalg.norm(joint[:, np.newaxis] - joint, axis=-1)
+            sums = np.linalg.norm(joint[:, np.newaxis] + joint, axis=-1)
+            total += 4 * np.arctan2(np.minimum(gaps, sums), np.maximum(gaps, sums))
+        return total
+
+    def _vectors(self, fit: Any) -> np.ndarray:
+        pose = np.asarray(fit.pose, dtype=np.float64)
+        if not self.root:
+            pose = pose[:, np.asarray(self.model.parents) >= 0]
+        return pose.reshape(len(pose), -1)

@@ -1,0 +1,176 @@
+"""The wave kernel signature of a surface, as one vector."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.descriptors.pooling import area_histograms
+from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.errors import ArgumentError
+
+_POOLINGS = ("histogram", "vertex mean")
+_NORMALIZATIONS = ("none", "area")
+_ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
+# Of A w: 1 on average over any surface.
+_LOWER, _UPPER = 0.0, 4.0
+
+
+@dataclass(frozen=True)
+class WaveKernelSignature(Descriptor):
+    r"""How likely a particle of energy e is found at a point, gathered over the surface [1]_.
+
+    The signature of a point x is the average of :math:`\varphi_k(x)^2` over the eigenfunctions
+    with weights :math:`\exp(-(e - \log\mu_k)^2 / 2\sigma^2)`. Multiplied by the area of the
+    surface, as it is here, its mean over the surface is 1 at every energy and tells nothing, which
+    is why there is no mean weighted by area to choose. The default gathers a histogram an energy,
+    weighted by area, compared by the sum of absolute differences.
+
+    Parameters
+    ----------
+    energies : sequence of float
+        Energies e = log μ, with μ in 1 / metre², or of the surface scaled to area 1; see
+        `normalization`.
+    sigma : float, optional
+        Width σ > 0 of the weights; by default seven hundredths of the range of energies, as in the
+        paper.
+    pooling : {"histogram", "vertex mean"}
+        "vertex mean" is the plain mean over vertices: it tells how vertices are spread over the
+        surface, and compares surfaces alike only if they are registered.
+    normalization : {"none", "area"}
+        Whether surfaces are compared as they are, or scaled to area 1.
+    n_eigenvalues : int
+        How many eigenvalues are averaged over.
+    n_bins : int
+        Number of bins of a histogram.
+    laplacian : {"cotangent", "robust"}
+        Discretisation, see `riemhuman.descriptors.spectra.spectrum`.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a parameter is of the wrong type.
+    ArgumentError
+        If a number is out of range, or a choice is not one of those named.
+
+    References
+    ----------
+    .. [1] Aubry, Schlickewei, Cremers, "The wave kernel signature: A quantum mechanical approach
+       to shape analysis", ICCV Workshops 2011.
+    """
+
+    _in_threads = False
+
+    energies: tuple[float, ...] = _ENERGIES
+    sigma: float | None = None
+    pooling: str = "histogram"
+    normalization: str = "none"
+    n_eigenvalues: int = 60
+    n_bins: int = 32
+    laplacian: str = "cotangent"
+
+    def __post_init__(self) -> None:
+        energies = real_array(self.energies, "energies", ("n_energies",), batched=False)
+        object.__setattr__(self, "energies", tuple(energies.tolist()))
+        if energies.size == 0:
+            raise ArgumentError("energies is empty; at least one is needed")
+        if self.sigma is not None:
+            real_number(self.sigma, "sigma", minimum=0.0, strict=True)
+        elif np.ptp(energies) == 0:
+            raise ArgumentError(
+                "energies must hold at least two different numbers, or sigma be given; found "
+                f"{self.energies}"
+            )
+        one_of(self.pooling, "pooling", _POOLINGS)
+        one_of(self.normalization, "normalization", _NORMALIZATIONS)
+        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
+        whole_number(self.n_bins, "n_bins", minimum=2)
+        one_of(self.laplacian, "laplacian", LAPLACIANS)
+
+    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the wave kernel signature of every vertex, times the area of the surface.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (n_energies, V)
+            Without unit, with mean 1 over the surface.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an array does not hold numbers of the right kind.
+        ArgumentError
+            If the arrays are no mesh, or the mesh has too few eigenvalues.
+        DegenerateSurfaceError
+            If a triangle has no area, with the cotangent Laplacian.
+        """
+        return self._of(self._spectrum(vertices, faces))
+
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the gathered signatures of one surface.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (n_energies * n_bins,), or (n_energies,) for a mean
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an array does not hold numbers of the right kind.
+        ArgumentError
+            If the arrays are no mesh, or the mesh has too few eigenvalues.
+        DegenerateSurfaceError
+            If a triangle has no area, with the cotangent Laplacian.
+        """
+        found = self._spectrum(vertices, faces)
+        used = found.areas > 0
+        values = self._of(found)[:, used]
+        if self.pooling == "histogram":
+            return area_histograms(values, found.areas[used], _LOWER, _UPPER, self.n_bins)
+        return values.mean(axis=1)
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        """Return all distances within a set of vectors.
+
+        Parameters
+        ----------
+        vectors : array_like, shape (n, d)
+            Vectors of `describe`, one a row.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+        """
+        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
+
+    def _spectrum(self, vertices: ArrayLike, faces: ArrayLike) -> Spectrum:
+        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
+        return found.of_unit_area() if self.normalization == "area" else found
+
+    def _of(self, found: Spectrum) -> np.ndarray:
+        gaps = np.array(self.energies)[:, np.newaxis] - np.log(found.eigenvalues)
+        sigma = 0.07 * np.ptp(self.energies) if self.sigma is None else self.sigma
+        exponents = -(gaps**2) / (2 * sigma**2)
+        # The largest weight is made 1: far from all eigenvalues the others underflow, not it.
+        weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
+        weights /= weights.sum(axis=1, keepdims=True)
+        return found.areas.sum() * (weights @ found.functions**2)

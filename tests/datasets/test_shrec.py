@@ -1,0 +1,183 @@
+"""Class files and folders of meshes in the layouts people have, whole and damaged."""
+
+import numpy as np
+import pytest
+from descriptor_meshes import sphere
+
+from riemhuman.datasets import LabelledMeshes, load_shrec14
+from riemhuman.datasets.shrec import read_classes
+from riemhuman.descriptors import ShapeDNA
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.retrieval import benchmark
+from riemhuman.surfaces import save_mesh
+
+CLASSES = "PSB 1\n2 5\n\nanna 0 3\n0\n1\n2\n\nbert 0 2\n3\n4\n"
+
+
+def mesh_of(number):
+    """Return a mesh with its own number of vertices, of its subject's width."""
+    vertices, faces = sphere(1 + number % 2)
+    return vertices * [1.0 + (number >= 3), 2.0, 1.0 + 0.01 * number], faces
+
+
+def write_meshes(folder, names, ending="obj"):
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, name in enumerate(names):
+        save_mesh(folder / f"{name}.{ending}", *mesh_of(number))
+    return folder
+
+
+@pytest.fixture
+def data(tmp_path):
+    folder = write_meshes(tmp_path / "Real" / "Data", map(str, range(5)))
+    (tmp_path / "Real" / "test.cla").write_text(CLASSES)
+    return folder.parent
+
+
+def test_labels_and_meshes(data):
+    meshes = load_shrec14(data, scale=0.001)
+    assert isinstance(meshes, LabelledMeshes)
+    assert len(meshes) == 5
+    assert meshes.subject.tolist() == [0, 0, 0, 1, 1]
+    assert meshes.subject_names == ("anna", "bert")
+    assert meshes.ids == ("0", "1", "2", "3", "4")
+    assert meshes.missing == meshes.unlisted == ()
+    for number, (vertices, faces) in enumerate(meshes):
+        np.testing.assert_allclose(vertices, 0.001 * mesh_of(number)[0], rtol=1e-15)
+        np.testing.assert_array_equal(faces, mesh_of(number)[1])
+    np.testing.assert_array_equal(meshes[-1][0], meshes[4][0])
+    assert meshes.problems() == {}
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ["000", "001", "002", "003", "004"],
+        ["T0", "T1", "T2", "T3", "T4"],
+        ["shrec14_human_0", "shrec14_human_1", "shrec14_human_2", "shrec14_human_3", "x4"],
+    ],
+)
+def test_numbers_find_names(tmp_path, names):
+    write_meshes(tmp_path / "Data", names, "off")
+    (tmp_path / "human.cla").write_text(CLASSES)
+    assert [file.stem for file in load_shrec14(tmp_path).files] == names
+
+
+def test_ids_may_be_names_with_endings(tmp_path):
+    write_meshes(tmp_path, ["a", "b", "10", "c", "d"], "ply")
+    text = CLASSES
+    for number, name in enumerate(["a.obj", "b.ply", "10", "c.OFF", "sub/d"]):
+        text = text.replace(f"\n{number}\n", f"\n{name}\n")
+    classes = tmp_path / "elsewhere.txt"
+    classes.write_text(text)
+    assert [file.stem for file in load_shrec14(tmp_path, classes).files] == [
+        "a",
+        "b",
+        "10",
+        "c",
+        "d",
+    ]
+
+
+def test_formats_have_an_order_and_hidden_files_do_not_count(data):
+    write_meshes(data / "Data", ["0"], "off")
+    write_meshes(data / "Data", ["0"], "ply")
+    (data / "Data" / "._1.obj").write_bytes(b"not a mesh")
+    (data / "._test.cla").write_bytes(b"not a class file")
+    files = load_shrec14(data).files
+    assert [file.name for file in files] == ["0.ply", "1.obj", "2.obj", "3.obj", "4.obj"]
+
+
+def test_nothing_is_left_out_silently(data):
+    (data / "Data" / "1.obj").unlink()
+    (data / "Data" / "4.obj").unlink()
+    write_meshes(data / "Data", ["77"])
+    with pytest.raises(FileError, match=r"lacks 2 of the 5 .*test.cla lists: 1, 4; allow_missing"):
+        load_shrec14(data)
+    meshes = load_shrec14(data, allow_missing=True)
+    assert meshes.ids == ("0", "2", "3")
+    assert meshes.subject.tolist() == [0, 0, 1]
+    assert meshes.missing == ("1", "4")
+    assert meshes.unlisted == ("77.obj",)
+    write_meshes(data / "none", ["88"])
+    (data / "none" / "x.cla").write_text(CLASSES)
+    with pytest.raises(FileError, match="lacks 5 of the 5 meshes"):
+        load_shrec14(data / "none", allow_missing=True)
+
+
+def test_damaged_meshes_are_told_item_by_item(data):
+    (data / "Data" / "3.obj").write_text("v 0 0 zero\n")
+    (data / "Data" / "1.obj").write_text("")
+    meshes = load_shrec14(data)
+    problems = meshes.problems()
+    assert list(problems) == ["1", "3"]
+    assert "3.obj: line 1 is not valid" in problems["3"]
+    with pytest.raises(FileFormatError, match=r"3\.obj"):
+        meshes[3]
+    with pytest.raises(FileFormatError, match=r"^body 1: .*1\.obj"):
+        ShapeDNA(3).describe_all(meshes)
+
+
+def test_descriptors_run_on_them(data):
+    meshes = load_shrec14(data)
+    records = benchmark(meshes, {"ShapeDNA": ShapeDNA(8)})
+    assert [record.task for record in records] == ["shape"]
+    assert records[0].scores.nn == 100.0
+
+
+def test_folders(tmp_path, data):
+    with pytest.raises(FileError, match="there is no folder"):
+        load_shrec14(tmp_path / "nowhere")
+    with pytest.raises(ArgumentTypeError, match="folder must be the path"):
+        load_shrec14(3)
+    with pytest.raises(ArgumentTypeError, match="classes must be the path of a file; found 4"):
+        load_shrec14(data, 4)
+    with pytest.raises(FileError, match=r"holds no class file"):
+        load_shrec14(data / "Data")
+    with pytest.raises(FileError, match=r"none.cla cannot be read"):
+        load_shrec14(data, data / "none.cla")
+    with pytest.raises(ArgumentError, match="scale must be a finite number above 0"):
+        load_shrec14(data, scale=0)
+    (data / "more.cla").write_text(CLASSES)
+    with pytest.raises(FileError, match="holds 2 class files: more.cla, test.cla; choose one"):
+        load_shrec14(data)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "x.cla").write_text(CLASSES)
+    with pytest.raises(FileError, match="holds no mesh"):
+        load_shrec14(tmp_path / "empty")
+    write_meshes(data / "other", ["T4"])
+    (data / "Data" / "4.obj").rename(data / "Data" / "S4.obj")
+    with pytest.raises(FileFormatError, match="the id 4 fits several meshes, Data.S4, other.T4"):
+        load_shrec14(data, data / "test.cla")
+
+
+def test_class_hierarchies_and_white_space(tmp_path):
+    file = tmp_path / "x.cla"
+    file.write_text("\ufeffpsb 1 4 3 animal 0 0 dog animal 2\ta b\r\nhorse animal 1 c\n cat 0 0\n")
+    assert read_classes(file) == {"dog": ("a", "b"), "horse": ("c",)}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", r"x\.cla, line 1: the file ends where the word PSB was expected"),
+        ("OFF\n1 1\n", r"line 1: 'OFF' found; a class file begins with PSB"),
+        ("PSB 1\nten 3\n", r"line 2: 'ten' found; the number of classes was expected"),
+        ("PSB 1\n1 -3\n", r"line 2: '-3' found; the number of meshes was expected"),
+        (
+            "PSB 1\n1 2\nanna 0 2\n0\n",
+            r"line 4: the file ends where the id of a mesh of class anna",
+        ),
+        ("PSB 1\n2 1\nanna 0 1\n0\n", r"line 4: the file ends where the name of class 2 of 2"),
+        ("PSB 1\n1 2\nanna 0 1\n0\n1\n", r"line 5: '1' found; the file has more words"),
+        ("PSB 1\n1 2\nanna 0 1\n0\n", r"1 meshes found in classes, the header declares 2"),
+        ("PSB 1\n2 2\nanna 0 1\n0\nanna 0 1\n1\n", r"line 5: 'anna' found; this class is there"),
+        ("PSB 1\n2 2\nanna 0 1\n0\nbert 0 1\n0\n", r"line 6: '0' found; this mesh is in a class"),
+        ("PSB 1\n1 1\nanna people 1\n0\n", r"line 3: 'people' found; the parent of class anna"),
+        ("PSB 1\n1 1\nanna 0 many\n0\n", r"line 3: 'many' found; the number of meshes of class"),
+    ],
+)
+def test_damaged_class_files(tmp_path, text, message):
+    (tmp_path / "x.cla").write_text(text)
+    with pytest.raises(FileFormatError, match=message):
+        read_classes(tmp_path / "x.cla")

@@ -1,0 +1,217 @@
+"""The area projection transform: spheres, cylinders, a direct count, rigid motions, bad meshes."""
+
+import numpy as np
+import pytest
+import trimesh
+from descriptor_meshes import grid_faces, sphere
+from scipy.spatial.transform import Rotation
+from scipy.special import rel_entr
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.descriptors import AreaProjectionTransform
+from riemhuman.descriptors.voxels import VoxelGrid, enclosed_voxels, grid_around
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+
+
+def blob():
+    """Return a body without symmetry, of the size of a torso."""
+    vertices, faces = sphere(3, radius=0.15)
+    vertices = vertices * [1.0, 1.7, 0.7]
+    vertices[:, 0] += 1.5 * vertices[:, 1] ** 2
+    vertices[:, 2] += 0.3 * vertices[:, 0] * vertices[:, 1]
+    return vertices, faces
+
+
+@pytest.mark.parametrize("radius", [0.06, 0.1, 0.15])
+def test_sphere_peaks_at_its_centre(radius):
+    vertices, faces = sphere(4, radius)
+    center = np.array([0.31, -0.12, 0.055])
+    found = AreaProjectionTransform((radius,), voxel_size=0.01).transform(vertices + center, faces)
+    values = np.where(found.inside, found.values[0], -1.0)
+    peak = found.grid.centers[np.unravel_index(values.argmax(), values.shape)]
+    # All of the sphere reaches every voxel within σ of the centre; their middle is the centre.
+    highest = found.grid.centers[values > 0.99 * values.max()]
+    assert np.linalg.norm(peak - center) <= 0.5 * radius
+    np.testing.assert_allclose(highest.mean(axis=0), center, atol=0.003)
+    assert values.max() == pytest.approx(1.0, abs=0.01)
+
+
+def test_sphere_peaks_at_its_radius():
+    # A ratio as small as the steps between radii tells them apart.
+    radii = (0.07, 0.085, 0.1, 0.115, 0.13)
+    vertices, faces = sphere(4, 0.1)
+    found = AreaProjectionTransform(radii, voxel_size=0.003, ratio=0.08).transform(vertices, faces)
+    middle = np.unravel_index(
+        np.linalg.norm(found.grid.centers, axis=-1).argmin(), found.grid.shape
+    )
+    at_center = found.values[:, *middle]
+    assert at_center[2] == pytest.approx(1.0, abs=0.02)
+    assert np.delete(at_center, 2).max() < 0.05
+
+
+def test_axis_of_a_cylinder_has_the_ratio():
+    radius, ratio = 0.08, 0.4
+    mesh = trimesh.creation.cylinder(radius, height=1.0, sections=64)
+    found = AreaProjectionTransform((radius,), voxel_size=0.01, ratio=ratio).transform(
+        mesh.vertices, mesh.faces
+    )
+    centers = found.grid.centers
+    on_axis = np.linalg.norm(centers[..., :2], axis=-1) < 0.008
+    far_from_lids = np.abs(centers[..., 2]) < 0.3
+    np.testing.assert_allclose(found.values[0][on_axis & far_from_lids], ratio, rtol=0.15)
+
+
+def test_equals_a_direct_count():
+    vertices, faces = sphere(1, 0.1)
+    vertices = vertices * [1.0, 1.2, 0.9]
+    radius, ratio, voxel = 0.06, 0.5, 0.004
+    found = AreaProjectionTransform((radius,), voxel, ratio).transform(vertices, faces)
+    # Points and interpolated normals by another rule: random barycentric coordinates.
+    rng = np.random.default_rng(0)
+    corners = vertices[faces]
+    crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.zeros_like(vertices)
+    np.add.at(normals, faces, crosses[:, None])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    weights = rng.dirichlet(np.ones(3), size=(len(faces), 2000))
+    points = np.einsum("fsc,fcx->fsx", weights, corners)
+    directions = np.einsum("fsc,fcx->fsx", weights, normals[faces])
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    arrived = (points - radius * directions).reshape(-1, 3)
+    areas = np.repeat(np.linalg.norm(crosses, axis=1) / 2 / 2000, 2000)
+    for place in ([0, 0, 0], [0.03, 0.01, -0.02], [0.0, 0.05, 0.0]):
+        index = np.rint((np.array(place) - found.grid.origin) / voxel).astype(int)
+        center = found.grid.origin + voxel * index
+        near = np.linalg.norm(arrived - center, axis=1) < ratio * radius
+        exact = areas[near].sum() / (4 * np.pi * radius**2)
+        assert found.values[0][tuple(index)] == pytest.approx(exact, rel=0.05, abs=0.005)
+
+
+def test_enclosed_voxels_of_solids():
+    ring = trimesh.creation.torus(0.2, 0.07, major_sections=96, minor_sections=48)
+    for mesh, level in (
+        (sphere(4, 0.2), lambda x: np.linalg.norm(x, axis=-1) - 0.2),
+        (
+            (np.array(ring.vertices), np.array(ring.faces)),
+            lambda x: np.hypot(np.linalg.norm(x[..., :2], axis=-1) - 0.2, x[..., 2]) - 0.07,
+        ),
+    ):
+        corners = mesh[0][mesh[1]]
+        grid = grid_around(mesh[0], 0.011, 0.03)
+        inside, distance = enclosed_voxels(corners, grid), level(grid.centers)
+        clear = np.abs(distance) > 0.002
+        np.testing.assert_array_equal(inside[clear], distance[clear] < 0)
+
+
+def test_rays_through_edges_and_corners_count_once():
+    box = trimesh.creation.box(extents=(0.4, 0.4, 0.4))  # its corners are centres of voxels
+    grid = VoxelGrid(np.full(3, -0.5), 0.1, (11, 11, 11))
+    inside = enclosed_voxels(np.array(box.vertices)[box.faces], grid)
+    strictly = (np.abs(grid.centers) < 0.15).all(axis=-1)
+    beyond = (np.abs(grid.centers) > 0.25).any(axis=-1)
+    assert inside[strictly].all()
+    assert not inside[beyond].any()
+
+
+def test_histograms_hardly_know_where_the_body_stands():
+    vertices, faces = blob()
+    descriptor = AreaProjectionTransform()
+    turns = Rotation.random(4, rng=3).as_matrix()
+    moved = [vertices @ turn.T + 1.234 for turn in turns] + [vertices + 0.0077]
+    others = [vertices * 1.08, vertices * [1.15, 1.0, 1.0]]
+    rows = descriptor.describe_all([(points, faces) for points in [vertices, *moved, *others]])
+    distances = descriptor.distances(rows)
+    same = slice(0, len(moved) + 1)
+    assert distances[same, same].max() < 0.5 * distances[0, len(moved) + 1 :].min()
+    whole_voxels = descriptor.describe(vertices + 10 * descriptor.voxel_size, faces)
+    np.testing.assert_allclose(whole_voxels, rows[0], atol=1e-5)
+
+
+def test_orientation_and_small_holes():
+    vertices, faces = blob()
+    descriptor = AreaProjectionTransform()
+    whole = descriptor.describe(vertices, faces)
+    np.testing.assert_allclose(descriptor.describe(vertices, faces[:, ::-1]), whole, atol=1e-12)
+    punctured = descriptor.describe(vertices, np.delete(faces, [10, 400, 401], axis=0))
+    swollen = descriptor.describe(1.08 * vertices, faces)
+    distances = descriptor.distances([whole, punctured, swollen])
+    assert distances[0, 1] < 0.3 * distances[0, 2]
+
+
+def test_slivers_are_sampled_along():
+    # A strip of needles across it has the transform of the same strip in few squares.
+    def strip(n):
+        x, y = np.meshgrid(np.linspace(0.0, 0.4, n), [0.0, 0.4])
+        vertices = np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=1)
+        return vertices, grid_faces(2, n)
+
+    descriptor = AreaProjectionTransform((0.06,), voxel_size=0.01)
+    needles, squares = (descriptor.transform(*strip(n)).values for n in (400, 3))
+    np.testing.assert_allclose(needles, squares, atol=0.02 * squares.max())
+    assert needles.sum() == pytest.approx(squares.sum(), rel=0.01)
+
+
+def test_sums_of_histograms():
+    vertices, faces = sphere(4, 0.2)
+    volume = 4 / 3 * np.pi * 0.2**3
+    litres = AreaProjectionTransform().describe(vertices, faces).reshape(7, 24)
+    np.testing.assert_allclose(litres.sum(axis=1), volume, rtol=0.02)
+    shares = AreaProjectionTransform(normalization="volume").describe(vertices, faces)
+    np.testing.assert_allclose(shares.reshape(7, 24).sum(axis=1), 1.0)
+    np.testing.assert_allclose(shares.reshape(7, 24), litres / litres.sum(axis=1, keepdims=True))
+
+
+def test_distances_of_histograms():
+    rows = np.random.default_rng(1).dirichlet(np.ones(6), size=4)
+    rows[0, :3] = 0.0
+    rows[1, 2:] = 0.0
+    found = AreaProjectionTransform().distances(rows)
+    middle = (rows[:, None] + rows) / 2
+    exact = (rel_entr(rows[:, None], middle) + rel_entr(rows[None], middle)).sum(axis=-1)
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+    l1 = AreaProjectionTransform(distance="l1").distances(rows)
+    np.testing.assert_allclose(l1, np.abs(rows[:, None] - rows).sum(axis=-1), atol=1e-12)
+
+
+def test_people_differ_more_than_their_poses():
+    bodies = load_open_bodies("coarse")
+    chosen = [(s, p) for s in (0, 3, 6) for p in (0, 3, 7)]
+    meshes = [(bodies.points[10 * s + p], bodies.template.faces) for s, p in chosen]
+    descriptor = AreaProjectionTransform()
+    distances = descriptor.distances(descriptor.describe_all(meshes))
+    people = np.array([s for s, _ in chosen])
+    same, off_diagonal = people[:, None] == people, ~np.eye(len(people), dtype=bool)
+    assert distances[same & off_diagonal].mean() < 0.6 * distances[~same].mean()
+
+
+def test_meshes_it_cannot_take():
+    descriptor = AreaProjectionTransform()
+    vertices, faces = sphere(2, 0.1)
+    with pytest.raises(ArgumentError, match="is the mesh in metres"):
+        descriptor.describe(20_000 * vertices, faces)
+    with pytest.raises(DegenerateSurfaceError, match="encloses no voxel of side 0.02 m"):
+        descriptor.describe(vertices, faces[:1])
+    with pytest.raises(DegenerateSurfaceError, match="no triangle of the mesh has area"):
+        descriptor.describe(0 * vertices, faces)
+    with pytest.raises(ArgumentError, match="NaN or infinite"):
+        descriptor.describe(vertices * np.nan, faces)
+    with pytest.raises(ArgumentError, match="faces is empty"):
+        descriptor.describe(vertices, np.zeros((0, 3), dtype=int))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "message"),
+    [
+        ({"radii": ()}, ArgumentError, "radii must be positive numbers"),
+        ({"radii": (0.1, -0.1)}, ArgumentError, "radii must be positive numbers"),
+        ({"voxel_size": 0}, ArgumentError, "voxel_size must be a finite number above 0"),
+        ({"ratio": np.nan}, ArgumentError, "ratio must be a finite number"),
+        ({"largest": "big"}, ArgumentTypeError, "largest must be a real number"),
+        ({"n_bins": 1}, ArgumentError, "n_bins must be a whole number of at least 2"),
+        ({"distance": "emd"}, ArgumentError, "distance must be one of 'jeffrey', 'l1'"),
+        ({"normalization": "area"}, ArgumentError, "normalization must be one of"),
+    ],
+)
+def test_bad_parameters(parameters, error, message):
+    with pytest.raises(error, match=message):
+        AreaProjectionTransform(**parameters)

@@ -1,0 +1,149 @@
+"""Vectors from files: three formats, ids, and every way in which they can be wrong."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from riemhuman.descriptors import LatentVectors
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileError,
+    FileFormatError,
+    NotDefinedError,
+)
+
+VECTORS = np.array([[1.0, 2.5], [-3.0, 1e-3], [0.0, 7.0]])
+IDS = ("tr_reg_000", "tr_reg_001", "tr_reg_010")
+
+
+def write(folder, name, text):
+    (folder / name).write_text(text, encoding="utf-8")
+    return folder / name
+
+
+def test_formats(tmp_path):
+    np.savez(tmp_path / "a.npz", ids=np.array(IDS), vectors=VECTORS)
+    np.save(tmp_path / "b.npy", VECTORS)
+    rows = [
+        ",".join([name, *map(repr, row)]) for name, row in zip(IDS, VECTORS.tolist(), strict=True)
+    ]
+    headed = write(tmp_path, "c.csv", "\ufeffID,x,y\n" + "\n".join(rows) + "\n\n")
+    bare = write(tmp_path, "d.CSV", "\r\n".join(rows))
+    for path in (tmp_path / "a.npz", headed, bare, str(bare)):
+        found = LatentVectors.from_file(path)
+        assert found.ids == IDS
+        np.testing.assert_array_equal(found.vectors, VECTORS)
+    numbered = LatentVectors.from_file(tmp_path / "b.npy")
+    assert numbered.ids == ("0", "1", "2")
+    np.savez(tmp_path / "e.npz", ids=np.array([7, 3, 5]), vectors=VECTORS)
+    assert LatentVectors.from_file(tmp_path / "e.npz").ids == ("7", "3", "5")
+    np.savez(tmp_path / "f.npz", ids=np.array([b"x", b"y", b"z"]), vectors=VECTORS)
+    assert LatentVectors.from_file(tmp_path / "f.npz").ids == ("x", "y", "z")
+
+
+def test_selection_follows_the_data_set():
+    latent = LatentVectors(IDS, VECTORS)
+    chosen = latent.select(["tr_reg_010", "tr_reg_000"])
+    np.testing.assert_array_equal(chosen.vectors, VECTORS[[2, 0]])
+    bodies = SimpleNamespace(ids=["tr_reg_001", "tr_reg_010"])
+    np.testing.assert_array_equal(latent.describe_all(bodies), VECTORS[[1, 2]])
+    by_number = LatentVectors(range(3), VECTORS)
+    np.testing.assert_array_equal(by_number.describe_all([None, None]), VECTORS[:2])
+    np.testing.assert_allclose(latent.distances(VECTORS)[0, 2], np.hypot(1.0, 4.5))
+
+
+def test_a_part_that_does_not_match_is_told_item_by_item():
+    latent = LatentVectors(IDS, VECTORS)
+    match = latent.match(["tr_reg_001", "a", "tr_reg_000", "b"])
+    assert match.found == ("tr_reg_001", "tr_reg_000")
+    assert match.missing == ("a", "b")
+    assert match.unused == ("tr_reg_010",)
+    with pytest.raises(
+        ArgumentError,
+        match=r"2 of 3 bodies have no vector: a, b; .* no body: tr_reg_000, tr_reg_001",
+    ):
+        latent.select(["a", "tr_reg_010", "b"])
+    with pytest.raises(ArgumentError, match="3 of 3 bodies have no vector: 0, 1, 2"):
+        latent.describe_all([None] * 3)
+    many = [f"body {i}" for i in range(60)]
+    with pytest.raises(ArgumentError, match="body 59"):
+        latent.select(many)
+
+
+def test_a_mesh_cannot_be_described():
+    with pytest.raises(NotDefinedError, match="computed elsewhere"):
+        LatentVectors(IDS, VECTORS).describe(np.zeros((3, 3)), [[0, 1, 2]])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("a,1,2\nb,1\n", r"line 2: 1 numbers found, 2 expected"),
+        ("a,1,2\n\nb,1,2,3\n", r"line 3: 3 numbers found, 2 expected"),
+        ("a,1\nb,2\na,3\n", r"line 3: the id 'a' is there already"),
+        ("a,1\n ,2\n", r"line 2: the id is missing"),
+        ("a,1\nb,two\n", r"line 2: 'two' is not a number"),
+        ("name,x\na,1\n", r"line 1: 'x' is not a number"),
+        ("a,1\nb,\n", r"line 2: '' is not a number"),
+        ("a\nb\n", r"line 1: 0 numbers found, at least one expected"),
+        ("a,1\nb,nan\n", r"holds 1 NaN or infinite entries"),
+        ("a,1\nb,1e999\n", r"holds 1 NaN or infinite entries"),
+        ("", r"holds no vectors"),
+        ("id,x\n", r"holds no vectors"),
+        ('a,"1\n', r"line 1: unexpected end of data"),
+        ("a," + "1" * 200_000 + "\n", r"line 1: field larger than|NaN or infinite"),
+    ],
+)
+def test_wrong_csv(tmp_path, text, message):
+    with pytest.raises(FileFormatError, match=message) as refusal:
+        LatentVectors.from_file(write(tmp_path, "codes.csv", text))
+    assert "codes.csv" in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"vectors": VECTORS}, "lacks the fields ids"),
+        ({"ids": np.array(IDS)}, "lacks the fields vectors"),
+        ({"ids": np.array(["a", "b", "a"]), "vectors": VECTORS}, "there more than once: a"),
+        ({"ids": np.array(["a", "", "c"]), "vectors": VECTORS}, r"ids\[1\] is missing"),
+        ({"ids": np.array(["a", "b"]), "vectors": VECTORS}, "2 ids found for 3 vectors"),
+        ({"ids": np.array([0.5, 1, 2]), "vectors": VECTORS}, r"ids\[0\] must be text or a whole"),
+        ({"ids": np.array([True, False, True]), "vectors": VECTORS}, "must be text or a whole"),
+        ({"ids": np.array([IDS]), "vectors": VECTORS}, r"ids must have shape \(n_vectors\)"),
+        ({"ids": np.array(IDS), "vectors": VECTORS[0]}, r"vectors must have shape"),
+        (
+            {"ids": np.array(IDS), "vectors": VECTORS.astype(str)},
+            "must be an array of real numbers",
+        ),
+        ({"ids": np.array(IDS), "vectors": VECTORS + np.inf}, "NaN or infinite"),
+        ({"ids": np.array(IDS), "vectors": np.zeros((3, 0))}, "holds no numbers"),
+        ({"ids": np.array(["a", None, "b"]), "vectors": VECTORS}, "not an .npz archive of plain"),
+    ],
+)
+def test_wrong_npz(tmp_path, fields, message):
+    np.savez(tmp_path / "codes.npz", **fields)
+    with pytest.raises(FileFormatError, match=message) as refusal:
+        LatentVectors.from_file(tmp_path / "codes.npz")
+    assert "codes.npz" in str(refusal.value)
+
+
+def test_wrong_files(tmp_path):
+    np.save(tmp_path / "ragged.npy", np.array([[1], [2, 3]], dtype=object), allow_pickle=True)
+    for name, content in (("cut.npz", b"PK\3\4"), ("cut.npy", b"\x93NUMPY"), ("empty.npy", b"")):
+        (tmp_path / name).write_bytes(content)
+    for name in ("ragged.npy", "cut.npz", "cut.npy", "empty.npy"):
+        with pytest.raises(FileFormatError, match=name):
+            LatentVectors.from_file(tmp_path / name)
+    np.save(tmp_path / "line.npy", VECTORS[0])
+    with pytest.raises(FileFormatError, match=r"must have shape \(n_vectors, n_numbers\); found"):
+        LatentVectors.from_file(tmp_path / "line.npy")
+    for name in ("none.npy", "none.csv", "none.npz"):
+        with pytest.raises(FileError, match="cannot be read"):
+            LatentVectors.from_file(tmp_path / name)
+    with pytest.raises(FileFormatError, match=r"one of .npz, .csv, .npy; found '.txt'"):
+        LatentVectors.from_file(tmp_path / "codes.txt")
+    with pytest.raises(ArgumentTypeError, match="path must be the path of a file; found 3"):
+        LatentVectors.from_file(3)

@@ -1,0 +1,97 @@
+"""Model vectors: what a fit found, pose distances by rotation, surfaces that do not fit."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from riemhuman.datasets import load_open_model
+from riemhuman.descriptors import ModelPoseVectors, ModelShapeVectors
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+
+FACES = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+class Model:
+    """A model whose fit tells the surfaces apart by their first vertex."""
+
+    template = SimpleNamespace(n_vertices=4, faces=FACES)
+    parents = np.array([-1, 0, 1])
+
+    def fit(self, points):
+        number = points[:, 0, 0]
+        pose = np.zeros((len(points), 3, 3))
+        pose[:, 0, 1], pose[:, 2, 0] = 100 * number, number
+        return SimpleNamespace(betas=np.stack([number, 2 * number], axis=1), pose=pose)
+
+
+def surfaces(numbers):
+    points = np.zeros((len(numbers), 4, 3))
+    points[:, 0, 0] = numbers
+    return points
+
+
+def test_vectors_are_those_of_the_fit():
+    meshes = [(points, FACES) for points in surfaces([0.5, 2.0])]
+    shape = ModelShapeVectors(Model())
+    np.testing.assert_array_equal(shape.describe(*meshes[1]), [2.0, 4.0])
+    np.testing.assert_array_equal(shape.describe_all(meshes), [[0.5, 1.0], [2.0, 4.0]])
+    bodies = SimpleNamespace(points=surfaces([0.5, 2.0]), template=Model.template)
+    np.testing.assert_array_equal(shape.describe_all(bodies), [[0.5, 1.0], [2.0, 4.0]])
+    pose = ModelPoseVectors(Model())
+    assert pose.describe(*meshes[1]).tolist() == [0, 200, 0, 0, 0, 0, 2, 0, 0]
+    without_root = ModelPoseVectors(Model(), root=False)
+    assert without_root.describe(*meshes[1]).tolist() == [0, 0, 0, 2, 0, 0]
+
+
+def test_distances_by_rotation():
+    rng = np.random.default_rng(4)
+    poses = rng.normal(scale=2.0, size=(5, 4, 3))
+    poses[1] = poses[0]
+    poses[2] = poses[0] + 1e-9
+    found = ModelPoseVectors(Model(), "rotation").distances(poses.reshape(5, -1))
+    turns = Rotation.from_rotvec(poses.reshape(-1, 3))
+    for i in range(5):
+        for j in range(5):
+            between = turns[4 * i : 4 * i + 4] * turns[4 * j : 4 * j + 4].inv()
+            np.testing.assert_allclose(found[i, j], between.magnitude().sum(), atol=1e-13)
+    assert found[0, 1] == 0
+    assert 0 < found[0, 2] < 1e-7
+
+
+def test_rotations_do_not_jump_at_half_a_turn():
+    almost, beyond = [[0, np.pi - 0.01, 0]], [[0, -np.pi + 0.01, 0]]
+    rows = np.reshape([almost, beyond], (2, 3))
+    model = Model()
+    np.testing.assert_allclose(ModelPoseVectors(model, "rotation").distances(rows)[0, 1], 0.02)
+    np.testing.assert_allclose(ModelPoseVectors(model).distances(rows)[0, 1], 2 * np.pi - 0.02)
+
+
+def test_surfaces_that_are_not_registered_to_the_model():
+    shape = ModelShapeVectors(Model())
+    with pytest.raises(ArgumentError, match="registered to the model, which has 4; found 5"):
+        shape.describe(np.zeros((5, 3)), FACES)
+    with pytest.raises(ArgumentError, match=r"faces of body 1 must be the triangles of the model"):
+        shape.describe_all([(np.zeros((4, 3)), FACES), (np.zeros((4, 3)), FACES[::-1])])
+    with pytest.raises(
+        ArgumentTypeError, match="must be a body model with a method fit; found int"
+    ):
+        ModelShapeVectors(3)
+    with pytest.raises(ArgumentError, match="distance must be one of 'axis-angle', 'rotation'"):
+        ModelPoseVectors(Model(), "euler")
+    with pytest.raises(ArgumentError, match="3 numbers for each joint; found 4 in all"):
+        ModelPoseVectors(Model(), "rotation").distances(np.zeros((2, 4)))
+
+
+def test_open_model():
+    model = load_open_model("coarse")
+    if not hasattr(model, "fit"):
+        pytest.skip("this model cannot fit")
+    rng = np.random.default_rng(0)
+    betas = rng.normal(size=(3, model.n_betas))
+    pose = rng.normal(scale=0.2, size=(3, model.n_joints, 3))
+    bodies = SimpleNamespace(points=model(betas, pose), template=model.template)
+    np.testing.assert_allclose(ModelShapeVectors(model).describe_all(bodies), betas, atol=0.05)
+    found = ModelPoseVectors(model, "rotation").describe_all(bodies).reshape(pose.shape)
+    np.testing.assert_allclose(found, pose, atol=0.05)

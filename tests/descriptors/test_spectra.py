@@ -1,0 +1,155 @@
+"""Spectra: the flat torus, the sphere, borders, several components, an independent library."""
+
+import sys
+
+import numpy as np
+import pytest
+from descriptor_meshes import (
+    flat_torus,
+    sheet,
+    sphere,
+    sphere_spectrum,
+    torus_spectrum,
+)
+from scipy.sparse.linalg import eigsh
+
+from riemhuman.descriptors import spectrum
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    DegenerateSurfaceError,
+    MissingDependencyError,
+)
+
+LAPLACIANS = ["cotangent", "robust"]
+
+
+@pytest.fixture(autouse=True)
+def _robust_laplacian():
+    pytest.importorskip("robust_laplacian")
+
+
+@pytest.mark.parametrize("laplacian", LAPLACIANS)
+def test_flat_torus_converges_to_its_spectrum(laplacian):
+    width, height = 1.0, 0.6
+    exact = torus_spectrum(width, height, 20)
+    errors = [
+        np.abs(spectrum(*flat_torus(n, 6 * n // 10, 1.0, 0.6), 20, laplacian).eigenvalues - exact)
+        for n in (20, 40, 80)
+    ]
+    worst = [(error / exact).max() for error in errors]
+    assert worst[-1] < 0.02
+    np.testing.assert_allclose(np.diff(np.log2(worst)), -2.0, atol=0.2)
+
+
+def test_flat_torus_has_the_spectrum_of_the_grid():
+    # Of right triangles the cotangent Laplacian is the five-point one, whose spectrum is closed.
+    n, m, width, height = 12, 10, 1.0, 0.7
+    along = (2 - 2 * np.cos(2 * np.pi * np.arange(n) / n)) * (n / width) ** 2
+    across = (2 - 2 * np.cos(2 * np.pi * np.arange(m) / m)) * (m / height) ** 2
+    exact = np.sort(np.add.outer(along, across).ravel())[1:31]
+    found = spectrum(*flat_torus(n, m, width, height), 30)
+    np.testing.assert_allclose(found.eigenvalues, exact, rtol=1e-10)
+
+
+@pytest.mark.parametrize("laplacian", LAPLACIANS)
+def test_sphere_has_multiplets(laplacian):
+    found = spectrum(*sphere(4, radius=2.0), 24, laplacian)
+    np.testing.assert_allclose(4 * found.eigenvalues, sphere_spectrum(24), rtol=0.02)
+    spread = [np.ptp(found.eigenvalues[start:stop]) for start, stop in ((0, 3), (3, 8), (8, 15))]
+    assert max(spread) < 0.01 * found.eigenvalues[0]
+
+
+def test_independent_library_agrees():
+    import robust_laplacian
+
+    rng = np.random.default_rng(2)
+    vertices, faces = sphere(3)
+    vertices = vertices * [1.0, 1.1, 0.95] + rng.normal(scale=1e-3, size=vertices.shape)
+    stiffness, mass = robust_laplacian.mesh_laplacian(vertices, faces)
+    values = np.sort(eigsh(stiffness, 31, M=mass, sigma=-1.0)[0])[1:]
+    ours = spectrum(vertices, faces, 30)
+    np.testing.assert_allclose(ours.eigenvalues, values, rtol=5e-3)
+    through_us = spectrum(vertices, faces, 30, "robust")
+    np.testing.assert_allclose(through_us.eigenvalues, values, rtol=1e-8)
+
+
+@pytest.mark.parametrize("laplacian", LAPLACIANS)
+def test_components_borders_and_unused_vertices(laplacian):
+    (vertices, faces), n = sphere(2), 162
+    points = np.concatenate([vertices, [[9.0, 9.0, 9.0]], 2 * vertices + 5])
+    found = spectrum(points, np.concatenate([faces, faces + n + 1]), 8, laplacian)
+    alone = spectrum(vertices, faces, 8, laplacian).eigenvalues
+    both = np.sort(np.concatenate([alone, alone / 4]))[:8]
+    np.testing.assert_allclose(found.eigenvalues, both, rtol=1e-8)
+    assert found.eigenvalues.min() > 0.4  # neither of the two zeros is among them
+    area = found.areas[:n].sum()
+    np.testing.assert_allclose(found.constants[:n], 1 / area)
+    np.testing.assert_allclose(found.constants[n + 1 :], 1 / (4 * area))
+    assert found.constants[n] == found.areas[n] == 0
+    np.testing.assert_array_equal(found.functions[:, n], 0.0)
+    gram = (found.functions * found.areas) @ found.functions.T
+    np.testing.assert_allclose(gram, np.eye(8), atol=1e-9)
+
+    width, height = 2.0, 1.1
+    border = spectrum(*sheet(61, 41, width, height), 5, laplacian)
+    m, n = np.meshgrid(np.arange(5), np.arange(5))
+    exact = np.sort(((np.pi * m / width) ** 2 + (np.pi * n / height) ** 2).ravel())[1:6]
+    np.testing.assert_allclose(border.eigenvalues, exact, rtol=5e-3)
+
+
+@pytest.mark.parametrize("laplacian", LAPLACIANS)
+@pytest.mark.parametrize("n_copies", [1, 2, 3])
+def test_no_copy_of_a_multiple_eigenvalue_is_missed(laplacian, n_copies):
+    # Icosahedral symmetry makes multiplets exact, and copies of the mesh multiply them.
+    vertices, faces = sphere(2)
+    points = np.concatenate([vertices + 3 * i for i in range(n_copies)])
+    triangles = np.concatenate([faces + len(vertices) * i for i in range(n_copies)])
+    alone = np.sort(np.repeat(spectrum(vertices, faces, 80, laplacian).eigenvalues, n_copies))
+    for n in (5, 8, 20):
+        found = spectrum(points, triangles, n, laplacian).eigenvalues
+        np.testing.assert_allclose(found, alone[:n], rtol=1e-8)
+
+
+def test_unit_area_does_not_know_the_size():
+    vertices, faces = sheet()
+    small = spectrum(vertices, faces, 6).of_unit_area()
+    large = spectrum(10 * vertices, faces, 6).of_unit_area()
+    assert large.areas.sum() == pytest.approx(1.0)
+    for name in ("eigenvalues", "functions", "constants", "areas"):
+        np.testing.assert_allclose(
+            np.abs(getattr(large, name)), np.abs(getattr(small, name)), rtol=1e-6, atol=1e-8
+        )
+
+
+def test_meshes_the_cotangent_laplacian_cannot_take():
+    vertices, faces = sheet(9, 7)
+    flat = np.concatenate([faces, [[0, 1, 2]]])  # three vertices of one straight side
+    fans = np.concatenate([flat, [[0, 1, 5], [4, 4, 5]]])  # an edge of three triangles, a repeat
+    with pytest.raises(DegenerateSurfaceError, match=r'1 of 97 triangles without area.*"robust"'):
+        spectrum(vertices, flat, 3)
+    with pytest.raises(ArgumentError, match="refers to the same vertex twice"):
+        spectrum(vertices, fans, 3)
+    values = spectrum(vertices, fans, 3, "robust").eigenvalues
+    assert np.isfinite(values).all()
+    assert values.min() > 0
+
+
+@pytest.mark.parametrize("laplacian", LAPLACIANS)
+def test_asking_for_too_many(laplacian):
+    with pytest.raises(ArgumentError, match=r"n_eigenvalues=3 exceeds the 2 of a mesh with 3"):
+        spectrum(np.eye(3), [[0, 1, 2]], 3, laplacian)
+    assert len(spectrum(np.eye(3), [[0, 1, 2]], 2, laplacian).eigenvalues) == 2
+
+
+def test_bad_arguments(monkeypatch):
+    vertices, faces = sphere(1)
+    with pytest.raises(ArgumentError, match="laplacian must be one of 'cotangent', 'robust'"):
+        spectrum(vertices, faces, 3, "umbrella")
+    with pytest.raises(ArgumentTypeError, match="n_eigenvalues must be a whole number"):
+        spectrum(vertices, faces, 2.5)
+    with pytest.raises(ArgumentError, match="refers to a vertex out of range"):
+        spectrum(vertices[:10], faces, 3, "robust")
+    monkeypatch.setitem(sys.modules, "robust_laplacian", None)
+    with pytest.raises(MissingDependencyError, match=r"riemhuman\[spectra\]"):
+        spectrum(vertices, faces, 3, "robust")

@@ -1,0 +1,237 @@
+"""ShapeDNA, heat and wave kernel signatures: closed forms, bending, sizes, bad parameters."""
+
+import numpy as np
+import pytest
+from descriptor_meshes import (
+    flat_torus,
+    folded_sheet,
+    rolled_sheet,
+    sheet,
+    sphere,
+    sphere_spectrum,
+    torus_spectrum,
+)
+from scipy.spatial.distance import cdist
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.descriptors import (
+    HeatKernelSignature,
+    ShapeDNA,
+    WaveKernelSignature,
+    spectrum,
+)
+from riemhuman.descriptors.pooling import area_histograms
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+
+TIMES = (0.05, 0.1, 0.5)
+ENERGIES = (4.0, 4.5, 5.0, 5.5)
+
+
+def name_of(descriptor):
+    words = [value for value in vars(descriptor).values() if isinstance(value, str)]
+    return " ".join([type(descriptor).__name__, *words])
+
+
+def descriptors(n=20):
+    return [
+        ShapeDNA(n),
+        ShapeDNA(n, "area"),
+        ShapeDNA(n, "first", reweighted=False),
+        HeatKernelSignature(n_eigenvalues=n),
+        HeatKernelSignature(n_eigenvalues=n, pooling="mean"),
+        HeatKernelSignature(n_eigenvalues=n, pooling="vertex mean", normalization="area"),
+        WaveKernelSignature(ENERGIES, n_eigenvalues=n),
+        WaveKernelSignature(ENERGIES, n_eigenvalues=n, pooling="vertex mean"),
+        WaveKernelSignature(ENERGIES, n_eigenvalues=n, normalization="area"),
+    ]
+
+
+def test_shape_dna_of_sphere_and_torus():
+    exact = sphere_spectrum(24)
+    dna = ShapeDNA(24, reweighted=False).describe(*sphere(4, radius=0.5))
+    np.testing.assert_allclose(dna, 4 * exact, rtol=0.02)
+    assert (np.diff(dna) >= -1e-9).all()
+    by_area = ShapeDNA(24, "area", reweighted=False).describe(*sphere(4, radius=0.5))
+    np.testing.assert_allclose(by_area, 4 * np.pi * exact, rtol=0.02)
+    by_first = ShapeDNA(24, "first").describe(*sphere(4, radius=0.5))
+    np.testing.assert_allclose(by_first, exact / 2 / np.arange(1, 25), rtol=0.02)
+    torus = ShapeDNA(12, reweighted=False).describe(*flat_torus(60, 36, 1.0, 0.6))
+    np.testing.assert_allclose(torus, torus_spectrum(1.0, 0.6, 12), rtol=0.02)
+
+
+def test_heat_kernel_of_sphere_and_torus():
+    found = HeatKernelSignature(TIMES, n_eigenvalues=120).signatures(*sphere(4))
+    degree = np.arange(30)
+    for t, values in zip(TIMES, found, strict=True):
+        exact = ((2 * degree + 1) * np.exp(-degree * (degree + 1) * t)).sum() / (4 * np.pi)
+        np.testing.assert_allclose(values, exact, rtol=0.02)
+    found = HeatKernelSignature(TIMES, n_eigenvalues=60).signatures(*flat_torus(60, 36, 1.0, 0.6))
+    m = np.arange(-30, 31)
+    for t, values in zip(TIMES, found, strict=True):
+        along, across = (np.exp(-((2 * np.pi * m / side) ** 2) * t).sum() for side in (1.0, 0.6))
+        np.testing.assert_allclose(values, along * across / 0.6, rtol=5e-3)
+
+
+def test_short_times_see_a_plane():
+    signature = HeatKernelSignature((4e-3,), n_eigenvalues=200).signatures(*sheet(41, 25))[0]
+    middle = np.argmin(np.linalg.norm(sheet(41, 25)[0] - [0.5, 0.3, 0.0], axis=1))
+    assert 4 * np.pi * 4e-3 * signature[middle] == pytest.approx(1.0, rel=0.03)
+    # A corner sends heat into a quarter of the plane; the rest is reflected.
+    assert 4 * np.pi * 4e-3 * signature[0] == pytest.approx(4.0, rel=0.1)
+
+
+def test_mean_heat_is_the_heat_trace():
+    mesh = folded_sheet(0.7)
+    found = spectrum(*mesh, 20)
+    times = np.array(TIMES)
+    trace = 1 + np.exp(-np.outer(times, found.eigenvalues)).sum(axis=1)
+    mean = HeatKernelSignature(TIMES, "mean", n_eigenvalues=20).describe(*mesh)
+    np.testing.assert_allclose(10**mean, 4 * np.pi * times * trace / found.areas.sum(), rtol=1e-9)
+
+
+def test_wave_kernel_is_one_where_all_points_are_alike():
+    # The numbers of eigenfunctions end between multiplets, so that none is cut in two.
+    energies = np.log([2.0, 6.0, 12.0])
+    found = WaveKernelSignature(energies, sigma=0.2, n_eigenvalues=24).signatures(*sphere(4))
+    np.testing.assert_allclose(found, 1.0, atol=0.02)
+    n = np.sum(torus_spectrum(1.0, 0.6, 200) < 700)
+    torus = WaveKernelSignature(ENERGIES, n_eigenvalues=int(n))
+    np.testing.assert_allclose(torus.signatures(*flat_torus(60, 36, 1.0, 0.6)), 1.0, atol=1e-6)
+
+
+def test_mean_of_wave_kernel_is_one_on_every_surface():
+    vertices, faces = folded_sheet(0.4)
+    areas = spectrum(vertices, faces, 5).areas
+    found = WaveKernelSignature(ENERGIES, n_eigenvalues=20).signatures(vertices, faces)
+    np.testing.assert_allclose(np.average(found, axis=1, weights=areas), 1.0, rtol=1e-9)
+    assert found.std() > 0.1
+
+
+def test_energies_far_from_all_eigenvalues_are_no_division_by_zero():
+    far = WaveKernelSignature((-60.0, 60.0), sigma=0.1, n_eigenvalues=5)
+    assert np.isfinite(far.signatures(*sheet())).all()
+
+
+@pytest.mark.parametrize("descriptor", descriptors(), ids=name_of)
+def test_folding_changes_nothing_and_stretching_does(descriptor):
+    flat, folded = (descriptor.describe(*folded_sheet(angle)) for angle in (0.0, 1.2))
+    vertices, faces = folded_sheet(1.2)
+    stretched = descriptor.describe(vertices * [1.0, 1.5, 1.0], faces)
+    moved = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    turned = descriptor.describe(vertices @ moved + 4.0, faces)
+    distances = descriptor.distances([flat, folded, stretched, turned])
+    assert distances[0, 1] < 1e-6 * distances[0, 2]
+    assert distances[1, 3] < 1e-6 * distances[0, 2]
+    np.testing.assert_array_equal(distances, distances.T)
+    np.testing.assert_array_equal(np.diagonal(distances), 0.0)
+
+
+@pytest.mark.parametrize("descriptor", descriptors()[:5], ids=name_of)
+def test_rolling_up_matters_less_and_less_as_triangles_shrink(descriptor):
+    def change(n):
+        meshes = [
+            sheet(5 * n + 1, 3 * n + 1),
+            rolled_sheet(0.3, n_columns=5 * n + 1, n_rows=3 * n + 1),
+        ]
+        return descriptor.distances([descriptor.describe(*mesh) for mesh in meshes])[0, 1]
+
+    assert change(8) < 0.5 * change(3)
+
+
+def test_sizes():
+    vertices, faces = folded_sheet(0.4)
+    for descriptor in (
+        ShapeDNA(10, "area"),
+        ShapeDNA(10, "first"),
+        HeatKernelSignature(n_eigenvalues=10, normalization="area", pooling="mean"),
+        WaveKernelSignature(ENERGIES, n_eigenvalues=10, normalization="area"),
+    ):
+        one, other = (descriptor.describe(size * vertices, faces) for size in (1.0, 1.7))
+        np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-9)
+    large = ShapeDNA(10).describe(2 * vertices, faces)
+    np.testing.assert_allclose(large, ShapeDNA(10).describe(vertices, faces) / 4, rtol=1e-9)
+
+
+def test_histograms_count_areas_and_ends_take_the_rest():
+    values = np.array([[-5.0, 0.1, 0.6, 9.0], [0.9, 0.9, 0.1, 0.49]])
+    areas = np.array([1.0, 2.0, 3.0, 4.0])
+    found = area_histograms(values, areas, 0.0, 1.0, 2)
+    np.testing.assert_allclose(found, [0.3, 0.7, 0.7, 0.3])
+
+
+def test_histograms_are_shares_of_the_area():
+    mesh = folded_sheet(0.4)
+    heat = HeatKernelSignature(n_eigenvalues=10, n_bins=7).describe(*mesh).reshape(16, 7)
+    wave = WaveKernelSignature(ENERGIES, n_eigenvalues=10, n_bins=5).describe(*mesh).reshape(4, 5)
+    for histograms in (heat, wave):
+        np.testing.assert_allclose(histograms.sum(axis=1), 1.0)
+        assert histograms.min() >= 0
+    pair = HeatKernelSignature().distances([[0.0, 1.0], [1.0, 0.0]])
+    np.testing.assert_array_equal(pair, [[0.0, 2.0], [2.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    "descriptor", [ShapeDNA(), HeatKernelSignature(), WaveKernelSignature()], ids=name_of
+)
+def test_people_differ_more_than_their_poses(descriptor):
+    bodies = load_open_bodies("coarse")
+    chosen = [(s, p) for s in (0, 3, 6) for p in (0, 3, 7)]
+    meshes = [(bodies.points[10 * s + p], bodies.template.faces) for s, p in chosen]
+    distances = descriptor.distances(descriptor.describe_all(meshes, n_jobs=2))
+    people = np.array([s for s, _ in chosen])
+    same = people[:, None] == people
+    off_diagonal = ~np.eye(len(people), dtype=bool)
+    assert distances[same & off_diagonal].mean() < 0.6 * distances[~same].mean()
+
+
+def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
+    meshes = [folded_sheet(angle) for angle in (0.0, 0.5)]
+    dna = ShapeDNA(5)
+    rows = dna.describe_all(iter(meshes))
+    assert rows.shape == (2, 5)
+    np.testing.assert_allclose(rows[0], dna.describe(*meshes[0]))
+    flat = np.zeros_like(meshes[0][0])
+    with pytest.raises(DegenerateSurfaceError, match=r"^body 1: the mesh has 480 of 480"):
+        dna.describe_all([meshes[0], (flat, meshes[0][1])])
+    with pytest.raises(ArgumentTypeError, match="found int"):
+        dna.describe_all(3)
+    with pytest.raises(ArgumentError, match="bodies holds no surface"):
+        dna.describe_all([])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: ShapeDNA(0), "n_eigenvalues must be a whole number of at least 1"),
+        (lambda: ShapeDNA(normalization="volume"), "normalization must be one of 'none', 'area'"),
+        (lambda: ShapeDNA(laplacian="graph"), "laplacian must be one of"),
+        (
+            lambda: HeatKernelSignature((1.0, 0.0)),
+            r"times must be positive numbers; found \[1.0, 0",
+        ),
+        (lambda: HeatKernelSignature(()), "times must be positive"),
+        (lambda: HeatKernelSignature(pooling="median"), "pooling must be one of"),
+        (lambda: HeatKernelSignature(n_bins=1), "n_bins must be a whole number of at least 2"),
+        (lambda: WaveKernelSignature(()), "energies is empty"),
+        (lambda: WaveKernelSignature((2.0, 2.0)), "at least two different numbers, or sigma"),
+        (lambda: WaveKernelSignature(sigma=0.0), "sigma must be a finite number above 0"),
+        (
+            lambda: WaveKernelSignature(pooling="mean"),
+            "pooling must be one of 'histogram', 'vertex",
+        ),
+        (lambda: WaveKernelSignature((1.0, np.inf)), "energies holds 1 NaN or infinite"),
+    ],
+)
+def test_bad_parameters(make, message):
+    with pytest.raises(ArgumentError, match=message):
+        make()
+
+
+def test_bad_vectors():
+    with pytest.raises(ArgumentError, match=r"vectors must have shape \(n_vectors, n_numbers\)"):
+        ShapeDNA().distances(np.ones(3))
+    with pytest.raises(ArgumentError, match="vectors holds 1 NaN"):
+        ShapeDNA().distances([[1.0], [np.nan]])
+    assert ShapeDNA().distances(np.ones((1, 4))).shape == (1, 1)
+    rows = np.random.default_rng(0).normal(size=(5, 3))
+    np.testing.assert_allclose(ShapeDNA().distances(rows), cdist(rows, rows), atol=1e-12)

@@ -1,0 +1,168 @@
+"""The benchmark: records, failures, times, and the tables that say what is better than ours."""
+
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.retrieval import (
+    BenchmarkRecord,
+    RetrievalScores,
+    benchmark,
+    format_benchmark,
+    scores,
+)
+
+
+class Some(SimpleNamespace):
+    """Bodies with a length."""
+
+    def __len__(self):
+        return len(self.subject)
+
+
+@pytest.fixture(scope="module")
+def few():
+    """Return three people in three poses."""
+    everyone = load_open_bodies("coarse")
+    chosen = [10 * person + pose for person in (0, 4, 8) for pose in (0, 2, 5)]
+    return Some(
+        points=everyone.points[chosen],
+        template=everyone.template,
+        subject=everyone.subject[chosen],
+        pose=everyone.pose[chosen],
+    )
+
+
+class Heights:
+    """The least a descriptor can be."""
+
+    def describe(self, vertices, faces):
+        assert len(faces) == 2400
+        return np.ptp(vertices, axis=0)[1:2]
+
+    def distances(self, vectors):
+        return np.abs(vectors - vectors.T)
+
+
+def test_metrics_by_default(few):
+    records = benchmark(few)
+    names = ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "SRNF"]
+    assert [record.representation for record in records] == [name for name in names for _ in "ab"]
+    assert [record.task for record in records] == 3 * ["shape", "pose"]
+    by_key = {(record.representation, record.task): record for record in records}
+    assert by_key[names[0], "shape"].scores.nn == 100.0
+    assert by_key[names[1], "pose"].scores.nn == 100.0
+    assert all(record.seconds_per_body == 0 < record.seconds_per_pair for record in records)
+    assert all(record.problem is None for record in records)
+
+
+def test_descriptors_by_their_two_methods(few):
+    shape, pose = benchmark(few, {"height": Heights()}, progress=False)
+    heights = np.ptp(few.points, axis=1)[:, 1:2]
+    assert shape.scores == scores(np.abs(heights - heights.T), few.subject)
+    assert pose.scores == scores(np.abs(heights - heights.T), few.pose)
+    assert min(shape.seconds_per_body, shape.seconds_per_pair) > 0
+
+
+def test_describe_all_gets_the_threads(few):
+    class Batched(Heights):
+        def describe_all(self, bodies, n_jobs=None):
+            self.n_jobs = n_jobs
+            return np.arange(len(bodies), dtype=float)[:, None]
+
+    batched = Batched()
+    benchmark(few, {"batched": batched}, n_jobs=2)
+    assert batched.n_jobs == 2
+
+
+def test_a_refusal_is_told_and_the_others_go_on(few):
+    class Refusing(Heights):
+        def describe(self, vertices, faces):
+            raise ArgumentError("body 3 has no head")
+
+    class Unfinished(Heights):
+        def distances(self, vectors):
+            return np.full((len(vectors), len(vectors)), np.nan)
+
+    records = benchmark(few, {"a": Refusing(), "b": Unfinished(), "height": Heights()})
+    assert [record.scores is None for record in records] == 4 * [True] + 2 * [False]
+    assert records[0].problem == records[1].problem == "ArgumentError: body 3 has no head"
+    assert "distances[0, 1] is nan" in records[2].problem
+    text = format_benchmark(records)
+    assert re.search(r"^a +failed$", text, re.MULTILINE)
+    assert "a failed: ArgumentError: body 3 has no head" in text
+
+
+def test_a_fault_is_raised_with_the_name(few):
+    class Faulty(Heights):
+        def describe(self, vertices, faces):
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError) as fault:
+        benchmark(few, {"my own": Faulty()})
+    assert "'my own'" in fault.value.__notes__[0]
+
+
+def test_metrics_do_not_take_meshes_that_are_not_registered(few):
+    class Meshes:
+        subject = few.subject
+        pose = None
+
+        def __len__(self):
+            return len(few)
+
+        def __getitem__(self, index):
+            return few.points[index], few.template.faces
+
+    records = benchmark(Meshes(), {"height": Heights(), "metric": SimpleNamespace(dist_pairwise=1)})
+    assert [record.task for record in records] == ["shape", "shape"]
+    assert records[0].scores is not None
+    assert "needs surfaces registered to a template" in records[1].problem
+    with pytest.raises(ArgumentTypeError, match="must be registered surfaces"):
+        benchmark(Meshes())
+
+
+def test_wrong_arguments(few):
+    with pytest.raises(
+        ArgumentTypeError, match=r"representations\['x'\] must be a metric.*found int"
+    ):
+        benchmark(few, {"x": 3})
+    alone = Some(points=few.points[:1], template=few.template, subject=[0], pose=[0])
+    with pytest.raises(ArgumentError, match="no two of its 1 surfaces share a label"):
+        benchmark(alone, {"height": Heights()})
+
+
+def record(name, task, values):
+    return BenchmarkRecord(name, task, RetrievalScores(*values, 9), 0.0, 1e-5)
+
+
+def test_table_says_what_is_better_than_ours():
+    ours = "shape metric (1, 0.0001, 0)"
+    records = [
+        record(ours, "shape", [100.0, 99.31, 100.0, 99.0]),
+        record("theirs", "shape", [98.0, 99.34, 99.9, 99.5]),
+        BenchmarkRecord("other", "shape", RetrievalScores(3.0, 99.62, 0.0, 0.0, 9), 0.25, 1e-3),
+        record("pose metric (0, 0, 1)", "pose", [90.0, 80.0, 70.0, 60.0]),
+        record("theirs", "pose", [90.0, 80.0, 70.0, 60.04]),
+    ]
+    who, how = format_benchmark(records).split("\n\n")
+    lines = who.splitlines()
+    assert lines[0].split() == [
+        *("Who", "is", "it?", "NN", "FT", "ST", "mAP"),
+        *("ms", "a", "body", "ms", "a", "pair"),
+    ]
+    assert lines[1].split("0)")[-1].split() == ["100.0*", "99.3", "100.0*", "99.0", "-", "0.0100"]
+    assert lines[2].split() == ["theirs", "98.0", "99.3", "99.9", "99.5*", "-", "0.0100"]
+    assert lines[3].split() == ["other", "3.0", "99.6*", "0.0", "0.0", "250.0", "1.0000"]
+    assert lines[4:] == [
+        f"Better than {ours} in FT (99.3): other (99.6).",
+        f"Better than {ours} in mAP (99.0): theirs (99.5).",
+    ]
+    assert how.splitlines()[-1] == "Nothing is better than pose metric (0, 0, 1)."
+    other = format_benchmark(records, {"shape": "theirs"})
+    assert f"Better than theirs in NN (98.0): {ours} (100.0)." in other
+    assert "Nothing is better" not in other
