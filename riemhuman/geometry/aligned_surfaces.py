@@ -22,7 +22,8 @@ from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.kernels import surface
+from riemhuman.kernels import ebin, surface
+from riemhuman.kernels.sketches import cone_chart, patch_coordinates, triangle_patches
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -197,7 +198,7 @@ class AlignedSurfaces(Manifold):
             If a triangle of a surface has no area.
         """
         derivatives = self._derivatives(self.check_point(base_point, "base_point"))
-        self._refuse_degenerate(*derivatives)
+        self.refuse_degenerate(self._is_degenerate(*derivatives))
         change = self._derivatives(self.check_point(tangent_vec, "tangent_vec"))
         return (
             surface.first_fundamental_form_differential(*derivatives, *change),
@@ -245,23 +246,35 @@ class AlignedSurfaces(Manifold):
             If a triangle has no area, so that g is not invertible there and has no normal.
         """
         f = self.check_point(f, name)
-        self._refuse_degenerate(*self._derivatives(f))
+        self.refuse_degenerate(self._is_degenerate(*self._derivatives(f)))
         return f
+
+    def refuse_degenerate(self, degenerate: ndarray) -> None:
+        """Refuse surfaces with triangles without area.
+
+        Parameters
+        ----------
+        degenerate : array of bool, shape (..., F)
+            Which triangles of the surfaces have no area.
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If there is one.
+        """
+        refuse_triangles(
+            degenerate,
+            "every triangle of the surface must have an area, for its normal to exist and g to be "
+            "invertible",
+            DegenerateSurfaceError,
+        )
 
     def _derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
         return surface.partial_derivatives(f, self.template.differential_operator)
 
     def _normals(self, f_u: ndarray, f_v: ndarray) -> ndarray:
-        self._refuse_degenerate(f_u, f_v)
+        self.refuse_degenerate(self._is_degenerate(f_u, f_v))
         return surface.unit_normals(f_u, f_v)
-
-    def _refuse_degenerate(self, f_u: ndarray, f_v: ndarray) -> None:
-        refuse_triangles(
-            self._is_degenerate(f_u, f_v),
-            "every triangle of the surface must have an area, for its normal to exist and g to be "
-            "invertible",
-            DegenerateSurfaceError,
-        )
 
     @staticmethod
     def _is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
@@ -356,6 +369,35 @@ class ElasticMetric(SurfaceMetric):
         array, shape (..., size)
         """
         return self._join(*self.space.to_fields_differential(tangent_vec, base_point))
+
+    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+        """Return coordinates whose Euclidean distances are at most those of the metric.
+
+        See `riemhuman.kernels.sketches`.
+
+        Parameters
+        ----------
+        points : array, shape (..., V, 3)
+            Surfaces.
+        n_patches : int, optional
+            Number of patches of triangles to average over; by default there is no averaging, and
+            the bound is tightest.
+
+        Returns
+        -------
+        array, shape (..., m)
+        """
+        template, patches = self.space.template, None
+        if n_patches is not None:
+            patches = triangle_patches(template.vertices, template.faces, n_patches)
+        charts = []
+        if self.a > 0:
+            coordinates = ebin.coordinates(self.space.metric_field(points))
+            charts.append(np.sqrt(self.a) * cone_chart(*coordinates, self.lam))
+        if self.c > 0:
+            charts.append(np.sqrt(self.c) * self.space.normal_field(points))
+        sketches = [patch_coordinates(chart, template.face_areas, patches) for chart in charts]
+        return np.concatenate(sketches, axis=-1)
 
     @property
     def _weights(self) -> dict[str, float]:

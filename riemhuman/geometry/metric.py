@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any, Protocol
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import real_array, whole_number
+from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances, pair_by_pair
 from riemhuman.kernels.scalars import square_root
 
 if TYPE_CHECKING:
@@ -62,6 +61,11 @@ class RiemannianMetric:
     def __init__(self, space: Manifold, geodesic_solver: GeodesicSolver | None = None) -> None:
         self.space = space
         self.geodesic_solver = geodesic_solver
+
+    @property
+    def n_feature_arrays(self) -> int:
+        """The number of arrays in `features`."""
+        return 1
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -229,60 +233,143 @@ class RiemannianMetric:
         """
         return square_root(self.squared_dist(point_a, point_b))
 
-    def dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
+    def dist_pairwise(
+        self,
+        points: Points,
+        n_jobs: int | None = None,
+        *,
+        precision: str = "single",
+        memory: int = MEMORY,
+        progress: bool = False,
+    ) -> ndarray:
         r"""Return all distances within a set of points.
 
         Parameters
         ----------
-        points : array, shape (n, \*shape)
-            Points.
+        points : array or sequence, shape (n, \*shape)
+            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
         n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
+            Number of threads, -1 for one a core; by default one. It does not change a bit of the
+            result.
+        precision : {"single", "double"}
+            In what precision metrics with compiled loops keep and compare features of the points:
+            relative errors stay below 1e-5, or at rounding errors of double precision. Pairs too
+            close for single precision are noticed and computed in double.
+        memory : int
+            Bytes of features held at once. Where those of all points are more, they are computed
+            anew for every block of rows.
+        progress : bool
+            Whether to show a progress bar.
 
         Returns
         -------
         array, shape (n, n)
             Symmetric, with zero diagonal.
-        """
-        return np.sqrt(self.squared_dist_pairwise(self.check_points(points), n_jobs))
 
-    def squared_dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
-        r"""Return all squared distances within a set of points, see `dist_pairwise`.
+        Raises
+        ------
+        ArgumentError
+            If a point has another shape or an entry that is not finite, or an option is not legal.
+        DegenerateSurfaceError
+            If the metric needs a normal of a triangle without area.
+        """
+        return distances(self, points, None, n_jobs, precision, memory, progress)
+
+    def cdist(
+        self,
+        points_a: Points,
+        points_b: Points,
+        n_jobs: int | None = None,
+        *,
+        precision: str = "single",
+        memory: int = MEMORY,
+        progress: bool = False,
+    ) -> ndarray:
+        r"""Return all distances between two sets of points, see `dist_pairwise`.
 
         Parameters
         ----------
-        points : array, shape (n, \*shape)
+        points_a : array or sequence, shape (n_a, \*shape)
+            Points of the first set.
+        points_b : array or sequence, shape (n_b, \*shape)
+            Points of the second set.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one.
+        precision : {"single", "double"}
+            In what precision metrics with compiled loops work.
+        memory : int
+            Bytes of features held at once.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+        return distances(self, points_a, points_b, n_jobs, precision, memory, progress)
+
+    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
+        r"""Return what a distance needs to know of each point, computed once a point.
+
+        The first axis of every array is that of the points, so features may be sliced, stored and
+        mapped from memory. The default is the points themselves.
+
+        Parameters
+        ----------
+        points : array or sequence, shape (n, \*shape)
             Points.
+        precision : {"single", "double"}
+            Precision to keep them in; the default pays no heed to it.
+
+        Returns
+        -------
+        tuple of array, each of shape (n, ...)
+            C-contiguous.
+        """
+        one_of(precision, "precision", PRECISIONS)
+        return (np.ascontiguousarray(self.check_points(points)),)
+
+    def rounding(self, features: tuple[ndarray, ...]) -> ndarray:
+        """Return how far each point is, at most, from the point its features stand for.
+
+        By the triangle inequality no distance of features is wrong by more than two of these; see
+        `squared_dist_rectangle`. The default, for features that keep all digits, is 0.
+
+        Parameters
+        ----------
+        features : tuple of array
+            Features of n points.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        return np.zeros(len(features[0]))
+
+    def squared_dist_of_features(
+        self,
+        features_a: tuple[ndarray, ...],
+        features_b: tuple[ndarray, ...],
+        n_jobs: int | None = None,
+    ) -> ndarray:
+        """Return all squared distances between two sets of points given by their `features`.
+
+        Pairs that are too close for the precision of the features are not put right here:
+        `squared_dist_rectangle` does. The default takes `squared_dist` pair by pair.
+
+        Parameters
+        ----------
+        features_a, features_b : tuple of array
+            Features of n_a and of n_b points; the same object twice for the distances within one
+            set, of which only half are computed.
         n_jobs : int, optional
             Number of threads, -1 for one a core; by default one.
 
         Returns
         -------
-        array, shape (n, n)
+        array, shape (n_a, n_b)
         """
-        features = self._features(points)
-        n_points = len(points)
-        squared = np.zeros((n_points, n_points))
-
-        def fill_row(i: int) -> None:
-            # Pair by pair: the arrays of one pair stay in the processor's cache.
-            one = tuple(feature[i] for feature in features)
-            for j in range(i + 1, n_points):
-                other = tuple(feature[j] for feature in features)
-                squared[i, j] = squared[j, i] = self._squared_dist_of_features(one, other)
-
-        with ThreadPoolExecutor(thread_count(n_jobs)) as pool:
-            list(pool.map(fill_row, range(n_points - 1)))
-        return squared
-
-    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
-        """Return what a distance needs to know of each point, computed once a point."""
-        return (points,)
-
-    def _squared_dist_of_features(
-        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
-    ) -> ndarray:
-        return self.squared_dist(*features_a, *features_b)
+        return pair_by_pair(self.squared_dist, features_a, features_b, n_jobs)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.
@@ -443,7 +530,7 @@ class RiemannianMetric:
         """
         return np.sum(square_root(self._squared_segments(self._check_path(path))), axis=-1)
 
-    def check_points(self, points: ndarray, name: str = "points") -> ndarray:
+    def check_points(self, points: Points, name: str = "points") -> ndarray:
         r"""Return a set of points as a float64 array, or say what is wrong with it.
 
         Parameters
@@ -514,32 +601,3 @@ class RiemannianMetric:
         if n_times < 2:
             raise ArgumentError(f"path must have at least two times; found {n_times}")
         return path
-
-
-def thread_count(n_jobs: int | None) -> int:
-    """Return the number of threads that `n_jobs` asks for.
-
-    Parameters
-    ----------
-    n_jobs : int or None
-        Number of threads: None is 1, -1 is one a core.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the number is not an integer.
-    ArgumentError
-        If it is 0 or below -1.
-    """
-    if n_jobs is None:
-        return 1
-    n_jobs = whole_number(n_jobs, "n_jobs")
-    if n_jobs == -1:
-        return os.cpu_count() or 1
-    if n_jobs < 1:
-        raise ArgumentError(f"n_jobs must be -1, or at least 1; found {n_jobs}")
-    return n_jobs

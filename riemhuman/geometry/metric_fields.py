@@ -17,9 +17,10 @@ from riemhuman.checks import (
     values_of,
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
+from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
-from riemhuman.kernels import ebin
+from riemhuman.kernels import ebin, ebin_transport
 from riemhuman.kernels.sums import integrate
 
 if TYPE_CHECKING:
@@ -159,7 +160,7 @@ class MetricFields(Manifold):
         return point
 
 
-class EbinMetric(RiemannianMetric):
+class EbinMetric(BulkMetric):
     r"""The Ebin (DeWitt) metric on Met(T).
 
     .. math:: ((\delta g,\delta g))_g = \int_T \left(\operatorname{tr}((g^{-1}\delta g_0)^2)
@@ -234,16 +235,21 @@ class EbinMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
-        return self._squared_dist_of_features(ebin.coordinates(point_a), ebin.coordinates(point_b))
+        values = ebin.squared_dist(point_a, point_b, self.lam)
+        return integrate(values, self.space.template.face_areas)
 
-    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
-        return ebin.coordinates(self.space.check_point(points, "points", completion=True))
+    def _pack(self, points: ndarray, precision: str) -> tuple[ndarray, ndarray]:
+        """Return x, y, 1/(√2 y) and √w s of `ebin.coordinates`, and their rounding."""
+        from riemhuman.kernels.compiled_features import metric_field_features
 
-    def _squared_dist_of_features(
-        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
-    ) -> ndarray:
-        squared = ebin.squared_dist_of_coordinates(features_a, features_b, self.lam)
-        return integrate(squared, self.space.template.face_areas)
+        points = self.space.check_point(points, "points", completion=True)
+        weights = self.space.template.face_areas
+        return metric_field_features(*ebin.coordinates(points), weights, self.lam, precision)
+
+    def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
+        from riemhuman.kernels.compiled_pairs import ebin_distances
+
+        return ebin_distances(a, b, self.lam, n_threads)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Return the end point of the geodesic with this initial velocity.
@@ -303,6 +309,45 @@ class EbinMetric(RiemannianMetric):
             OutsideManifoldError,
         )
         return ebin.log(base_point, point, self.lam)
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        """Transport tangent vectors in parallel along geodesics, in closed form.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., F, 2, 2)
+            Symmetric fields at `base_point`.
+        base_point : array, shape (..., F, 2, 2)
+            Metric fields.
+        direction : array, shape (..., F, 2, 2), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., F, 2, 2), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If the geodesic meets the apex g = 0 on some triangle, or none leads to the end point.
+        """
+        if (direction is None) == (end_point is None):
+            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        if end_point is not None:
+            direction = self.log(end_point, base_point)
+        direction = real_array(direction, "direction", self.space.shape)
+        self.exp(direction, base_point)
+        return ebin_transport.parallel_transport(tangent_vec, base_point, direction, self.lam)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         def follow(t: Any) -> ndarray:

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import sphere
@@ -133,7 +134,7 @@ class NormalFields(Manifold):
         return point
 
 
-class NormalFieldMetric(RiemannianMetric):
+class NormalFieldMetric(BulkMetric):
     r"""The metric :math:`\int_T \langle\delta n, \delta n\rangle\, dx` of a product of spheres.
 
     The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
@@ -178,16 +179,19 @@ class NormalFieldMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        return self._squared_dist_of_features((point_a,), (point_b,))
+        return integrate(sphere.squared_dist(point_a, point_b), self.space.template.face_areas)
 
-    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
-        return (self.space.check_point(points, "points"),)
+    def _pack(self, points: ndarray, precision: str) -> tuple[ndarray, ndarray]:
+        """Return the components of the normals, and their rounding."""
+        from riemhuman.kernels.compiled_features import normal_features
 
-    def _squared_dist_of_features(
-        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
-    ) -> ndarray:
-        squared = sphere.squared_dist(*features_a, *features_b)
-        return integrate(squared, self.space.template.face_areas)
+        points = self.space.check_point(points, "points")
+        return normal_features(points, self.space.template.face_areas, precision)
+
+    def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
+        from riemhuman.kernels.compiled_pairs import normal_distances
+
+        return normal_distances(a, b, self.space.template.face_areas, n_threads)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Follow great circles for unit time.

@@ -10,6 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.pairwise import Points
 from riemhuman.kernels import linear
 
 
@@ -112,22 +113,63 @@ class PullbackMetric(RiemannianMetric):
         point_b = self.space.check_point(point_b, "point_b")
         return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))
 
-    def squared_dist_pairwise(self, points: ndarray, n_jobs: int | None = None) -> ndarray:
-        r"""Return all squared distances of the images, each point mapped once.
+    @property
+    def n_feature_arrays(self) -> int:
+        """The number of arrays in `features`."""
+        return self.target_metric.n_feature_arrays
+
+    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
+        r"""Return the features of the images, each point mapped once.
 
         Parameters
         ----------
-        points : array, shape (n, \*shape)
+        points : array or sequence, shape (n, \*shape)
             Points.
-        n_jobs : int, optional
-            Number of threads.
+        precision : {"single", "double"}
+            Precision to keep them in.
 
         Returns
         -------
-        array, shape (n, n)
+        tuple of array, each of shape (n, ...)
         """
-        images = self.map(self.space.check_point(points, "points"))
-        return self.target_metric.squared_dist_pairwise(images, n_jobs)
+        points = self.space.check_point(self.check_points(points), "points")
+        return self.target_metric.features(self.map(points), precision)
+
+    def rounding(self, features: tuple[ndarray, ...]) -> ndarray:
+        """Return how far each image is, at most, from the point its features stand for.
+
+        Parameters
+        ----------
+        features : tuple of array
+            Features of n points.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        return self.target_metric.rounding(features)
+
+    def squared_dist_of_features(
+        self,
+        features_a: tuple[ndarray, ...],
+        features_b: tuple[ndarray, ...],
+        n_jobs: int | None = None,
+    ) -> ndarray:
+        """Return all squared distances between two sets of points given by their features.
+
+        Parameters
+        ----------
+        features_a, features_b : tuple of array
+            Features of n_a and of n_b points; the same object twice for the distances within one
+            set.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+        return self.target_metric.squared_dist_of_features(features_a, features_b, n_jobs)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         return self.target_metric._squared_segments(self.map(path))

@@ -10,6 +10,8 @@ import autograd.numpy as np
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.checks import one_of
+from riemhuman.geometry.pairwise import PRECISIONS, Points
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.known_gradient import with_known_gradient
@@ -89,6 +91,44 @@ class SurfaceMetric(PullbackMetric):
             template.face_areas,
             **self._weights,
         )
+
+    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
+        """Return the features of the fields of surfaces, in one compiled pass over each.
+
+        Parameters
+        ----------
+        points : array or sequence, shape (n, V, 3)
+            Surfaces.
+        precision : {"single", "double"}
+            Precision to keep them in.
+
+        Returns
+        -------
+        tuple of array, each of shape (n, ...)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If the metric needs a normal of a triangle without area.
+        """
+        from riemhuman.kernels import compiled_features as compiled
+
+        one_of(precision, "precision", PRECISIONS)
+        surfaces = self.check_points(points)
+        template = self.space.template
+        arrays = (surfaces, template.faces, template.frame_coefficients, template.face_areas)
+        weights = self._weights
+        features: tuple[ndarray, ...] = ()
+        if weights.get("a", 0.0) > 0:
+            lam = weights["lam"]
+            features += compiled.surface_metric_field_features(*arrays, lam, precision)
+        if weights.get("c", 0.0) > 0:
+            *normals, degenerate = compiled.surface_normal_features(*arrays, precision)
+            self.space.refuse_degenerate(degenerate)
+            features += tuple(normals)
+        if weights.get("b", 0.0) > 0:
+            features += compiled.surface_root_normal_features(*arrays, precision)
+        return features
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Take rigid motions out of a path that the metric does not see.

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 
@@ -82,7 +83,7 @@ class VectorSpace(Manifold):
         return stack_samples(generator(rng).standard_normal((n_samples, *self.shape)), n_samples)
 
 
-class FlatMetric(RiemannianMetric):
+class FlatMetric(BulkMetric):
     """The weighted sum of squares Σ_t w_t ‖a_t‖² on a vector space.
 
     With template areas for weights, the L² metric of fields on a template.
@@ -143,7 +144,8 @@ class FlatMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        return self._squared_dist_of_features((point_a,), (point_b,))
+        difference = point_a - point_b
+        return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return base_point + tangent_vec.
@@ -179,14 +181,18 @@ class FlatMetric(RiemannianMetric):
         base_point = self.space.check_point(base_point, "base_point")
         return self.space.check_point(point, "point") - base_point
 
-    def _features(self, points: ndarray) -> tuple[ndarray, ...]:
-        return (self.space.check_point(points, "points"),)
+    def _pack(self, points: ndarray, precision: str) -> tuple[ndarray, ndarray]:
+        """Return the entries times √w, flattened, and their rounding."""
+        from riemhuman.kernels.compiled_features import vector_features
 
-    def _squared_dist_of_features(
-        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
-    ) -> ndarray:
-        difference = features_a[0] - features_b[0]
-        return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
+        points = self.space.check_point(points, "points")
+        weights = np.broadcast_to(self._weights, self.space.shape).ravel()
+        return vector_features(points.reshape(len(points), -1), weights, precision)
+
+    def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
+        from riemhuman.kernels.compiled_pairs import flat_distances
+
+        return flat_distances(a, b, n_threads)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         return self.geodesic(start, initial_tangent_vec=self.log(end, start))

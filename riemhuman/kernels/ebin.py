@@ -459,7 +459,7 @@ def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:
     across = angle_per_distance(lam) * size(shear)
     rounding = 8.0 * np.finfo(float).eps * angle_per_distance(lam) * _whitened_size(delta_g, g)
     met_apex = (along <= rounding) & (across <= rounding)
-    end = traceless_exp(shear, _angle_per_unit(along, across))
+    end = traceless_exp(shear, angle_per_unit(along, across))
     radius_squared = along**2 + across**2
     return unwhiten(radius_squared[..., None, None] * end, g), met_apex
 
@@ -472,8 +472,18 @@ def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
     return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / g[..., 0, 0]
 
 
-def _angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
-    """Return φ/ν, φ = atan2(ν, along), in its limit 1/along at ν = across = 0."""
+def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
+    """Return φ/ν, φ = atan2(ν, along), in its limit 1/along at ν = across = 0.
+
+    Parameters
+    ----------
+    along, across : array, shape (...)
+        Cartesian coordinates in the unrolled cone; across is at least 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
     straight = across == 0
     safe = np.where(straight & (along <= 0), 1.0, along)
     phi = np.arctan2(across, safe)

@@ -1,0 +1,198 @@
+"""Distances of many pairs against the NumPy definitions, on the open bodies.
+
+    pytest tests/benchmarks/test_distances.py --benchmark-enable -s
+
+prints, for the metrics of pose, shape, both and SRNF, microseconds a pair of the compiled loops on
+one thread and on two, of the definitions on fields computed before and on raw vertices, and their
+ratios; then all 4,950 pairs from raw vertices, the growth with triangles and bodies, and the memory
+held. Times are the shortest of several runs, in turns. Where benchmarks are disabled, the same code
+runs briefly at coarse resolution.
+"""
+
+import subprocess
+import sys
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+from performances import bodies
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.kernels import ebin, sphere
+from riemhuman.kernels.sums import integrate
+
+WEIGHTS = {
+    "pose": (0.0, 0.0, 1.0),
+    "shape": (1.0, 1e-4, 0.0),
+    "stretch": (1.0, 1.0, 0.0),
+    "mixed": (1.0, 0.1, 0.1),
+}
+each_metric = pytest.mark.parametrize("name", [*WEIGHTS, "srnf"])
+
+
+def metric_of(name, resolution):
+    space = AlignedSurfaces(bodies(resolution).template, equip=False)
+    return SRNFMetric(space) if name == "srnf" else ElasticMetric(space, *WEIGHTS[name])
+
+
+def shortest(*calls, rounds=5):
+    """Return the shortest wall time of each call, the calls taking turns."""
+    times = np.full(len(calls), np.inf)
+    for _ in range(rounds):
+        for k, call in enumerate(calls):
+            begin = time.perf_counter()
+            call()
+            times[k] = min(times[k], time.perf_counter() - begin)
+    return times
+
+
+def definition_on_fields(name, metric, points):
+    """Return the NumPy definition of one distance, all that depends on one surface done before."""
+    space, areas = metric.space, metric.space.template.face_areas
+    if name == "srnf":
+        q, r = space.square_root_normals(points[:2])
+        return lambda: integrate(np.sum((q - r) ** 2, axis=-1), areas)
+    a, lam, c = WEIGHTS[name]
+    one, other = (ebin.coordinates(space.metric_field(f)) for f in points[:2])
+    n, m = space.normal_field(points[:2])
+
+    def squared_dist():
+        total = 0.0
+        if a > 0:
+            total += a * integrate(ebin.squared_dist_of_coordinates(one, other, lam), areas)
+        if c > 0:
+            total += c * integrate(sphere.squared_dist(n, m), areas)
+        return total
+
+    return squared_dist
+
+
+@each_metric
+def test_against_the_definition(benchmark, name):
+    full = not benchmark.disabled
+    resolution, n_bodies = ("full", 100) if full else ("coarse", 5)
+    points = bodies(resolution).points[:n_bodies]
+    n_pairs = n_bodies * (n_bodies - 1) // 2
+    metric = metric_of(name, resolution)
+    # Few enough pairs that a run takes milliseconds, as one of the definition does.
+    features = metric.features(points[:24], "single")
+    n_timed = len(features[0]) * (len(features[0]) - 1) // 2
+    metric.dist_pairwise(points)  # compiles and loads
+    on_fields = definition_on_fields(name, metric, points)
+    assert np.sqrt(on_fields()) == pytest.approx(metric.dist(points[0], points[1]), rel=1e-12)
+
+    times = shortest(
+        lambda: metric.squared_dist_of_features(features, features),
+        lambda: metric.squared_dist_of_features(features, features, n_jobs=2),
+        on_fields,
+        lambda: metric.dist(points[0], points[1]),
+        lambda: metric.dist_pairwise(points),
+        lambda: metric.dist_pairwise(points, n_jobs=2),
+        rounds=15 if full else 1,
+    )
+    one, two = 1e6 * times[:2] / n_timed
+    fields, vertices = 1e6 * times[2:4]
+    print(
+        f"\n{name:7} {resolution}: {one:.2f} us a pair, {two:.2f} with two threads "
+        f"({one / two:.2f} times as fast); definition {fields:.0f} us on fields, {vertices:.0f} us "
+        f"on vertices: ratios {fields / one:.0f} and {vertices / one:.0f}, with two threads "
+        f"{fields / two:.0f} and {vertices / two:.0f}; {n_pairs:,} pairs from raw vertices "
+        f"{times[4]:.3f} s, with two threads {times[5]:.3f} s"
+    )
+    benchmark.pedantic(lambda: metric.dist_pairwise(points, n_jobs=2), rounds=3)
+    if full:
+        assert name not in ("pose", "shape") or fields >= 40 * min(one, two)
+        assert times[5] <= 0.5
+
+
+def exponent(sizes, times):
+    return np.polyfit(np.log(sizes), np.log(times), 1)[0]
+
+
+@each_metric
+def test_growth(benchmark, name):
+    full = not benchmark.disabled
+    counts = (25, 50, 100) if full else (3, 6)
+    metrics = {r: metric_of(name, r) for r in (("coarse", "full") if full else ("coarse",))}
+    finest = list(metrics)[-1]
+    features = {
+        r: metric.features(bodies(r).points[: counts[-1]], "single")
+        for r, metric in metrics.items()
+    }
+
+    def all_pairs(resolution, count):
+        part = tuple(feature[:count] for feature in features[resolution])
+        return lambda: metrics[resolution].squared_dist_of_features(part, part)
+
+    with_bodies = shortest(*(all_pairs(finest, count) for count in counts))
+    line = f"\n{name:7} time grows as n^{exponent(counts, with_bodies):.2f} with bodies"
+    if full:
+        triangles = [metric.space.template.n_faces for metric in metrics.values()]
+        times = shortest(*(all_pairs(r, counts[-1]) for r in metrics))
+        line += f", as F^{exponent(triangles, times):.2f} with triangles"
+    print(line)
+    benchmark.pedantic(all_pairs(finest, counts[-1]), rounds=3)
+
+
+def test_memory(benchmark):
+    full = not benchmark.disabled
+    resolution, n_bodies = ("full", 100) if full else ("coarse", 12)
+    points, metric = bodies(resolution).points[:n_bodies], metric_of("mixed", resolution)
+    a_body = sum(array.nbytes for array in metric.features(points[:1], "single"))
+    metric.dist_pairwise(points[:2])
+    whole = None
+    for share in (1.0, 0.5, 0.1):
+        tracemalloc.start()
+        matrix = metric.dist_pairwise(points, memory=int(share * n_bodies * a_body))
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        print(
+            f"\n{n_bodies} bodies {resolution}, budget {share * n_bodies * a_body / 2**20:.1f} MiB:"
+            f" peak {peak / 2**20:.1f} MiB",
+            end="",
+        )
+        whole = matrix if whole is None else whole
+        np.testing.assert_array_equal(matrix, whole)
+        # Beside the features: the surfaces of the slice being read, and the table.
+        assert peak <= share * n_bodies * (a_body + 2 * points[0].nbytes) + 2 * 2**20
+    benchmark.pedantic(lambda: metric.dist_pairwise(points), rounds=1)
+
+
+FIRST_CALL = """
+import time
+begin = time.perf_counter()
+import riemhuman
+imported = time.perf_counter()
+from riemhuman.datasets import load_open_bodies
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+bodies = load_open_bodies({resolution!r})
+metric = ElasticMetric(AlignedSurfaces(bodies.template), 0.0, 0.0, 1.0)
+ready = time.perf_counter()
+metric.dist(bodies.points[0], bodies.points[1])
+first = time.perf_counter()
+metric.dist_pairwise(bodies.points[:3])
+print(imported - begin, first - ready, time.perf_counter() - first)
+"""
+
+
+def test_first_call_in_a_fresh_process(benchmark):
+    resolution = "coarse" if benchmark.disabled else "full"
+
+    def run():
+        code = FIRST_CALL.format(resolution=resolution)
+        result = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        )
+        return [float(word) for word in result.stdout.split()]
+
+    benchmark.pedantic(run, rounds=1)
+    times = np.min([run() for _ in range(1 if benchmark.disabled else 5)], axis=0)
+    print(
+        f"\nfresh process: import {times[0]:.3f} s, first distance {times[1]:.3f} s, then the "
+        f"first table {times[2]:.3f} s (loads the compiled loops)"
+    )
+    if not benchmark.disabled:
+        assert times[0] <= 0.6
+        assert times[1] <= 0.3

@@ -1,0 +1,344 @@
+"""Tables of distances: exact to what is promised, the same bits however they are computed."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from cases import CASES, HalfPlane, HyperbolicDistance, deformations, sphere_template, surfaces
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.bulk_metric import BulkMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import squared_dist_rectangle
+from riemhuman.geometry.srnf import SRNFMetric
+
+WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
+each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+
+
+def metric_of(template, weights):
+    space = AlignedSurfaces(template, equip=False)
+    return SRNFMetric(space) if weights == "srnf" else ElasticMetric(space, *weights)
+
+
+def by_definition(metric, points):
+    """Return the matrix of `dist`."""
+    matrix = np.zeros((len(points), len(points)))
+    for i in range(len(points)):
+        for j in range(i):
+            matrix[i, j] = matrix[j, i] = metric.dist(points[i], points[j])
+    return matrix
+
+
+def check_against_definition(metric, points, single=1e-5, double=1e-10):
+    expected = by_definition(metric, points)
+    assert np.all(np.isfinite(expected))
+    for precision, tolerance in (("single", single), ("double", double)):
+        found = metric.dist_pairwise(points, precision=precision)
+        np.testing.assert_allclose(found, expected, rtol=tolerance, atol=0)
+
+
+# The embedded bodies.
+
+
+@each_metric
+def test_embedded_bodies(weights):
+    bodies = load_open_bodies("coarse")
+    metric = metric_of(bodies.template, weights)
+    check_against_definition(metric, bodies.points[::9])
+    single = metric.dist_pairwise(bodies.points)
+    double = metric.dist_pairwise(bodies.points, precision="double")
+    np.testing.assert_allclose(single, double, rtol=1e-5, atol=0)
+
+
+@pytest.mark.slow
+@each_metric
+def test_embedded_bodies_at_full_resolution(weights):
+    bodies = load_open_bodies("full")
+    metric = metric_of(bodies.template, weights)
+    check_against_definition(metric, bodies.points[::19])
+    single = metric.dist_pairwise(bodies.points)
+    double = metric.dist_pairwise(bodies.points, precision="double")
+    np.testing.assert_allclose(single, double, rtol=1e-5, atol=0)
+
+
+# Pairs too close for single precision, and other hard ones.
+
+TEMPLATE = sphere_template(2)
+
+
+def near_duplicates(template):
+    """Return a surface, the same again, and disturbed by less and less."""
+    f = surfaces(template, 1, rng=1)[0]
+    noise = np.random.default_rng(2).standard_normal((7, *f.shape))
+    return np.stack([f, f, *(f + 10.0**-k * noise[k - 3] for k in range(3, 10))])
+
+
+@pytest.mark.parametrize(
+    "weights", [*WEIGHTS, (1.0, 1e-8, 0.0), (1.0, 1e4, 0.0), (1.0, 1e-8, 1e-6)], ids=str
+)
+def test_near_duplicates(weights):
+    metric, points = metric_of(TEMPLATE, weights), near_duplicates(TEMPLATE)
+    # The definition itself has rounding errors of 1e-15 in the surfaces to contend with.
+    check_against_definition(metric, points, double=1e-5)
+    for precision in ("single", "double"):
+        assert metric.dist_pairwise(points, precision=precision)[0, 1] == 0.0
+        assert metric.cdist(points[:1], points[1:2], precision=precision) == 0.0
+
+
+@each_metric
+def test_near_duplicates_are_beyond_single_precision(weights):
+    """Without the second look in double precision, the bound would not hold."""
+    metric, points = metric_of(TEMPLATE, weights), near_duplicates(TEMPLATE)
+    features = metric.features(points, "single")
+    squared = metric.squared_dist_of_features(features, features)
+    expected = by_definition(metric, points)
+    errors = np.abs(np.sqrt(squared[0, 2:]) / expected[0, 2:] - 1)
+    assert errors.max() > 1e-4
+    close = squared_dist_rectangle(metric, features, features, points, points)
+    np.testing.assert_allclose(np.sqrt(close), expected, rtol=1e-5, atol=0)
+
+
+def test_near_duplicates_of_bodies():
+    bodies = load_open_bodies("coarse")
+    noise = np.random.default_rng(3).standard_normal((7, *bodies.points[0].shape))
+    points = np.stack(
+        [bodies.points[0], *(bodies.points[0] + 10.0**-k * noise[k - 3] for k in range(3, 10))]
+    )
+    for weights in WEIGHTS:
+        check_against_definition(metric_of(bodies.template, weights), points, double=1e-5)
+
+
+@pytest.mark.parametrize("lam", np.logspace(-8, 4, 13))
+def test_all_lambdas(lam):
+    points = surfaces(TEMPLATE, 5, rng=4)
+    check_against_definition(metric_of(TEMPLATE, (1.0, lam, 0.0)), points)
+
+
+@each_metric
+def test_bodies_far_apart_in_scale(weights):
+    scales = np.array([1e-25, 1e-12, 1e-3, 1.0, 1e3, 1e12])
+    points = scales[:, None, None] * surfaces(TEMPLATE, 6, rng=5)
+    check_against_definition(metric_of(TEMPLATE, weights), points)
+
+
+@each_metric
+def test_templates_of_other_units(weights):
+    for unit in (1e-9, 1e6):
+        template = type(TEMPLATE)(unit * TEMPLATE.vertices, TEMPLATE.faces)
+        check_against_definition(metric_of(template, weights), unit * surfaces(TEMPLATE, 3, rng=6))
+
+
+@each_metric
+def test_slivers(weights):
+    """Triangles pressed to a hundredth, a millionth and less of their height."""
+    points = surfaces(TEMPLATE, 5, rng=7)
+    for k, height in enumerate([1e-2, 1e-4, 1e-6]):
+        one, two, three = TEMPLATE.faces[40 * k]
+        foot = 0.6 * points[2:, one] + 0.4 * points[2:, two]
+        points[2:, three] = foot + height * (points[2:, three] - foot)
+    check_against_definition(metric_of(TEMPLATE, weights), points, double=1e-8)
+
+
+def test_triangles_without_area():
+    points = surfaces(TEMPLATE, 4, rng=8)
+    points[1, TEMPLATE.faces[3]] = points[1, TEMPLATE.faces[3, 0]]
+    points[3] = 0.0
+    for weights in ((1.0, 1e-4, 0.0), (1.0, 1.0, 0.0), "srnf"):
+        check_against_definition(metric_of(TEMPLATE, weights), points)
+    for weights in ((0.0, 0.0, 1.0), (1.0, 1.0, 1.0)):
+        metric = metric_of(TEMPLATE, weights)
+        with pytest.raises(DegenerateSurfaceError, match=r"triangle \d+ of item \(1,\)"):
+            metric.dist_pairwise(points)
+        with pytest.raises(DegenerateSurfaceError, match=r"points_b\[1:2\]: .*item \(0,\)"):
+            metric.cdist(points[:1], points, memory=1)
+
+
+# The same bits however the table is computed.
+
+
+@each_metric
+def test_bits_do_not_depend_on_threads_blocks_or_company(weights, monkeypatch):
+    metric, points = metric_of(TEMPLATE, weights), surfaces(TEMPLATE, 9, rng=9)
+    points[5] = points[4] + 1e-7 * points[3]
+    whole = metric.dist_pairwise(points)
+    np.testing.assert_array_equal(metric.dist_pairwise(points, n_jobs=2), whole)
+    np.testing.assert_array_equal(metric.cdist(points, points[::-1])[:, ::-1], whole)
+    np.testing.assert_array_equal(metric.cdist(points[2:5], points[5:]), whole[2:5, 5:])
+    size = sum(array.nbytes for array in metric.features(points[:1], "single"))
+    for memory in (1, 4 * size, 8 * size, 9 * size):
+        np.testing.assert_array_equal(metric.dist_pairwise(points, memory=memory), whole)
+        np.testing.assert_array_equal(
+            metric.cdist(points[:4], points, n_jobs=2, memory=memory), whole[:4]
+        )
+    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 2)
+    np.testing.assert_array_equal(metric.dist_pairwise(points), whole)
+    monkeypatch.setattr("riemhuman.geometry.pairwise._CLOSE_BLOCK", 1)
+    np.testing.assert_array_equal(metric.dist_pairwise(points), whole)
+
+
+# Points and memory.
+
+
+class Asked:
+    """A sequence of points that remembers the longest slice it was asked for."""
+
+    def __init__(self, points):
+        self.points, self.longest = points, 0
+
+    def __len__(self):
+        return len(self.points)
+
+    def __getitem__(self, index):
+        part = self.points[index]
+        if isinstance(index, slice):
+            self.longest = max(self.longest, len(part))
+        return part
+
+
+def test_points_are_sliced_as_the_budget_allows(tmp_path, monkeypatch):
+    metric, points = metric_of(TEMPLATE, (0.0, 0.0, 1.0)), surfaces(TEMPLATE, 12, rng=10)
+    whole = metric.dist_pairwise(points)
+    size = sum(array.nbytes for array in metric.features(points[:1], "single"))
+    asked = Asked(points)
+    np.testing.assert_array_equal(metric.dist_pairwise(asked, memory=6 * size), whole)
+    assert asked.longest == 3
+    np.testing.assert_array_equal(metric.dist_pairwise(asked), whole)
+    assert asked.longest == 12
+    np.save(tmp_path / "points.npy", points)
+    mapped = np.load(tmp_path / "points.npy", mmap_mode="r")
+    np.testing.assert_array_equal(metric.dist_pairwise(mapped, memory=6 * size), whole)
+    np.testing.assert_array_equal(metric.cdist(list(points), mapped), whole)
+    np.testing.assert_array_equal(metric.cdist(points[:0], mapped), np.zeros((0, 12)))
+    # However much the budget allows, few points are looked at together.
+    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 5)
+    asked = Asked(points)
+    np.testing.assert_array_equal(metric.dist_pairwise(asked, memory=11 * size), whole)
+    assert asked.longest == 5
+
+
+def test_features_are_those_of_the_points_in_their_order():
+    for name in ("mixed sphere", "srnf open", "product", "flat", "edges", "half-plane, distance"):
+        case = CASES[name]
+        features = case.metric.features(case.points, "single")
+        assert len(features) == case.metric.n_feature_arrays
+        for feature in features:
+            assert len(feature) == len(case.points)
+            assert feature.flags.c_contiguous
+        second = case.metric.features(case.points[1:2], "single")
+        for feature, alone in zip(features, second, strict=True):
+            np.testing.assert_array_equal(feature[1:2], alone)
+        assert case.metric.rounding(features).shape == (4,)
+
+
+def test_progress_is_shown_on_demand(capsys):
+    case = CASES["pose triangle"]
+    case.metric.dist_pairwise(case.points)
+    assert capsys.readouterr().err == ""
+    case.metric.dist_pairwise(case.points, progress=True)
+    assert "6/6" in capsys.readouterr().err
+    case.metric.cdist(case.points[:3], case.points, progress=True)
+    assert "12/12" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"precision": "half"}, "precision must be one of 'single', 'double'; found 'half'"),
+        ({"memory": 0}, "memory must be a whole number of at least 1; found 0"),
+        ({"n_jobs": 0}, "n_jobs must be -1, or at least 1; found 0"),
+    ],
+)
+def test_bad_options(options, message):
+    case = CASES["pose triangle"]
+    for name in ("pose triangle", "half-plane, distance"):
+        case = CASES[name]
+        with pytest.raises(ArgumentError, match=message):
+            case.metric.dist_pairwise(case.points, **options)
+        with pytest.raises(ArgumentError, match=message):
+            case.metric.cdist(case.points, case.points, **options)
+
+
+def test_bad_sets_of_points():
+    metric, points = CASES["pose triangle"].metric, CASES["pose triangle"].points
+    spoilt = points.copy()
+    spoilt[2, 0, 0] = np.nan
+    for wrong, message in ((points[0], "points_b must have shape"), (spoilt, "points_b holds 1")):
+        with pytest.raises(ArgumentError, match=message):
+            metric.cdist(points, wrong)
+    with pytest.raises(ArgumentError, match="precision must be"):
+        metric.features(points, "quadruple")
+
+
+# Metrics of users.
+
+
+def test_a_squared_distance_alone_is_enough():
+    space = HalfPlane()
+    metric, points = HyperbolicDistance(space), space.random_point(7, rng=11)
+    expected = metric.dist(points[:, None], points[None])
+    np.testing.assert_allclose(metric.dist_pairwise(points, n_jobs=2), expected, rtol=1e-12)
+    np.testing.assert_array_equal(
+        metric.cdist(points[:2], points, memory=1), metric.dist_pairwise(points)[:2]
+    )
+
+
+def test_compiled_loops_need_to_be_named():
+    metric = BulkMetric(HalfPlane())
+    points = HalfPlane().random_point(2)
+    with pytest.raises(TypeError, match="BulkMetric must say what its features are"):
+        metric.features(points)
+    with pytest.raises(TypeError, match="BulkMetric must say what the distances"):
+        metric.squared_dist_of_features((points, points), (points, points))
+
+
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_interruption_ends_the_work(n_jobs):
+    class Interrupted(RiemannianMetric):
+        calls = 0
+
+        def squared_dist(self, point_a, point_b):
+            self.calls += 1
+            if self.calls == 3:
+                raise KeyboardInterrupt
+            return 1.0
+
+    metric = Interrupted(HalfPlane())
+    with pytest.raises(KeyboardInterrupt):
+        metric.dist_pairwise(HalfPlane().random_point(200), n_jobs=n_jobs)
+    assert metric.calls < 10_000
+
+
+# Single distances compile nothing.
+
+FIRST_CALL = """
+import sys
+from riemhuman.datasets import load_open_bodies
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+bodies = load_open_bodies("coarse")
+for weights in ((1.0, 1e-4, 0.0), (0.0, 0.0, 1.0)):
+    metric = ElasticMetric(AlignedSurfaces(bodies.template), *weights)
+    metric.dist(bodies.points[0], bodies.points[1])
+print("numba" in sys.modules)
+"""
+
+
+def test_a_single_distance_does_not_load_numba():
+    result = subprocess.run([sys.executable, "-c", FIRST_CALL], capture_output=True, text=True)
+    assert result.returncode == 0, result.stderr
+    assert result.stdout.strip() == "False"
+
+
+def test_deformations_of_all_sizes_are_within_the_bound():
+    """Around the switch from single to double precision nothing jumps."""
+    template = sphere_template(1)
+    f, step = surfaces(template, 1, rng=12)[0], deformations(template, 1, rng=13)[0]
+    points = np.stack([f, *(f + size * step for size in np.logspace(-6, -1, 40))])
+    for weights in WEIGHTS:
+        metric = metric_of(template, weights)
+        expected = [metric.dist(f, g) for g in points[1:]]
+        found = metric.cdist(points[:1], points[1:])[0]
+        np.testing.assert_allclose(found, expected, rtol=1e-5)

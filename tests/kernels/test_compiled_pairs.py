@@ -1,0 +1,258 @@
+"""The compiled distances of pairs: their polynomials against mpmath, their sums against NumPy."""
+
+import numba
+import numpy as np
+import pytest
+from mpmath import mp
+
+from riemhuman.kernels import compiled_features, compiled_pairs, ebin, sphere
+from riemhuman.kernels.compiled_pairs import half_angle_sine_squared, squared_angle
+
+PRECISIONS = {"single": np.float32, "double": np.float64}
+each_precision = pytest.mark.parametrize("precision", PRECISIONS)
+ROUNDING = {name: float(np.finfo(real).eps) for name, real in PRECISIONS.items()}
+
+
+def relative_errors(function, exact, arguments, real):
+    """Return the relative errors of a function at arguments rounded to a precision."""
+    arguments = np.asarray(arguments).astype(real)
+    found = np.array([function(x) for x in arguments], dtype=np.float64)
+    with mp.workdps(40):
+        expected = np.array([float(exact(mp.mpf(float(x)))) for x in arguments])
+    return np.abs(found - expected) / np.abs(expected)
+
+
+def polynomial(evaluate):
+    return numba.njit(lambda x: evaluate(x))
+
+
+# The arc functions over the whole of their range.
+
+
+@each_precision
+def test_arc_polynomial(precision):
+    arc = polynomial(compiled_pairs._arc)
+    chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
+    errors = relative_errors(
+        arc, lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2 / p, chords, PRECISIONS[precision]
+    )
+    assert errors.max() < 2 * ROUNDING[precision]
+
+
+@each_precision
+def test_sine_polynomial(precision):
+    sine = polynomial(compiled_pairs._sine)
+    squares = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, np.pi**2 / 4, 2000)])
+    errors = relative_errors(
+        sine, lambda t: mp.sin(mp.sqrt(t)) ** 2 / t, squares, PRECISIONS[precision]
+    )
+    # The terms of the polynomial cancel towards its end.
+    assert errors.max() < 4 * ROUNDING[precision]
+
+
+@each_precision
+def test_logarithm_polynomial(precision):
+    logarithm = polynomial(compiled_pairs._logarithm)
+    fractions = np.linspace(np.sqrt(0.5) - 1, np.sqrt(2) - 1, 2001)
+    errors = relative_errors(
+        logarithm, lambda f: mp.log(1 + f) / f, fractions, PRECISIONS[precision]
+    )
+    assert errors.max() < 3 * ROUNDING[precision]
+
+
+@each_precision
+@pytest.mark.parametrize("lam", [1e-8, 1e-4, 0.02, 1.0, 1e4])
+def test_half_angle_over_its_whole_range(precision, lam):
+    real = PRECISIONS[precision]
+    half_kappa = real(0.25 / np.sqrt(2.0 * lam))
+    excesses = np.logspace(-28, 18, 1500)
+
+    def exact(m):
+        # ℓ = 2 asinh √(m/2), the half-angle rounded as it is handed over.
+        half = mp.mpf(float(half_kappa)) * 2 * mp.asinh(mp.sqrt(m / 2))
+        return mp.sin(min(half, mp.pi / 2)) ** 2
+
+    errors = relative_errors(
+        lambda m: half_angle_sine_squared(m, half_kappa), exact, excesses, real
+    )
+    assert errors.max() < 16 * ROUNDING[precision]
+    assert half_angle_sine_squared(real(0.0), half_kappa) == 0.0
+
+
+def test_half_angle_beyond_the_largest_number_is_told():
+    assert np.isnan(half_angle_sine_squared(np.float32(1e25), np.float32(0.1)))
+    assert half_angle_sine_squared(1e25, 0.001) < 1.0
+
+
+def pairs_of_unit_vectors(real):
+    """Return pairs at angles of all sizes, near 0, π/2 and π too."""
+    rng = np.random.default_rng(0)
+    first = rng.standard_normal((4000, 3))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    across = np.cross(first, rng.standard_normal((4000, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    small = np.logspace(-3, -1, 1000)
+    angles = np.concatenate(
+        [rng.uniform(0, np.pi, 1000), small, np.pi / 2 + small - 0.05, np.pi - small]
+    )[:, None]
+    second = np.cos(angles) * first + np.sin(angles) * across
+    return first.astype(real), second.astype(real)
+
+
+@each_precision
+def test_squared_angle(precision):
+    first, second = pairs_of_unit_vectors(PRECISIONS[precision])
+    found = np.array([squared_angle(*a, *b) for a, b in zip(first, second, strict=True)])
+    a, b = first.astype(np.longdouble), second.astype(np.longdouble)
+    norms = [np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b)]
+    a, b = a / norms[0], b / norms[1]
+    gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
+    expected = (2 * np.arctan2(gap, total)).astype(np.float64)
+    # Lengths of vectors are 1 up to rounding.
+    assert np.abs(np.sqrt(found) - expected).max() < 4 * ROUNDING[precision]
+
+
+@each_precision
+def test_angles_at_the_ends(precision):
+    real = PRECISIONS[precision]
+    n = np.array([0.6, -0.48, 0.64], dtype=real)
+    assert squared_angle(*n, *n) == 0.0
+    assert squared_angle(*n, *-n) == pytest.approx(np.pi**2, rel=2 * ROUNDING[precision])
+
+
+# Sums over pairs.
+
+F = 1290  # two chunks and a piece
+
+
+def metric_fields(n, rng):
+    rng = np.random.default_rng(rng)
+    x, s = rng.uniform(-1, 1, (n, F)), rng.uniform(0, 1.5, (n, F))
+    s[:, 7] = 0.0
+    return x, np.exp(rng.uniform(-1, 1, (n, F))), s
+
+
+def unit_normals(n, rng):
+    normals = np.random.default_rng(rng).standard_normal((n, F, 3))
+    return normals / np.linalg.norm(normals, axis=2, keepdims=True)
+
+
+WEIGHTS = np.random.default_rng(3).uniform(0.0, 1e-3, F)
+
+
+def ebin_pairs(precision, n_a=23, n_b=11, n_threads=1):
+    a, b = (
+        compiled_features.metric_field_features(*metric_fields(n, n), WEIGHTS, 0.3, precision)[0]
+        for n in (n_a, n_b)
+    )
+    return a, b, lambda a, b, k=n_threads: compiled_pairs.ebin_distances(a, b, 0.3, k)
+
+
+def normal_pairs(precision, n_a=23, n_b=11, n_threads=1):
+    a, b = (
+        compiled_features.normal_features(unit_normals(n, n), WEIGHTS, precision)[0]
+        for n in (n_a, n_b)
+    )
+    return a, b, lambda a, b, k=n_threads: compiled_pairs.normal_distances(a, b, WEIGHTS, k)
+
+
+def flat_pairs(precision, n_a=23, n_b=11, n_threads=1):
+    a, b = (
+        compiled_features.vector_features(metric_fields(n, n)[0], WEIGHTS, precision)[0]
+        for n in (n_a, n_b)
+    )
+    return a, b, lambda a, b, k=n_threads: compiled_pairs.flat_distances(a, b, k)
+
+
+def exact_ebin(n_a, n_b):
+    a, b = metric_fields(n_a, n_a), metric_fields(n_b, n_b)
+    pairs = [v[:, None] for v in a], [v[None] for v in b]
+    return np.sum(WEIGHTS * ebin.squared_dist_of_coordinates(*pairs, 0.3), axis=-1)
+
+
+def exact_normal(n_a, n_b):
+    a, b = unit_normals(n_a, n_a), unit_normals(n_b, n_b)
+    return np.sum(WEIGHTS * sphere.squared_dist(a[:, None], b[None]), axis=-1)
+
+
+def exact_flat(n_a, n_b):
+    a, b = metric_fields(n_a, n_a)[0], metric_fields(n_b, n_b)[0]
+    return np.sum(WEIGHTS * (a[:, None] - b[None]) ** 2, axis=-1)
+
+
+KERNELS = {
+    "ebin": (ebin_pairs, exact_ebin),
+    "normal": (normal_pairs, exact_normal),
+    "flat": (flat_pairs, exact_flat),
+}
+each_kernel = pytest.mark.parametrize("name", KERNELS)
+
+
+@each_kernel
+@each_precision
+def test_sums_agree_with_numpy(name, precision):
+    build, exact = KERNELS[name]
+    a, b, distances = build(precision)
+    tolerance = {"single": 1e-6, "double": 1e-14}[precision]
+    np.testing.assert_allclose(distances(a, b), exact(23, 11), rtol=tolerance)
+
+
+@each_kernel
+@each_precision
+def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
+    """Threads, tiles, neighbours and the order of a pair leave its distance alone."""
+    a, b, distances = KERNELS[name][0](precision)
+    whole = distances(a, b)
+    np.testing.assert_array_equal(distances(a, b, 2), whole)
+    np.testing.assert_array_equal(distances(b, a).T, whole)
+    np.testing.assert_array_equal(distances(a[5:9], b[3:4]), whole[5:9, 3:4])
+    np.testing.assert_array_equal(distances(np.asfortranarray(a), b[:]), whole)
+    within = distances(a, a)
+    np.testing.assert_array_equal(within, distances(a, a.copy()))
+    np.testing.assert_array_equal(within, within.T)
+    np.testing.assert_array_equal(np.diag(within), 0.0)
+    monkeypatch.setattr(compiled_pairs, "_TILE_WORK", 1)
+    np.testing.assert_array_equal(distances(a, b), whole)
+    np.testing.assert_array_equal(distances(a, a, 2), within)
+
+
+@each_kernel
+def test_empty_sets(name):
+    a, b, distances = KERNELS[name][0]("single")
+    assert distances(a[:0], b).shape == (0, 11)
+    assert distances(a, b[:0]).shape == (23, 0)
+
+
+# What rounding of the features comes to.
+
+
+@pytest.mark.parametrize("lam", [1e-8, 1e-4, 1.0, 1e4])
+def test_rounding_bounds_the_distance_to_what_is_kept(lam):
+    x, y, s = metric_fields(3, 0)
+    double, _ = compiled_features.metric_field_features(x, y, s, WEIGHTS, lam, "double")
+    single, rounding = compiled_features.metric_field_features(x, y, s, WEIGHTS, lam, "single")
+    gaps = np.sqrt(np.diag(compiled_pairs.ebin_distances(double, single.astype(float), lam)))
+    assert np.all(gaps <= rounding * (1 + 1e-6))
+    # The bound is no waste either.
+    assert np.all(rounding < 1.5 * gaps)
+
+
+def test_rounding_of_normals_and_vectors():
+    normals = unit_normals(3, 0)
+    single, rounding = compiled_features.normal_features(normals, WEIGHTS, "single")
+    chords = np.sum((np.swapaxes(normals, 1, 2) - single[:, :, :F]) ** 2, axis=1)
+    np.testing.assert_allclose(rounding**2, 2.0 * chords @ WEIGHTS, rtol=1e-12)
+    single, rounding = compiled_features.vector_features(normals[:, :, 0], WEIGHTS, "single")
+    gaps = np.sum((np.sqrt(WEIGHTS) * normals[:, :, 0] - single[:, :F]) ** 2, axis=1)
+    np.testing.assert_allclose(rounding**2, gaps, rtol=1e-12)
+
+
+def test_what_single_precision_has_no_room_for_is_told():
+    x, y, s = metric_fields(4, 0)
+    x[0, 3], y[1, 3], y[2, 3] = 1e17, 1e-17, 1e17
+    _, rounding = compiled_features.metric_field_features(x, y, s, WEIGHTS, 1.0, "single")
+    assert np.isinf(rounding).tolist() == [True, True, True, False]
+    _, rounding = compiled_features.vector_features(np.array([[1e17], [1.0]]), np.ones(1), "single")
+    assert np.isinf(rounding).tolist() == [True, False]
+    _, rounding = compiled_features.metric_field_features(x, y, s, WEIGHTS, 1.0, "double")
+    np.testing.assert_array_equal(rounding, 0.0)
