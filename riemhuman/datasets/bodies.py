@@ -36,11 +36,14 @@ class Bodies:
         Axis-angle joint rotations in radians, where known.
     translations : array_like, shape (n, 3), optional
         Translations in metres, where known.
+    ids : tuple of str
+        What each surface is called, for instance its file; by default its number, from 0.
 
     Raises
     ------
     ArgumentError
-        If the lengths disagree, an index has no name, or an entry is not finite.
+        If the lengths disagree, an index has no name, two surfaces are called alike, or an entry
+        is not finite.
     """
 
     points: np.ndarray
@@ -53,6 +56,7 @@ class Bodies:
     betas: np.ndarray | None = None
     pose_vectors: np.ndarray | None = None
     translations: np.ndarray | None = None
+    ids: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         points = real_array(
@@ -77,6 +81,14 @@ class Bodies:
             if getattr(self, name) is not None:
                 array = real_array(getattr(self, name), name, (len(points), *shape), batched=False)
                 self._keep(**{name: array})
+
+        ids = tuple(str(name) for name in (self.ids or range(len(points))))
+        if len(ids) != len(points) or len(set(ids)) < len(ids):
+            raise ArgumentError(
+                f"ids must be as many different names as there are surfaces, {len(points)}; found "
+                f"{len(ids)}, {len(set(ids))} of them different"
+            )
+        self._keep(ids=ids)
 
     def __len__(self) -> int:
         """Return the number of surfaces."""

@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces.mesh_arrays import face_difference
-from riemhuman.surfaces.mesh_files import load_mesh
+from riemhuman.datasets.registered_meshes import (
+    MESH_ENDINGS,
+    check_template,
+    existing_folder,
+    load_registered,
+)
+from riemhuman.errors import FileError
 from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
 from riemhuman.surfaces.template import Template
 
 _N_SUBJECTS = 10
 _N_POSES = 10
 _LEVELS = (".", "registrations", "training/registrations", "MPI-FAUST/training/registrations")
-# In order of preference, should a registration be there more than once.
-_ENDINGS = (".ply", ".obj", ".off")
 
 
 def load_faust(
@@ -75,13 +77,13 @@ def load_faust(
     if not allow_missing:
         _refuse_missing(files)
     numbers = np.array(sorted(files))
-    points, faces = _read_alike([files[number] for number in numbers])
+    points, faces = load_registered([files[number] for number in numbers])
 
     if template is None:
         aligned, mean = generalized_procrustes(points)
         template = Template(mean, faces)
     else:
-        _check_template(template, points, faces)
+        check_template(template, points, faces)
         aligned = procrustes(points, to=template.vertices) if align else points
     return Bodies(
         points=aligned if align else points,
@@ -90,26 +92,20 @@ def load_faust(
         template=template,
         subject_names=tuple(f"subject {i}" for i in range(_N_SUBJECTS)),
         pose_names=tuple(f"pose {i}" for i in range(_N_POSES)),
+        ids=tuple(f"tr_reg_{number:03d}" for number in numbers),
     )
 
 
 def _find_registrations(folder: str | os.PathLike[str]) -> dict[int, Path]:
     """Return the registration files by number, from the first level that holds any."""
-    try:
-        root = Path(folder).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"folder must be the path of a folder; found {folder!r}") from error
-    if not root.is_dir():
-        raise FileError(
-            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
-        )
+    root = existing_folder(folder)
     for level in _LEVELS:
         if not (root / level).is_dir():
             continue
         found: dict[int, Path] = {}
         for file in (root / level).iterdir():
             match = re.fullmatch(r"tr_reg_(0\d\d)", file.stem)
-            if match and file.suffix.lower() in _ENDINGS:
+            if match and file.suffix.lower() in MESH_ENDINGS:
                 number = int(match[1])
                 found[number] = min(found.get(number, file), file, key=_preference)
         if found:
@@ -121,7 +117,8 @@ def _find_registrations(folder: str | os.PathLike[str]) -> dict[int, Path]:
 
 
 def _preference(file: Path) -> tuple[int, str]:
-    return _ENDINGS.index(file.suffix.lower()), file.name
+    """Order the files of one registration, should it be there more than once."""
+    return MESH_ENDINGS.index(file.suffix.lower()), file.name
 
 
 def _refuse_missing(files: dict[int, Path]) -> None:
@@ -134,32 +131,3 @@ def _refuse_missing(files: dict[int, Path]) -> None:
             f"{folder}: {len(missing)} of {_N_SUBJECTS * _N_POSES} registrations are missing: "
             f"{names}{more}; allow_missing=True loads the others"
         )
-
-
-def _read_alike(files: list[Path]) -> tuple[np.ndarray, np.ndarray]:
-    """Read meshes that must share number of vertices and triangles."""
-    vertices, expected_faces = load_mesh(files[0])
-    points = np.empty((len(files), *vertices.shape))
-    for index, file in enumerate(files):
-        vertices, faces = load_mesh(file)
-        if vertices.shape != points.shape[1:]:
-            raise FileFormatError(
-                f"{file}: {len(vertices)} vertices found; {files[0].name} has {points.shape[1]}"
-            )
-        difference = face_difference(faces, expected_faces)
-        if difference:
-            raise FileFormatError(
-                f"{file}: triangles must be those of {files[0].name}: {difference}"
-            )
-        points[index] = vertices
-    return points, expected_faces
-
-
-def _check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
-    if template.n_vertices != points.shape[1]:
-        raise ArgumentError(
-            f"template has {template.n_vertices} vertices; the registrations have {points.shape[1]}"
-        )
-    difference = face_difference(template.faces, faces)
-    if difference:
-        raise ArgumentError(f"template must have the triangles of the registrations: {difference}")

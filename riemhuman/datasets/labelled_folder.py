@@ -12,13 +12,13 @@ import numpy as np
 
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.registered_meshes import (
+    check_template,
     existing_folder,
     find_meshes,
     load_registered,
     natural_key,
 )
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces.mesh_arrays import face_difference
+from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
 from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
 from riemhuman.surfaces.template import Template
 
@@ -87,7 +87,7 @@ def load_bodies(
         aligned, mean = generalized_procrustes(points)
         template = Template(mean, faces)
     else:
-        _check_template(template, points, faces)
+        check_template(template, points, faces)
         aligned = procrustes(points, to=template.vertices)
     subject, subject_names = _numbered([row.subject for row in rows])
     pose, pose_names = _numbered([row.pose for row in rows])
@@ -98,6 +98,7 @@ def load_bodies(
         template=template,
         subject_names=subject_names,
         pose_names=pose_names,
+        ids=tuple(file.stem for file in files),
     )
 
 
@@ -206,13 +207,3 @@ def _numbered(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
     names = sorted(set(labels), key=natural_key)
     numbers = {name: number for number, name in enumerate(names)}
     return np.array([numbers[label] for label in labels], dtype=np.int64), tuple(names)
-
-
-def _check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
-    if template.n_vertices != points.shape[1]:
-        raise ArgumentError(
-            f"template has {template.n_vertices} vertices; the meshes have {points.shape[1]}"
-        )
-    difference = face_difference(template.faces, faces)
-    if difference:
-        raise ArgumentError(f"template must have the triangles of the meshes: {difference}")

@@ -14,6 +14,7 @@ import numpy as np
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
+from riemhuman.surfaces.template import Template
 
 MESH_ENDINGS = (".ply", ".obj", ".off")
 
@@ -168,6 +169,32 @@ def load_registered(
 
     numbers = tqdm(range(len(meshes)), desc="Meshes", unit="mesh")
     return np.stack([meshes[number] for number in numbers]), meshes.faces
+
+
+def check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
+    """Refuse a template that meshes are not registered to.
+
+    Parameters
+    ----------
+    template : Template
+        The template.
+    points : array, shape (n, V, 3)
+        Vertices of the meshes.
+    faces : array of int, shape (F, 3)
+        Their triangles.
+
+    Raises
+    ------
+    ArgumentError
+        If the template has other triangles or another number of vertices.
+    """
+    if template.n_vertices != points.shape[1]:
+        raise ArgumentError(
+            f"template has {template.n_vertices} vertices; the meshes have {points.shape[1]}"
+        )
+    difference = face_difference(template.faces, faces)
+    if difference:
+        raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
 
 
 def existing_folder(folder: str | os.PathLike[str]) -> Path:

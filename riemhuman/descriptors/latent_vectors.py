@@ -202,7 +202,8 @@ class LatentVectors(Descriptor):
         Parameters
         ----------
         bodies : object
-            A data set; its field ``ids`` names the bodies. Without one, they are numbered from 0.
+            A data set; its field ``ids`` names the bodies. Vectors whose ids are the numbers of
+            the bodies, from 0, go by these.
         n_jobs : int, optional
             Not used.
 
@@ -215,8 +216,9 @@ class LatentVectors(Descriptor):
         ArgumentError
             If a body has no vector; the message names every such body.
         """
-        ids = getattr(bodies, "ids", None)
-        return self.select(range(len(bodies)) if ids is None else ids).vectors
+        numbers = [str(number) for number in range(len(bodies))]
+        by_number = set(self.ids) == set(numbers)
+        return self.select(numbers if by_number else getattr(bodies, "ids", numbers)).vectors
 
 
 def _as_ids(ids: Any, name: str) -> tuple[str, ...]:

@@ -93,3 +93,11 @@ def test_labels_are_whole_numbers(name):
 def test_measurements_are_real_numbers(name):
     with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
         Bodies(**fields(**{name: "many"}))
+
+
+def test_ids():
+    assert Bodies(**fields()).ids == ("0", "1", "2", "3", "4", "5")
+    assert Bodies(**fields(ids=list("abcdef"))).ids == tuple("abcdef")
+    for ids in (list("abc"), list("abcdee")):
+        with pytest.raises(ArgumentError, match="ids must be as many different names"):
+            Bodies(**fields(ids=ids))
