@@ -1,6 +1,5 @@
 """Vectors from files: three formats, ids, and every way in which they can be wrong."""
 
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -43,14 +42,24 @@ def test_formats(tmp_path):
     assert LatentVectors.from_file(tmp_path / "f.npz").ids == ("x", "y", "z")
 
 
+class Named(list):
+    """Bodies of which the names are known."""
+
+    def __init__(self, ids):
+        super().__init__([None] * len(ids))
+        self.ids = ids
+
+
 def test_selection_follows_the_data_set():
     latent = LatentVectors(IDS, VECTORS)
     chosen = latent.select(["tr_reg_010", "tr_reg_000"])
     np.testing.assert_array_equal(chosen.vectors, VECTORS[[2, 0]])
-    bodies = SimpleNamespace(ids=["tr_reg_001", "tr_reg_010"])
+    bodies = Named(["tr_reg_001", "tr_reg_010"])
     np.testing.assert_array_equal(latent.describe_all(bodies), VECTORS[[1, 2]])
     by_number = LatentVectors(range(3), VECTORS)
     np.testing.assert_array_equal(by_number.describe_all([None, None]), VECTORS[:2])
+    # One row for each body, in order: what they are called does not matter.
+    np.testing.assert_array_equal(by_number.describe_all(Named(IDS)), VECTORS)
     np.testing.assert_allclose(latent.distances(VECTORS)[0, 2], np.hypot(1.0, 4.5))
 
 
