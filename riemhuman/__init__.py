@@ -36,6 +36,8 @@ _ROOM_OF_NAME = {
     "generalized_procrustes": "surfaces.procrustes",
     "procrustes": "surfaces.procrustes",
     "BodyModel": "bodies.body_model",
+    "NearestNeighbors": "retrieval.neighbors",
+    "pairwise_job": "jobs.pairwise",
     "FrechetMean": "solvers.frechet_mean",
     "GeometricMedian": "solvers.frechet_mean",
     "ConvergenceWarning": "errors",

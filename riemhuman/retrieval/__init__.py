@@ -1,6 +1,18 @@
 """Rankings of bodies by distance, and how well they find bodies of the same class."""
 
+from riemhuman.retrieval.benchmark import BenchmarkRecord, benchmark
+from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.scores import RetrievalScores, scores
-from riemhuman.retrieval.tables import TableRow, format_table, retrieval_table
+from riemhuman.retrieval.tables import TableRow, format_benchmark, format_table, retrieval_table
 
-__all__ = ["RetrievalScores", "TableRow", "format_table", "retrieval_table", "scores"]
+__all__ = [
+    "BenchmarkRecord",
+    "NearestNeighbors",
+    "RetrievalScores",
+    "TableRow",
+    "benchmark",
+    "format_benchmark",
+    "format_table",
+    "retrieval_table",
+    "scores",
+]

@@ -192,6 +192,10 @@ class Template:
             self.faces, self.frame_coefficients, self.differential_operator, self.face_areas
         )
 
+    def __getstate__(self) -> dict[str, Any]:
+        # What follows from the mesh is made anew where it is wanted: some of it cannot be pickled.
+        return {name: value for name, value in vars(self).items() if name.startswith("_")}
+
     def check_points(self, points: Any, name: str = "points") -> Any:
         """Return surfaces as a float64 array after checking that they fit this template.
 

@@ -1,5 +1,7 @@
 """The template: frames, areas and operators against their definitions; what it refuses."""
 
+import pickle
+
 import numpy as np
 import pytest
 import trimesh
@@ -197,3 +199,12 @@ def test_file_with_a_flat_triangle_is_no_template(tmp_path):
     save_mesh(file, [[0, 0, 0], [1, 1, 1], [2, 2, 2]], [[0, 1, 2]])
     with pytest.raises(DegenerateSurfaceError, match=r"flat\.ply: .*index 0"):
         Template.from_file(file)
+
+
+def test_a_template_can_be_sent_to_another_process(template):
+    template.interpolator, template.assembler, template.vertex_areas  # noqa: B018
+    copy = pickle.loads(pickle.dumps(template))
+    np.testing.assert_array_equal(copy.vertices, template.vertices)
+    np.testing.assert_array_equal(copy.faces, template.faces)
+    np.testing.assert_array_equal(copy.vertex_areas, template.vertex_areas)
+    assert (copy.differential_operator != template.differential_operator).nnz == 0

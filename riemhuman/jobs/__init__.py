@@ -1,0 +1,5 @@
+"""Distances of more bodies than memory holds, or than one sitting computes."""
+
+from riemhuman.jobs.pairwise import pairwise_job
+
+__all__ = ["pairwise_job"]

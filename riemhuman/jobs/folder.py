@@ -1,0 +1,362 @@
+"""The folder of a job: one process at a time, and nothing in it half-written.
+
+Every file of the folder is in one of two states, whatever moment the process was killed at. A file
+under its own name is whole: it was written, or laid out in full on the disk, under the name
+with ``.part`` behind it, and then renamed. Entries of a table are filled in place, and count
+only once the record beside it says so; records are written after the entries have been flushed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+
+MANIFEST = "manifest.json"
+LOCK = "job.lock"
+_UNFINISHED = ".part"
+
+
+class JobFolder:
+    """A folder that holds one job.
+
+    Parameters
+    ----------
+    path : path_like
+        The folder; it and its parents are made if need be, and its contents must be those of a
+        job or none.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    ArgumentError
+        If the folder holds something other than a job.
+    FileError
+        If there can be no such folder.
+    FileFormatError
+        If the manifest of the job is damaged.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        try:
+            self.path = Path(path).expanduser().absolute()
+        except TypeError as error:
+            raise ArgumentTypeError(f"folder must be the path of a folder; found {path!r}") from (
+                error
+            )
+        with self._system_errors("cannot be used as the folder of a job"):
+            self.path.mkdir(parents=True, exist_ok=True)
+            names = {entry.name for entry in self.path.iterdir()}
+        others = sorted(names - {LOCK, MANIFEST + _UNFINISHED})
+        if others and MANIFEST not in names:
+            raise ArgumentError(
+                f"folder must be empty, or hold a job begun before; {self.path} holds {others[0]}"
+                + (f" and {len(others) - 1} more" if len(others) > 1 else "")
+            )
+        if MANIFEST in names:
+            self._manifest()
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes out.
+
+        The system lets go of the lock when the process ends, however it ends.
+
+        Yields
+        ------
+        None
+
+        Raises
+        ------
+        FileError
+            If another process is at work in the folder.
+        """
+        with self._system_errors("cannot be locked"):
+            stream = (self.path / LOCK).open("a+b")
+        with stream:
+            try:
+                _lock(stream)
+            except OSError as error:
+                raise FileError(
+                    f"{self.path} is in use: another process is at work on the job in it"
+                ) from error
+            yield
+
+    def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
+        """Write what the job is and how its tables are cut, or compare with what is written there.
+
+        Parameters
+        ----------
+        described : mapping
+            What the job computes, made of what JSON keeps exactly.
+        layout : mapping
+            How its tables are cut; a job begun before keeps its own.
+
+        Returns
+        -------
+        dict
+            The layout to go by.
+
+        Raises
+        ------
+        ArgumentError
+            If the folder holds another job.
+        FileFormatError
+            If the manifest is damaged.
+        FileError
+            If the folder cannot be written.
+        """
+        file = self.path / MANIFEST
+        if not file.exists():
+            text = json.dumps({**described, "layout": dict(layout)}, indent=1)
+            with self._system_errors("cannot be written"):
+                unfinished = self.path / (MANIFEST + _UNFINISHED)
+                with unfinished.open("w", encoding="utf-8") as stream:
+                    stream.write(text)
+                    stream.flush()
+                    os.fsync(stream.fileno())
+                os.replace(unfinished, file)
+        found = self._manifest()
+        kept = found.pop("layout")
+        difference = _first_difference(dict(described), found)
+        if difference:
+            raise ArgumentError(
+                f"folder must be that of the same job; that in {self.path} differs: {difference}"
+            )
+        return kept
+
+    def exists(self, name: str) -> bool:
+        """Tell whether there is a table of this name.
+
+        Parameters
+        ----------
+        name : str
+            Name of the file.
+
+        Returns
+        -------
+        bool
+        """
+        return (self.path / name).exists()
+
+    def make_tables(self, tables: Mapping[str, tuple[tuple[int, ...], Any]]) -> None:
+        """Lay out tables of zeros in full on the disk, those that are not there yet.
+
+        Room for all their entries is taken at once, so that a disk that is too small shows before
+        anything is computed, and never later.
+
+        Parameters
+        ----------
+        tables : mapping of str to (shape, dtype)
+            The tables.
+
+        Raises
+        ------
+        FileError
+            If there is no room for them.
+        FileFormatError
+            If a table is there and has another shape or type.
+        """
+        missing = {}
+        for name, (shape, dtype) in tables.items():
+            if not self.exists(name):
+                missing[name] = (shape, np.dtype(dtype))
+                continue
+            table = self.read(name)
+            if table.shape != tuple(shape) or table.dtype != dtype:
+                raise FileFormatError(
+                    f"{self.path / name} is damaged: it must hold {dtype} of shape {shape}; found "
+                    f"{table.dtype} of shape {table.shape}"
+                )
+        with self._system_errors("cannot be written"):
+            for name in missing:
+                (self.path / (name + _UNFINISHED)).unlink(missing_ok=True)
+            needed = sum(_n_bytes(*table) for table in missing.values())
+            free = shutil.disk_usage(self.path).free
+            if needed > free:
+                raise FileError(
+                    f"{self.path} has no room for the job: {needed / 1e9:.3g} GB are needed, "
+                    f"{free / 1e9:.3g} GB are free"
+                )
+            for name, (shape, dtype) in missing.items():
+                unfinished = self.path / (name + _UNFINISHED)
+                try:
+                    _lay_out(unfinished, shape, dtype)
+                    os.replace(unfinished, self.path / name)
+                finally:
+                    unfinished.unlink(missing_ok=True)
+
+    def read(self, name: str) -> np.memmap:
+        """Open a table for reading.
+
+        Parameters
+        ----------
+        name : str
+            Name of the file.
+
+        Returns
+        -------
+        memmap
+            Read-only.
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it is no table.
+        """
+        return self._open(name, "r")
+
+    def write(self, name: str, *entries: tuple[Any, Any]) -> None:
+        """Fill entries of a table and flush them to the disk.
+
+        Parameters
+        ----------
+        name : str
+            Name of the file.
+        *entries : tuple of (index, values)
+            What goes where.
+
+        Raises
+        ------
+        FileError
+            If the disk fails.
+        """
+        # Opened anew each time: pages of a closed table count no more as memory of the process.
+        table = self._open(name, "r+")
+        with self._system_errors("cannot be written"):
+            for index, values in entries:
+                table[index] = values
+            table.flush()
+
+    def rename(self, name: str, to: str) -> None:
+        """Rename a table.
+
+        Parameters
+        ----------
+        name, to : str
+            Old and new name of the file.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be renamed.
+        """
+        with self._system_errors("cannot be written"):
+            os.replace(self.path / name, self.path / to)
+
+    def remove(self, *names: str) -> None:
+        """Remove tables, those that are there.
+
+        Parameters
+        ----------
+        *names : str
+            Names of the files.
+
+        Raises
+        ------
+        FileError
+            If a file cannot be removed.
+        """
+        with self._system_errors("cannot be written"):
+            for name in names:
+                (self.path / name).unlink(missing_ok=True)
+
+    def _manifest(self) -> dict[str, Any]:
+        file = self.path / MANIFEST
+        with self._system_errors("cannot be read"):
+            content = file.read_bytes()
+        try:
+            found = json.loads(content)
+        except ValueError as error:
+            raise FileFormatError(f"{file} is not the manifest of a job: {error}") from error
+        if not isinstance(found, dict) or not isinstance(found.get("layout"), dict):
+            raise FileFormatError(f"{file} is not the manifest of a job: it holds no layout")
+        return found
+
+    def _open(self, name: str, mode: Any) -> np.memmap:
+        file = self.path / name
+        try:
+            return np.load(file, mmap_mode=mode, allow_pickle=False)
+        except OSError as error:
+            raise FileError(f"{file} cannot be read: {error.strerror or error}") from error
+        except (ValueError, EOFError) as error:
+            raise FileFormatError(f"{file} is not a table of a job: {error}") from error
+
+    @contextmanager
+    def _system_errors(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except FileError:
+            raise
+        except OSError as error:
+            raise FileError(f"{self.path} {what}: {error.strerror or error}") from error
+
+
+def _n_bytes(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
+    size = dtype.itemsize
+    for length in shape:
+        size *= length
+    return size
+
+
+def _lay_out(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
+    """Write a table of zeros that takes all its room at once."""
+    header = {
+        "descr": np.lib.format.dtype_to_descr(dtype),
+        "fortran_order": False,
+        "shape": tuple(shape),
+    }
+    size = _n_bytes(shape, dtype)
+    with file.open("wb") as stream:
+        np.lib.format.write_array_header_1_0(stream, header)
+        stream.flush()
+        if size and hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(stream.fileno(), stream.tell(), size)
+        else:
+            # A hole in a file would make a full disk known only by a fatal signal.
+            zeros = bytes(2**20)
+            for start in range(0, size, len(zeros)):
+                stream.write(zeros[: size - start])
+            stream.flush()
+        os.fsync(stream.fileno())
+
+
+def _first_difference(wanted: Any, found: Any, where: str = "") -> str:
+    """Return in words the first place where two descriptions differ, or nothing."""
+    if isinstance(wanted, dict) and isinstance(found, dict):
+        for key in [*wanted, *(key for key in found if key not in wanted)]:
+            difference = _first_difference(
+                wanted.get(key), found.get(key), f"{where}.{key}" if where else key
+            )
+            if difference:
+                return difference
+        return ""
+    if type(wanted) is type(found) and wanted == found:
+        return ""
+    return f"{where} is {found!r} there, {wanted!r} here"
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(stream: IO[bytes]) -> None:
+        stream.seek(0)
+        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
+
+else:
+    import fcntl
+
+    def _lock(stream: IO[bytes]) -> None:
+        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,0 +1,245 @@
+"""All distances within a set of points, on disk: tile by tile, and whenever there is time."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from tqdm import tqdm
+
+from riemhuman.checks import one_of, whole_number
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import PRECISIONS, thread_count
+from riemhuman.jobs.cluster import tiles_on_cluster
+from riemhuman.jobs.fingerprint import describe, digest
+from riemhuman.jobs.folder import JobFolder
+from riemhuman.jobs.tiles import (
+    POINTS,
+    Tile,
+    TileReader,
+    feature_file,
+    largest_tile,
+    memory_of_tile,
+    tiles_of,
+)
+
+RESULT = "D.npy"
+"""Name of the file of distances."""
+
+_UNFINISHED_RESULT = "D.unfinished.npy"
+_DIGESTS, _DONE = "digests.npy", "done.npy"
+_FORMAT = "riemhuman pairwise job 1"
+# A job is cut into no fewer tiles than make some progress before it is interrupted, and no smaller
+# ones than are worth the overhead.
+_TILES_A_ROW, _SMALLEST_TILE = 8, 256
+# Points whose features are computed at a time.
+_BLOCK = 64
+# How often the arrays of a point are in memory at once while its features are computed.
+_COPIES = 32
+
+
+def pairwise_job(
+    metric: RiemannianMetric,
+    points: Sequence[Any] | ndarray,
+    folder: str | os.PathLike[str],
+    *,
+    precision: str = "single",
+    memory: int = 2**30,
+    n_jobs: int | None = None,
+    client: Any | None = None,
+    progress: bool = False,
+) -> np.memmap:
+    r"""Compute all distances within a set of points into a file, or go on where it was left.
+
+    The same numbers as `metric.dist_pairwise`, bit for bit, for sets that memory does not hold. A
+    job that was interrupted or killed goes on when it is called again with the same arguments;
+    what it had finished is kept. When it is complete, the folder holds the distances as `D.npy`,
+    and calling it again only opens them.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric. It must keep its parameters in attributes of their names, as the metrics of the
+        library do.
+    points : array or sequence, shape (n, \*shape)
+        Points: an array, in memory or mapped from a file, or any object with a length whose slices
+        are arrays of points, made on the fly perhaps. They are passed over once at every call.
+    folder : path_like
+        Folder of the job, made if need be. Features of the points are kept there until the job is
+        complete.
+    precision : {"single", "double"}
+        See `RiemannianMetric.dist_pairwise`.
+    memory : int
+        Bytes of memory that arrays may take at a time, in each worker of a cluster too. It decides
+        how a new job is cut into tiles.
+    n_jobs : int, optional
+        Number of threads for each tile, -1 for one a core; by default one.
+    client : distributed.Client, optional
+        Client of a Dask cluster that computes the tiles. Its workers must be able to import the
+        library, and to read the folder under the same path: it must be on a file system they
+        share. They write nothing.
+    progress : bool
+        Whether to show progress bars.
+
+    Returns
+    -------
+    memmap, shape (n, n)
+        Symmetric, with zero diagonal; read-only.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an argument is of the wrong type.
+    ArgumentError
+        If a point is wrong, an option is not legal, or the folder holds something else: another
+        job, one on other points or by another metric, or no job at all.
+    FileError
+        If another process is at work in the folder, it cannot be written, or the disk is too small.
+    FileFormatError
+        If a file of the job is damaged.
+    MissingDependencyError
+        If a client is given and distributed is not installed, or a worker lacks the library.
+    """
+    n_points = _count(points)
+    thread_count(n_jobs)
+    one_of(precision, "precision", PRECISIONS)
+    memory = whole_number(memory, "memory", minimum=1)
+    described = {
+        "format": _FORMAT,
+        "n_points": n_points,
+        "precision": precision,
+        "metric": describe(metric),
+    }
+    first = metric.check_points(points[slice(0, 1)])
+    features = metric.features(first, precision)
+    layout = _layout(n_points, first, features, memory)
+
+    room = JobFolder(folder)
+    with room.locked():
+        layout = room.claim(described, layout)
+        tiles = list(tiles_of(n_points, layout["tile"]))
+        blocks = list(_slices(n_points, layout["block"]))
+        arrays = dict(zip(map(feature_file, range(len(features))), features, strict=True))
+        if precision == "single":
+            # Pairs too close for single precision are computed anew, from the points.
+            arrays[POINTS] = first
+        tables: dict[str, tuple[tuple[int, ...], Any]] = {_DIGESTS: ((len(blocks), 32), np.uint8)}
+        complete = room.exists(RESULT)
+        if not complete:
+            for name, array in arrays.items():
+                tables[name] = ((n_points, *array.shape[1:]), array.dtype)
+            tables[_DONE] = ((len(tiles),), np.uint8)
+            tables[_UNFINISHED_RESULT] = ((n_points, n_points), np.float64)
+        room.make_tables(tables)
+
+        for block in tqdm(blocks, desc="Points", disable=not progress, unit=" blocks"):
+            _keep_features(room, metric, points, block, layout["block"], precision)
+        if not complete:
+            reader = TileReader(str(room.path), len(features), n_jobs)
+            _compute_tiles(room, metric, reader, tiles, client, progress)
+            room.rename(_UNFINISHED_RESULT, RESULT)
+        room.remove(_DONE, *arrays)
+        return room.read(RESULT)
+
+
+def _count(points: Any) -> int:
+    if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
+        raise ArgumentTypeError(
+            f"points must be an array, or have a length and slices; found {type(points).__name__}"
+        )
+    if len(points) == 0:
+        raise ArgumentError("points must hold at least one point; found none")
+    return len(points)
+
+
+def _layout(
+    n_points: int, first: ndarray, features: tuple[ndarray, ...], memory: int
+) -> dict[str, int]:
+    """Return how many points make a block of features, and a side of a tile."""
+    n_bytes = first.nbytes + sum(feature.nbytes for feature in features)
+    tile = largest_tile(n_bytes, memory)
+    if tile < 1:
+        raise ArgumentError(
+            f"memory must be at least {memory_of_tile(n_bytes, 1)} bytes for a tile of two "
+            f"points; found {memory}"
+        )
+    wanted = max(_SMALLEST_TILE, -(-n_points // _TILES_A_ROW))
+    block = max(1, min(_BLOCK, memory // (_COPIES * n_bytes)))
+    return {"block": block, "tile": min(n_points, tile, wanted)}
+
+
+def _slices(n_points: int, size: int) -> Iterator[slice]:
+    for start in range(0, n_points, size):
+        yield slice(start, min(start + size, n_points))
+
+
+def _keep_features(
+    room: JobFolder,
+    metric: RiemannianMetric,
+    points: Sequence[Any] | ndarray,
+    block: slice,
+    size: int,
+    precision: str,
+) -> None:
+    """Compute the features of a block of points, or see that the points are those of before."""
+    number = block.start // size
+    where = f"points[{block.start}:{block.stop}]"
+    some = metric.check_points(points[block], where)
+    if len(some) != block.stop - block.start:
+        raise ArgumentError(f"{where} must be {block.stop - block.start} points; found {len(some)}")
+    found = np.frombuffer(digest(some), np.uint8)
+    kept = np.array(room.read(_DIGESTS)[number])
+    if kept.any():
+        if not np.array_equal(kept, found):
+            raise ArgumentError(
+                f"folder must be that of the same job; that in {room.path} has other {where}"
+            )
+        return
+    try:
+        features = metric.features(some, precision)
+    except DegenerateSurfaceError as error:
+        raise DegenerateSurfaceError(f"{where}: {error}") from error
+    for k, feature in enumerate(features):
+        room.write(feature_file(k), (block, feature))
+    if precision == "single":
+        room.write(POINTS, (block, some))
+    room.write(_DIGESTS, (number, found))
+
+
+def _compute_tiles(
+    room: JobFolder,
+    metric: RiemannianMetric,
+    reader: TileReader,
+    tiles: list[Tile],
+    client: Any | None,
+    progress: bool,
+) -> None:
+    done = np.array(room.read(_DONE))
+    todo = [(number, tile) for number, tile in enumerate(tiles) if not done[number]]
+    computed: Iterator[tuple[int, ndarray]]
+    if client is None:
+        computed = ((number, reader.distances(metric, tile)) for number, tile in todo)
+    else:
+        computed = tiles_on_cluster(client, metric, reader, todo)
+    bar = tqdm(
+        total=sum(tile.n_pairs for tile in tiles),
+        initial=sum(tile.n_pairs for number, tile in enumerate(tiles) if done[number]),
+        desc="Distances",
+        disable=not progress,
+        unit=" pairs",
+    )
+    with bar:
+        for number, block in computed:
+            tile = tiles[number]
+            # The record follows the entries: a kill between the two costs this tile, no more.
+            room.write(
+                _UNFINISHED_RESULT,
+                ((tile.rows, tile.columns), block),
+                ((tile.columns, tile.rows), block.T),
+            )
+            room.write(_DONE, (number, 1))
+            bar.update(tile.n_pairs)

@@ -1,0 +1,118 @@
+r"""Coordinates whose Euclidean distances bound distances of surfaces from below.
+
+Each triangle is mapped to a Euclidean space so that distances do not grow: unit normals lie there
+already (a chord is at most its arc), matrices are wrapped around circles by `cone_chart`.
+Orthogonal projections, such as means over patches of triangles, keep the bound and take less room.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.ebin import angle_per_distance
+
+STEEPEST = 18.0
+"""The largest κ: steeper charts are tighter, but wind bodies around in too many dimensions."""
+
+
+def cone_chart(x: ndarray, y: ndarray, s: ndarray, lam: float) -> ndarray:
+    r"""Map matrices to R⁴ so that Euclidean distances are at most those of the Ebin metric.
+
+    With κ ≤ θ/ℓ and the logarithm L of ĝ at the identity, in R²,
+
+    .. math:: \varphi = 4\sqrt{\lambda/2}\, s\,
+              (e^{i\sqrt2\kappa L_1}, e^{i\sqrt2\kappa L_2}) \in C^2 = R^4.
+
+    |L − L'| ≤ ℓ, the hyperbolic plane being of negative curvature. Let z = κ|L − L'| ≤ θ. If z ≤ π,
+    ½ Σ cos(√2 κ (L_k − L'_k)) ≥ cos z by Jensen, as cos √t is convex for 0 ≤ t ≤ 2π²; and it
+    never falls below −1. So |φ − φ'|² ≤ 16λ (s² + s'² − 2 s s' cos min(π, θ)) = d².
+
+    Parameters
+    ----------
+    x, y, s : array, shape (...)
+        Half-plane coordinates and radius, see `riemhuman.kernels.ebin.coordinates`.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (..., 4)
+    """
+    # The logarithm lies along the spatial part of the point of the hyperboloid.
+    spatial = np.stack([(1.0 - (x**2 + y**2)) / (2.0 * y), x / y], axis=-1)
+    size = np.sqrt(np.sum(spatial**2, axis=-1, keepdims=True))
+    safe = np.where(size > 0, size, 1.0)
+    logarithm = np.where(size > 0, np.arcsinh(size) / safe, 1.0) * spatial
+    angles = np.sqrt(2.0) * min(angle_per_distance(lam), STEEPEST) * logarithm
+    circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
+    return 4.0 * np.sqrt(0.5 * lam) * s[..., None] * circles
+
+
+def patch_coordinates(values: ndarray, areas: ndarray, patches: ndarray | None = None) -> ndarray:
+    r"""Return coordinates whose distances are at most those of fields, :math:`L^2(T)`.
+
+    A field on a patch P is its mean and a rest, orthogonal to each other. With w_P the area of P,
+    ‖u − v‖² ≥ Σ_P (w_P |ū_P − v̄_P|² + (‖rest of u‖_P − ‖rest of v‖_P)²): Jensen's inequality, and
+    the triangle inequality for the rest.
+
+    Parameters
+    ----------
+    values : array, shape (..., F, d)
+        Fields.
+    areas : array, shape (F,)
+        Template areas w_t.
+    patches : array of int, shape (F,), optional
+        Patch of each triangle, see `triangle_patches`; by default every triangle is one, and the
+        distances are those of the fields.
+
+    Returns
+    -------
+    array, shape (..., m)
+        m is d times the number of triangles, or d + 1 times that of patches.
+    """
+    leading = values.shape[:-2]
+    if patches is None:
+        return (np.sqrt(areas)[:, None] * values).reshape(*leading, -1)
+    order = np.argsort(patches, kind="stable")
+    starts = np.flatnonzero(np.diff(patches[order], prepend=-1))
+    weighted = (areas[:, None] * values)[..., order, :]
+    patch_areas = np.add.reduceat(areas[order], starts)[:, None]
+    means = np.add.reduceat(weighted, starts, axis=-2) / patch_areas
+    rest = values[..., order, :] - np.repeat(means, np.diff(starts, append=len(order)), axis=-2)
+    squares = np.sum(areas[order, None] * rest**2, axis=-1)
+    rests = np.sqrt(np.add.reduceat(squares, starts, axis=-1))[..., None]
+    coordinates = np.concatenate([np.sqrt(patch_areas) * means, rests], axis=-1)
+    return coordinates.reshape(*leading, -1)
+
+
+def triangle_patches(vertices: ndarray, faces: ndarray, n_patches: int) -> ndarray:
+    """Group triangles into patches, halving the largest along its longest side again and again.
+
+    Parameters
+    ----------
+    vertices : array, shape (V, 3)
+        Vertices of the template.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    n_patches : int
+        Number of patches, at least 1; no more than F are made.
+
+    Returns
+    -------
+    array of int, shape (F,)
+        Patch of each triangle, all of 0, ..., n_patches − 1.
+    """
+    centers = vertices[faces].mean(axis=1)
+    groups = [np.arange(len(centers))]
+    while len(groups) < min(n_patches, len(centers)):
+        largest = max(range(len(groups)), key=lambda k: len(groups[k]))
+        members = groups.pop(largest)
+        axis = np.argmax(np.ptp(centers[members], axis=0))
+        ranked = members[np.argsort(centers[members, axis], kind="stable")]
+        half = len(ranked) // 2
+        groups += [ranked[:half], ranked[half:]]
+    patches = np.empty(len(centers), dtype=np.int64)
+    for number, members in enumerate(groups):
+        patches[members] = number
+    return patches

@@ -1,0 +1,341 @@
+"""The points of a nearest neighbour search, and what bounds their distances from below."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, Self
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.retrieval.rows import GrowingRows, Projection
+
+# Points that are taken up at a time.
+_BLOCK = 64
+# Points that the projection is fitted to, and how many of their coordinates are held.
+_SAMPLE, _SAMPLE_SIZE = 1024, 2**26
+# Points that tell the metric from others.
+_PROBES = 3
+
+
+class NeighborIndex:
+    """Points with their features in single precision, and what bounds distances from below.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    n_patches : int or None
+        Number of patches that `lower_bound_coordinates` averages over.
+    n_jobs : int or None
+        Number of threads.
+    """
+
+    def __init__(self, metric: RiemannianMetric, n_patches: int | None, n_jobs: int | None) -> None:
+        self.metric = metric
+        self.n_patches = n_patches
+        self.n_jobs = n_jobs
+        self.projection: Projection | None = None
+        self.pivots = np.empty(0, dtype=np.int64)
+        self._n_points = 0
+        self._points = GrowingRows()
+        self._features = tuple(GrowingRows() for _ in range(metric.n_feature_arrays))
+        self._rounding = GrowingRows()
+        self._coordinates = GrowingRows()
+        self._to_pivots = GrowingRows()
+
+    def __len__(self) -> int:
+        """Return the number of points."""
+        return self._n_points
+
+    @classmethod
+    def build(
+        cls,
+        metric: RiemannianMetric,
+        X: Any,
+        n_pivots: int,
+        n_components: int,
+        n_patches: int | None,
+        n_jobs: int | None,
+    ) -> Self:
+        r"""Return an index of points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        X : array or sequence, shape (n, \*shape)
+            Points, at least one.
+        n_pivots, n_components : int
+            Numbers of pivots and of principal components, at most.
+        n_patches, n_jobs : int or None
+            Numbers of patches and of threads.
+
+        Returns
+        -------
+        NeighborIndex
+        """
+        index = cls(metric, n_patches, n_jobs)
+        if hasattr(metric, "lower_bound_coordinates"):
+            first = index._full_coordinates(index.checked(X, 0, 1))
+            n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // first.size), len(X))
+            sample = np.linspace(0, len(X) - 1, n_sample).astype(int).tolist()
+            rows = [index._full_coordinates(index.checked(X, i, i + 1)) for i in sample]
+            index.projection = Projection.fit(np.concatenate(rows), n_components)
+        index.append(X)
+        index._choose_pivots(n_pivots)
+        return index
+
+    @classmethod
+    def from_arrays(
+        cls,
+        arrays: Mapping[str, ndarray],
+        metric: RiemannianMetric,
+        n_patches: int | None,
+        n_jobs: int | None,
+    ) -> Self:
+        """Return an index from the arrays of another.
+
+        Parameters
+        ----------
+        arrays : mapping of str to array
+            What `to_arrays` returned.
+        metric : RiemannianMetric
+            The metric of that index.
+        n_patches, n_jobs : int or None
+            Numbers of patches and of threads.
+
+        Returns
+        -------
+        NeighborIndex
+
+        Raises
+        ------
+        ArgumentError
+            If the metric is another.
+        FileFormatError
+            If the arrays do not fit each other.
+        """
+        index = cls(metric, n_patches, n_jobs)
+        index._n_points = len(arrays["points"])
+        index.pivots = arrays["pivots"]
+        index._points = GrowingRows(arrays["points"])
+        index._coordinates = GrowingRows(arrays["coordinates"])
+        index._to_pivots = GrowingRows(arrays["to_pivots"])
+        n_features = sum(name.startswith("features_") for name in arrays)
+        names = [f"features_{k}" for k in range(n_features)]
+        if any(name not in arrays for name in names):
+            raise FileFormatError("features must be numbered from 0 on")
+        index._features = tuple(GrowingRows(arrays[name]) for name in names)
+        if "components" in arrays:
+            index.projection = Projection(arrays["mean"], arrays["components"])
+        index._check_metric(arrays["probe_distances"])
+        index._rounding = GrowingRows(metric.rounding(index.features(slice(None))))
+        if any(len(rows.array) != len(index) for rows in index._tables()):
+            raise FileFormatError("every array must have a row for each of the points")
+        return index
+
+    def to_arrays(self) -> dict[str, ndarray]:
+        """Return arrays that hold all that the index knows.
+
+        Returns
+        -------
+        dict of str to array
+        """
+        arrays = {f"features_{k}": rows.array for k, rows in enumerate(self._features)}
+        arrays |= {"points": self.points, "coordinates": self.coordinates, "pivots": self.pivots}
+        arrays |= {"to_pivots": self._to_pivots.array, "probe_distances": self._probe_distances()}
+        if self.projection is not None:
+            arrays |= {"mean": self.projection.mean, "components": self.projection.components}
+        return arrays
+
+    def append(self, X: Any) -> None:
+        r"""Add points, all or, should one be wrong, none.
+
+        Parameters
+        ----------
+        X : array or sequence, shape (n, \*shape)
+            Points.
+        """
+        try:
+            for start, stop in blocks(len(X), _BLOCK):
+                points = self.checked(X, start, stop)
+                features = self.metric.features(points, "single")
+                self._points.append(points)
+                for rows, feature in zip(self._features, features, strict=True):
+                    rows.append(feature)
+                self._rounding.append(self.metric.rounding(features))
+                self._coordinates.append(self.coordinates_of(points))
+                if len(self.pivots):
+                    self._to_pivots.append(self.distances(features, self.features(self.pivots)))
+        except BaseException:
+            for rows in self._tables():
+                rows.truncate(len(self))
+            raise
+        self._n_points += len(X)
+
+    def _choose_pivots(self, n_pivots: int) -> None:
+        """Take the first point, then always the one farthest from those taken."""
+        everything = self.features(slice(None))
+        numbers, columns = [0], []
+        nearest = np.full(len(self), np.inf)
+        while True:
+            columns.append(self.distances(everything, self.features(numbers[-1:]))[:, 0])
+            nearest = np.minimum(nearest, columns[-1])
+            farthest = int(np.argmax(nearest))
+            if len(columns) == n_pivots or nearest[farthest] == 0:
+                break
+            numbers.append(farthest)
+        self.pivots = np.array(numbers)
+        self._to_pivots.append(np.stack(columns, axis=1))
+
+    def _check_metric(self, kept_distances: ndarray) -> None:
+        """Refuse a metric that gives some points other features, coordinates or distances."""
+        probes = self.pivots[:_PROBES]
+        message = "metric must be the one that the index was made with"
+        try:
+            points = self.metric.check_points(self._points.array[probes])
+            found = [*self.metric.features(points, "single"), self._probe_distances()]
+            kept = [*self.features(probes), kept_distances]
+            if hasattr(self.metric, "lower_bound_coordinates"):
+                found.append(self._full_coordinates(points))
+            if self.projection is not None:
+                mean, components = self.projection.mean, self.projection.components
+                if found[-1].shape[1:] != mean.shape:
+                    raise ArgumentError("their coordinates are others")
+                found[-1] = found[-1] @ components.T - components @ mean
+                kept.append(self._coordinates.array[probes, :-1])
+        except ArgumentError as error:
+            raise ArgumentError(f"{message}; it cannot take its points: {error}") from error
+        if len(found) != len(kept) or not all(map(_near, found, kept)):
+            raise ArgumentError(f"{message}; it gives its points other features or distances")
+
+    def _probe_distances(self) -> ndarray:
+        points = self._points.array[self.pivots[:_PROBES]]
+        features = self.metric.features(points, "double")
+        return np.sqrt(self.metric.squared_dist_of_features(features, features))
+
+    def _tables(self) -> list[GrowingRows]:
+        held = [self._points, self._rounding, self._coordinates, self._to_pivots]
+        return [*held, *self._features]
+
+    def features(self, numbers: Any) -> tuple[ndarray, ...]:
+        """Return features of points in single precision.
+
+        Parameters
+        ----------
+        numbers : array of int or slice
+            Which points.
+
+        Returns
+        -------
+        tuple of array
+        """
+        return tuple(rows.array[numbers] for rows in self._features)
+
+    @property
+    def points(self) -> ndarray:
+        r"""The points, shape (n, \*shape)."""
+        return self._points.array
+
+    @property
+    def rounding(self) -> ndarray:
+        """How far features may be from each point, shape (n,)."""
+        return self._rounding.array
+
+    @property
+    def to_pivots(self) -> ndarray:
+        """Distances from the pivots in single precision, shape (n, n_pivots)."""
+        return self._to_pivots.array
+
+    @property
+    def coordinates(self) -> ndarray:
+        """Coordinates whose distances bound those of the metric, shape (n, m)."""
+        return self._coordinates.array
+
+    def coordinates_of(self, points: ndarray) -> ndarray:
+        r"""Return such coordinates of other points.
+
+        Parameters
+        ----------
+        points : array, shape (k, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (k, m)
+        """
+        if self.projection is None:
+            return np.empty((len(points), 0))
+        return self.projection(self._full_coordinates(points))
+
+    def distances(
+        self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
+    ) -> ndarray:
+        """Return all distances between points given by their features.
+
+        Parameters
+        ----------
+        features_a, features_b : tuple of array
+            Features of n_a and n_b points.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+        squared = self.metric.squared_dist_of_features(features_a, features_b, self.n_jobs)
+        return np.sqrt(squared)
+
+    def checked(self, X: Any, start: int, stop: int) -> ndarray:
+        r"""Return some points of a set, or say what is wrong with them.
+
+        Parameters
+        ----------
+        X : array or sequence, shape (n, \*shape)
+            Points.
+        start, stop : int
+            Which of them.
+
+        Returns
+        -------
+        array, shape (stop - start, \*shape)
+
+        Raises
+        ------
+        ArgumentError
+            If a point is wrong, or there are not as many.
+        """
+        points = self.metric.check_points(X[start:stop], "X")
+        if len(points) != stop - start:
+            raise ArgumentError(
+                f"X[{start}:{stop}] must be {stop - start} points; found {len(points)}"
+            )
+        return points
+
+    def _full_coordinates(self, points: ndarray) -> ndarray:
+        metric: Any = self.metric
+        return metric.lower_bound_coordinates(points, self.n_patches)
+
+
+def blocks(n: int, size: int) -> Iterator[tuple[int, int]]:
+    """Cut range(n) into pieces.
+
+    Parameters
+    ----------
+    n, size : int
+        Length of the whole and of all pieces but the last.
+
+    Yields
+    ------
+    start, stop : int
+        First index of a piece, and that behind its last.
+    """
+    for start in range(0, n, size):
+        yield start, min(start + size, n)
+
+
+def _near(found: ndarray, kept: ndarray) -> bool:
+    rounding = 100 * np.finfo(kept.dtype).eps * np.max(np.abs(kept), initial=0.0)
+    return found.shape == kept.shape and bool(np.all(np.abs(found - kept) <= rounding))

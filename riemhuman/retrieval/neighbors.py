@@ -1,0 +1,291 @@
+"""Exact nearest neighbours without all distances: cheap lower bounds leave few pairs to compare."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Self
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import whole_number
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import thread_count
+from riemhuman.retrieval.neighbor_index import NeighborIndex
+from riemhuman.retrieval.neighbor_search import nearest
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
+
+_FIELDS = (
+    "points",
+    "features_0",
+    "coordinates",
+    "pivots",
+    "to_pivots",
+    "probe_distances",
+    "n_neighbors",
+    "n_patches",
+)
+_FIELDS_OF_PROJECTION = ("mean", "components")
+
+
+class NearestNeighbors:
+    r"""Nearest neighbours under a Riemannian metric, the same that all distances would give.
+
+    A query is compared with the points of the least lower bounds first, until no other point can
+    be as near as those found. Two bounds are used:
+
+    - the triangle inequality, :math:`d(x, y) \ge |d(x, p) - d(p, y)|`, to pivots p chosen
+      farthest first;
+    - for metrics with a method `lower_bound_coordinates`, the Euclidean distance of those
+      coordinates, projected to the principal components of a sample; what the projection leaves
+      out counts by its norm.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        A metric with a closed form of its distance; it must satisfy the triangle inequality.
+    n_neighbors : int
+        Number of neighbours.
+    n_pivots : int
+        Number of pivots, at most; every query is compared with all of them.
+    n_components : int
+        Number of principal components, at most. Where points form groups that are all far from
+        each other, as people do under the metric of shapes, more than there are groups tell them
+        apart.
+    n_patches : int, optional
+        Number of patches that `lower_bound_coordinates` averages over; by default it does not.
+        Fewer make adding points faster and bounds looser.
+    n_jobs : int, optional
+        Number of threads, -1 for one a core; by default one.
+
+    Attributes
+    ----------
+    n_samples_fit_ : int
+        Number of points in the index.
+    n_exact_ : int
+        Number of pairs whose distance the last `kneighbors` computed.
+    exact_share_ : float
+        Their share of all pairs of its queries and the points.
+    """
+
+    n_samples_fit_: int
+    n_exact_: int
+    exact_share_: float
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        n_neighbors: int = 5,
+        *,
+        n_pivots: int = 16,
+        n_components: int = 256,
+        n_patches: int | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.metric = metric
+        self.n_neighbors = n_neighbors
+        self.n_pivots = n_pivots
+        self.n_components = n_components
+        self.n_patches = n_patches
+        self.n_jobs = n_jobs
+
+    def fit(self, X: Sequence[Any] | ndarray) -> Self:
+        r"""Index points; those of before are forgotten.
+
+        Parameters
+        ----------
+        X : array or sequence, shape (n, \*shape)
+            Points; any sequence whose slices are arrays of points.
+
+        Returns
+        -------
+        NearestNeighbors
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If a point or a parameter is wrong.
+        """
+        whole_number(self.n_neighbors, "n_neighbors", minimum=1)
+        if self.n_patches is not None:
+            whole_number(self.n_patches, "n_patches", minimum=1)
+        thread_count(self.n_jobs)
+        if _length(X) == 0:
+            raise ArgumentError("X must hold at least one point; found none")
+        self._index = NeighborIndex.build(
+            self.metric,
+            X,
+            whole_number(self.n_pivots, "n_pivots", minimum=1),
+            whole_number(self.n_components, "n_components", minimum=0),
+            self.n_patches,
+            self.n_jobs,
+        )
+        self.n_samples_fit_ = len(self._index)
+        return self
+
+    def partial_fit(self, X: Sequence[Any] | ndarray) -> Self:
+        r"""Add points to the index.
+
+        Pivots and principal components remain those of the first points: neighbours stay exact,
+        but where many points unlike the first are added, `fit` to all makes a faster index.
+
+        Parameters
+        ----------
+        X : array or sequence, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        NearestNeighbors
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If a point is wrong; the index then stays as it was.
+        """
+        if not hasattr(self, "_index"):
+            return self.fit(X)
+        _length(X)
+        self._index.append(X)
+        self.n_samples_fit_ = len(self._index)
+        return self
+
+    def kneighbors(
+        self,
+        X: Sequence[Any] | ndarray | None = None,
+        n_neighbors: int | None = None,
+        return_distance: bool = True,
+    ) -> tuple[ndarray, ndarray] | ndarray:
+        r"""Return the nearest points of the index.
+
+        Parameters
+        ----------
+        X : array or sequence, shape (n_queries, \*shape), optional
+            Queries; by default the points of the index, none of which is its own neighbour.
+        n_neighbors : int, optional
+            Number of neighbours; by default that of the estimator.
+        return_distance : bool
+            Whether to return the distances, too.
+
+        Returns
+        -------
+        distances : array, shape (n_queries, n_neighbors)
+            Ascending; left out if `return_distance` is false.
+        indices : array of int, shape (n_queries, n_neighbors)
+            Of points at the same distance, that of the lower index comes first.
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was fitted, a query is wrong, or there are not as many points.
+        """
+        index = self._fitted("kneighbors")
+        n_others = len(index) - (X is None)
+        k = whole_number(self.n_neighbors if n_neighbors is None else n_neighbors, "n_neighbors")
+        if not 1 <= k <= n_others:
+            raise ArgumentError(
+                f"n_neighbors must be at least 1 and at most {n_others}, the number of points to "
+                f"be found; found {k}"
+            )
+        n_queries = len(index) if X is None else _length(X)
+        distances = np.empty((n_queries, k))
+        indices = np.empty((n_queries, k), dtype=np.int64)
+        n_exact = 0
+        with ThreadPoolExecutor(thread_count(self.n_jobs)) as pool:
+            for row, answer in enumerate(nearest(index, X, k, pool.map)):
+                distances[row], indices[row], n_compared = answer
+                n_exact += n_compared
+        self.n_exact_ = n_exact
+        self.exact_share_ = n_exact / max(1, n_queries * len(index))
+        return (distances, indices) if return_distance else indices
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the index to an .npz file.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was fitted.
+        FileError
+            If the file cannot be written.
+        """
+        arrays = self._fitted("save").to_arrays()
+        arrays["n_neighbors"] = np.array(self.n_neighbors)
+        arrays["n_patches"] = np.array(self.n_patches or 0)
+        save_arrays(path, arrays)
+
+    @classmethod
+    def load(
+        cls,
+        path: str | os.PathLike[str],
+        metric: RiemannianMetric,
+        *,
+        n_jobs: int | None = None,
+    ) -> Self:
+        """Read an index that `save` wrote.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+        metric : RiemannianMetric
+            The metric it was made with, on the same space.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one.
+
+        Returns
+        -------
+        NearestNeighbors
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it holds no index.
+        ArgumentError
+            If the index is of another metric, or of surfaces over another template.
+        """
+        arrays = load_arrays(path, _FIELDS)
+        if "components" in arrays:
+            arrays = load_arrays(path, [*_FIELDS, *_FIELDS_OF_PROJECTION])
+        thread_count(n_jobs)
+        n_patches = int(arrays["n_patches"]) or None
+        try:
+            index = NeighborIndex.from_arrays(arrays, metric, n_patches, n_jobs)
+        except (ArgumentError, FileFormatError) as error:
+            raise type(error)(f"{os.fspath(path)}: {error}") from error
+        neighbors = cls(
+            metric,
+            int(arrays["n_neighbors"]),
+            n_pivots=len(index.pivots),
+            n_components=0 if index.projection is None else len(index.projection.components),
+            n_patches=n_patches,
+            n_jobs=n_jobs,
+        )
+        neighbors._index = index
+        neighbors.n_samples_fit_ = len(index)
+        return neighbors
+
+    def _fitted(self, method: str) -> NeighborIndex:
+        if not hasattr(self, "_index"):
+            raise ArgumentError(f"{method} needs an index: call fit first")
+        return self._index
+
+
+def _length(X: Any) -> int:
+    if not hasattr(X, "__len__") or not hasattr(X, "__getitem__"):
+        raise ArgumentTypeError(
+            f"X must be an array, or have a length and slices; found {type(X).__name__}"
+        )
+    return len(X)

@@ -1,0 +1,133 @@
+"""Jobs on disk: all pairs of 10,000 bodies made on the fly, within 2 GiB of memory.
+
+    pytest tests/benchmarks/test_jobs.py --benchmark-enable -s
+
+prints, for the metrics of poses and of shapes, the time of the job, its disk space and the peak of
+its resident memory at coarse resolution; the same for 600 bodies at full resolution; and what that
+makes for larger sets; and what a cluster costs that runs on the same machine. Where benchmarks are
+disabled, a few bodies run.
+"""
+
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import distributed
+import numpy as np
+import pytest
+from people_in_motion import PeopleInMotion
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.jobs import pairwise_job
+
+TESTS = Path(__file__).parents[1]
+METRICS = {"pose": (0.0, 0.0, 1.0), "shape": (1.0, 1e-4, 0.0)}
+
+# In a process of its own, whose peak of memory is the job's.
+SCRIPT = f"""
+import sys, time
+sys.path[:0] = {[str(TESTS), str(TESTS.parent)]!r}
+import numpy as np
+from people_in_motion import PeopleInMotion
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.jobs import pairwise_job
+from riemhuman.jobs.folder import JobFolder
+
+folder, n_bodies, resolution, n_jobs, *weights = sys.argv[1:]
+bodies = PeopleInMotion(int(n_bodies), resolution)
+metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *map(float, weights))
+metric.dist_pairwise(bodies[:2])  # compiles, where nothing is cached yet
+n_bytes, laid_out = [0], JobFolder.make_tables
+
+def measured(room, tables):
+    laid_out(room, tables)
+    n_bytes[0] = sum(file.stat().st_blocks * 512 for file in room.path.iterdir())
+
+JobFolder.make_tables = measured
+first_tile, write = [], JobFolder.write
+
+def timed(room, name, *entries):
+    if name.startswith("D."):
+        first_tile.append(time.perf_counter())
+    write(room, name, *entries)
+
+JobFolder.write = timed
+begin = time.perf_counter()
+pairwise_job(metric, bodies, folder, n_jobs=int(n_jobs))
+end = time.perf_counter()
+status = open("/proc/self/status").read().split()
+print(end - begin, end - first_tile[0], len(first_tile), n_bytes[0],
+      1024 * int(status[status.index("VmHWM:") + 1]))
+"""
+
+
+def run(folder, n_bodies, resolution, metric):
+    """Return seconds in all and of all tiles but the first, their number, disk and memory."""
+    arguments = [folder, n_bodies, resolution, 2, *METRICS[metric]]
+    command = [sys.executable, "-c", SCRIPT, *map(str, arguments)]
+    result = subprocess.run(command, capture_output=True, encoding="utf-8")
+    assert result.returncode == 0, result.stderr
+    return map(float, result.stdout.split())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the peak of memory is read from /proc")
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize("resolution", ["coarse", "full"])
+def test_all_pairs_on_disk(benchmark, metric, resolution, tmp_path):
+    n_bodies = {"coarse": 10_000, "full": 600}[resolution]
+    if benchmark.disabled:
+        if resolution == "full":
+            pytest.skip("the brief form runs at coarse resolution")
+        n_bodies = 40
+    measured = []
+    benchmark.pedantic(
+        lambda: measured.extend(run(tmp_path / "job", n_bodies, resolution, metric)),
+        rounds=1,
+        iterations=1,
+    )
+    seconds, of_tiles, n_tiles, n_bytes, memory = measured
+    distances = np.load(tmp_path / "job" / "D.npy", mmap_mode="r")
+    n_pairs = n_bodies * (n_bodies - 1) // 2
+    share = max(1.0, n_tiles - 1) / n_tiles
+    a_pair = of_tiles / (n_pairs * share)
+    a_body = (n_bytes - 8 * n_bodies**2) / n_bodies
+    days = 100_000**2 / 2 * a_pair / 86_400
+    print(
+        f"\n{metric} of {n_bodies} {resolution} bodies, two threads: {seconds:.1f} s, "
+        f"{1e6 * a_pair:.2f} µs a pair; {n_bytes / 2**30:.2f} GiB of disk, "
+        f"{a_body / 1e3:.0f} kB a body and 8 bytes an entry; {memory / 2**30:.2f} GiB of memory; "
+        f"100,000 such bodies: {days:.2g} days, {(1e5 * a_body + 8e10) / 1e9:.0f} GB of disk"
+    )
+    assert distances.shape == (n_bodies, n_bodies)
+    assert memory < 2 * 2**30
+    if benchmark.disabled:
+        np.testing.assert_array_equal(distances, np.array(distances).T)
+
+
+def test_on_a_cluster(benchmark, tmp_path):
+    """Two workers of a cluster against two threads of one process, the same points in memory."""
+    bodies = PeopleInMotion(60 if benchmark.disabled else 3_000)
+    points = bodies[:]
+    metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *METRICS["pose"])
+    metric.dist_pairwise(points[:2])  # compiles, where nothing is cached yet
+    begin = time.perf_counter()
+    here = pairwise_job(metric, points, tmp_path / "here", n_jobs=2)
+    seconds = time.perf_counter() - begin
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        pairwise_job(metric, points[:50], tmp_path / "warm-up", client=client)
+        begin = time.perf_counter()
+        there = benchmark.pedantic(
+            lambda: pairwise_job(metric, points, tmp_path / "there", client=client), rounds=1
+        )
+        seconds_there = time.perf_counter() - begin
+    print(
+        f"\n{len(points)} coarse bodies: {seconds:.1f} s with two threads, {seconds_there:.1f} s "
+        f"on two workers, {seconds_there / seconds:.2f} times as long"
+    )
+    np.testing.assert_array_equal(here, there)

@@ -1,0 +1,70 @@
+"""Nearest neighbours of 10,000 bodies: how few pairs are compared, and what that saves.
+
+    pytest tests/benchmarks/test_neighbors.py --benchmark-enable -s
+
+prints, for the metrics of poses and of shapes and for sets of growing size, the share of the pairs
+that are compared, the processor time to index and to search, and that of all distances in single
+precision, measured on some of them. Neighbours of some queries are checked against all distances
+in double precision. Where benchmarks are disabled, a small set runs.
+"""
+
+import time
+
+import numpy as np
+import pytest
+from people_in_motion import PeopleInMotion
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.retrieval import NearestNeighbors
+
+METRICS = {"pose": (0.0, 0.0, 1.0), "shape": (1.0, 1e-4, 0.0)}
+# The 200 people of the largest set are all far from each other under the metric of shapes.
+N_COMPONENTS = {"pose": 128, "shape": 512}
+
+
+def seconds_of_all_pairs(metric, points, n_queries=64):
+    """Return the time of all distances in single precision, most of it extrapolated."""
+    begin = time.process_time()
+    features = metric.features(points, "single")
+    made = time.process_time()
+    metric.squared_dist_of_features(tuple(array[:n_queries] for array in features), features)
+    compared = time.process_time()
+    return made - begin + (compared - made) * len(points) / n_queries / 2
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_neighbors_of_people_in_motion(benchmark, name):
+    sizes = [300] if benchmark.disabled else [1_250, 2_500, 5_000, 10_000]
+    bodies = PeopleInMotion(sizes[-1])
+    metric = ElasticMetric(AlignedSurfaces(bodies.model.template), *METRICS[name])
+    NearestNeighbors(metric).fit(bodies[:20]).kneighbors()  # compiles
+    points = bodies[:]
+    compared = []
+    for n_bodies in sizes:
+        neighbors = NearestNeighbors(metric, n_components=N_COMPONENTS[name])
+        begin = time.process_time()
+        neighbors.fit(points[:n_bodies])
+        indexed = time.process_time()
+        distances, indices = neighbors.kneighbors()
+        end = time.process_time()
+        compared.append(neighbors.exact_share_ * n_bodies)
+        all_pairs = seconds_of_all_pairs(metric, points[:n_bodies])
+        print(
+            f"\n{name}, 5 neighbours of each of {n_bodies} coarse bodies: "
+            f"{100 * neighbors.exact_share_:.2f} % of pairs compared, {compared[-1]:.0f} a query; "
+            f"{indexed - begin:.1f} s to index, {end - indexed:.1f} s to search; all pairs "
+            f"{all_pairs:.0f} s, {all_pairs / (end - begin):.1f} times as long",
+            end="",
+        )
+    queries = np.random.default_rng(0).choice(len(points), 24, replace=False)
+    exact = metric.cdist(points[queries], points, precision="double", memory=2**31)
+    exact[np.arange(len(queries)), queries] = np.inf
+    order = np.argsort(exact, axis=1, kind="stable")[:, :5]
+    np.testing.assert_array_equal(indices[queries], order)
+    np.testing.assert_array_equal(distances[queries], np.take_along_axis(exact, order, axis=1))
+    print(f"\nidentical to all distances in double precision for {len(queries)} queries")
+    if len(sizes) > 1:
+        growth = np.polyfit(np.log(sizes), np.log(compared), 1)[0]
+        print(f"pairs compared a query grow as n^{growth:.2f}")
+        assert growth < 1
+    benchmark.pedantic(lambda: neighbors.kneighbors(points[:64]), rounds=1, iterations=1)

@@ -1,0 +1,141 @@
+"""The same job on a Dask cluster of two workers, one of which is killed on the way."""
+
+import os
+import pickle
+import signal
+
+import distributed
+import numpy as np
+import pytest
+from cases import sphere_template, surfaces
+
+import riemhuman.jobs.pairwise
+from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.jobs import pairwise_job
+from riemhuman.jobs.tiles import Tile, TileReader
+
+METRIC = ElasticMetric(AlignedSurfaces(sphere_template(), equip=False), 1.0, 0.1, 0.1)
+POINTS = surfaces(sphere_template(), 40, rng=1)
+POINTS[5] = POINTS[2] * (1 + 1e-9)
+MEMORY = 60_000
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Return the client of a cluster of two worker processes."""
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+@pytest.fixture(scope="module")
+def local(tmp_path_factory):
+    """Return the bytes of the result of a local run."""
+    folder = tmp_path_factory.mktemp("local")
+    pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
+    return (folder / "D.npy").read_bytes()
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_same_bits_as_in_memory(client, precision, tmp_path):
+    options = {"precision": precision, "memory": MEMORY}
+    distances = pairwise_job(METRIC, POINTS, tmp_path, client=client, n_jobs=2, **options)
+    expected = METRIC.dist_pairwise(POINTS, precision=precision)
+    np.testing.assert_array_equal(distances, expected)
+
+
+def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
+    pids = client.run(os.getpid)
+    n_tiles = [0]
+
+    def killing(*arguments):
+        for number, distances in in_turn(*arguments):
+            n_tiles[0] += 1
+            if n_tiles[0] == 5:
+                os.kill(next(iter(pids.values())), signal.SIGKILL)
+            yield number, distances
+
+    in_turn = riemhuman.jobs.pairwise.tiles_on_cluster
+    monkeypatch.setattr(riemhuman.jobs.pairwise, "tiles_on_cluster", killing)
+    pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
+    assert n_tiles[0] > 10
+    assert (tmp_path / "D.npy").read_bytes() == local
+    client.wait_for_workers(2, timeout=30)
+    assert set(client.run(os.getpid).values()) != set(pids.values())
+
+
+def test_begun_here_and_finished_there(client, local, tmp_path, monkeypatch):
+    class Stop(Exception):
+        pass
+
+    def interrupted(self, metric, tile):
+        if tile.rows.start > 0:
+            raise Stop
+        return distances(self, metric, tile)
+
+    distances = TileReader.distances
+    with monkeypatch.context() as patches:
+        patches.setattr(TileReader, "distances", interrupted)
+        with pytest.raises(Stop):
+            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    assert 0 < np.load(tmp_path / "done.npy").sum() < len(np.load(tmp_path / "done.npy"))
+    pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
+    assert (tmp_path / "D.npy").read_bytes() == local
+
+
+class Faulty(RiemannianMetric):
+    """A metric that fails on a worker."""
+
+    def squared_dist(self, point_a, point_b):
+        raise ArgumentError("point_a must be better than this")
+
+
+def test_errors_of_a_worker_arrive(client, tmp_path):
+    space = VectorSpace((2,))
+    with pytest.raises(ArgumentError, match="must be better than this"):
+        pairwise_job(Faulty(space), np.eye(2), tmp_path, client=client)
+
+
+def hide():
+    """Make the library look as if it were not installed."""
+    import sys
+
+    hidden = {name: sys.modules[name] for name in list(sys.modules) if "riemhuman" in name}
+    for name in hidden:
+        del sys.modules[name]
+    sys.hidden = hidden
+    sys.modules["riemhuman"] = None
+
+
+def unhide():
+    """Take `hide` back."""
+    import sys
+
+    del sys.modules["riemhuman"]
+    sys.modules.update(sys.hidden)
+
+
+def test_a_worker_without_the_library(client, tmp_path):
+    client.wait_for_workers(2, timeout=30)
+    one = [next(iter(client.nthreads()))]
+    client.run(hide, workers=one)
+    try:
+        with pytest.raises(MissingDependencyError, match="1 of 2 workers cannot import riemhuman"):
+            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
+    finally:
+        client.run(unhide, workers=one)
+    pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
+
+
+def test_a_folder_the_workers_do_not_share(tmp_path):
+    reader = TileReader(str(tmp_path / "elsewhere"), 2, None)
+    with pytest.raises(FileError, match="a file system that all workers share") as failure:
+        reader.distances(METRIC, Tile(slice(0, 3), slice(3, 6)))
+    assert str(pickle.loads(pickle.dumps(failure.value))) == str(failure.value)

@@ -1,0 +1,470 @@
+"""Jobs on disk: the same bits as in memory, whatever happens on the way."""
+
+import errno
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections import namedtuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import cases_that, name_of, open_template, sphere_template, surfaces
+
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    DegenerateSurfaceError,
+    FileError,
+    FileFormatError,
+)
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.jobs import pairwise_job
+from riemhuman.jobs.folder import JobFolder
+
+N_POINTS = 23
+# So little that there are many tiles and many blocks of features.
+MEMORY = 60_000
+
+
+def points_of(template, n_points=N_POINTS):
+    """Return surfaces, two of them too close to each other for single precision."""
+    points = surfaces(template, n_points, rng=1)
+    points[5] = points[2] * (1 + 1e-9)
+    return points
+
+
+def metric_on(template, *weights):
+    return ElasticMetric(AlignedSurfaces(template, equip=False), *(weights or (0.0, 0.0, 1.0)))
+
+
+TEMPLATE = sphere_template()
+POINTS = points_of(TEMPLATE)
+METRIC = metric_on(TEMPLATE)
+
+
+class OnTheFly:
+    """Points that are made when they are asked for, by slices alone."""
+
+    def __init__(self, points):
+        self.points = points
+        self.asked = []
+
+    def __len__(self):
+        return len(self.points)
+
+    def __getitem__(self, part):
+        assert isinstance(part, slice)
+        self.asked.append(part)
+        return self.points[part].copy()
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+@pytest.mark.parametrize(
+    "metric",
+    [METRIC, metric_on(TEMPLATE, 1.0, 1e-4, 0.1), SRNFMetric(METRIC.space)],
+    ids=["pose", "both", "srnf"],
+)
+def test_same_bits_as_in_memory(metric, precision, tmp_path):
+    distances = pairwise_job(metric, POINTS, tmp_path / "job", precision=precision, memory=MEMORY)
+    expected = metric.dist_pairwise(POINTS, precision=precision)
+    np.testing.assert_array_equal(distances, expected)
+    assert isinstance(distances, np.memmap)
+    assert not distances.flags.writeable
+    kept = {"D.npy", "digests.npy", "job.lock", "manifest.json"}
+    assert {entry.name for entry in (tmp_path / "job").iterdir()} == kept
+    np.testing.assert_array_equal(np.load(tmp_path / "job" / "D.npy"), expected)
+
+
+@pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
+def test_every_metric_with_a_distance(case, tmp_path):
+    distances = pairwise_job(case.metric, case.points, tmp_path, n_jobs=2)
+    np.testing.assert_array_equal(distances, case.metric.dist_pairwise(case.points))
+
+
+def test_layout_changes_no_bit(tmp_path):
+    runs = [
+        pairwise_job(METRIC, POINTS, tmp_path / str(memory), memory=memory).tobytes()
+        for memory in (20_000, MEMORY, 10**6, 10**9)
+    ]
+    assert len(set(runs)) == 1
+    sides = {
+        json.loads((tmp_path / str(memory) / "manifest.json").read_text())["layout"]["tile"]
+        for memory in (20_000, MEMORY, 10**6)
+    }
+    assert len(sides) == 3
+
+
+def test_points_made_on_the_fly(tmp_path):
+    points = OnTheFly(POINTS)
+    distances = pairwise_job(METRIC, points, tmp_path, memory=MEMORY)
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
+    # Once for a look at the first; then each once.
+    assert sum(len(POINTS[part]) for part in points.asked) == N_POINTS + 1
+    assert max(len(POINTS[part]) for part in points.asked) < N_POINTS
+
+
+def test_points_mapped_from_a_file(tmp_path):
+    np.save(tmp_path / "points.npy", POINTS.astype(np.float32))
+    points = np.load(tmp_path / "points.npy", mmap_mode="r")
+    distances = pairwise_job(METRIC, points, tmp_path / "job")
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(points))
+
+
+def test_one_point(tmp_path):
+    np.testing.assert_array_equal(pairwise_job(METRIC, POINTS[:1], tmp_path), [[0.0]])
+
+
+def test_a_complete_job_is_opened_only(tmp_path, monkeypatch):
+    first = np.array(pairwise_job(METRIC, POINTS, tmp_path))
+    before = (tmp_path / "D.npy").stat().st_mtime_ns
+    monkeypatch.setattr(JobFolder, "write", None)
+    np.testing.assert_array_equal(pairwise_job(METRIC, POINTS, tmp_path, memory=10**9), first)
+    assert (tmp_path / "D.npy").stat().st_mtime_ns == before
+
+
+def test_progress_is_shown(tmp_path, capsys):
+    pairwise_job(METRIC, POINTS, tmp_path / "quiet")
+    assert capsys.readouterr().err == ""
+    pairwise_job(METRIC, POINTS, tmp_path / "told", progress=True)
+    assert "253/253" in capsys.readouterr().err
+
+
+def interrupt_after(n_steps, monkeypatch, error):
+    """Make the n-th change of the folder fail, and leave half of what it writes."""
+    left = [n_steps]
+
+    def failing(method):
+        def run(room, *arguments):
+            left[0] -= 1
+            if left[0] >= 0:
+                return method(room, *arguments)
+            if method.__name__ == "write" and isinstance(arguments[1][1], np.ndarray):
+                name, (index, values), *_ = arguments
+                if np.ndim(values) == 2:
+                    method(room, name, (index, np.full_like(values, 7)))
+            raise error
+
+        return run
+
+    for name in ("write", "rename", "remove", "make_tables", "claim"):
+        monkeypatch.setattr(JobFolder, name, failing(getattr(JobFolder, name)))
+    return left
+
+
+def test_interrupted_at_every_step(tmp_path, monkeypatch):
+    expected = METRIC.dist_pairwise(POINTS)
+    n_steps = 0
+    while True:
+        folder = tmp_path / str(n_steps)
+        with monkeypatch.context() as patches:
+            left = interrupt_after(n_steps, patches, KeyboardInterrupt)
+            try:
+                pairwise_job(METRIC, POINTS, folder, memory=300_000)
+            except KeyboardInterrupt:
+                assert left[0] < 0
+            else:
+                break
+        resumed = pairwise_job(METRIC, POINTS, folder, memory=10**8)
+        np.testing.assert_array_equal(resumed, expected)
+        shutil.rmtree(folder)
+        n_steps += 1
+    assert n_steps > 20
+
+
+def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
+    with monkeypatch.context() as patches:
+        interrupt_after(40, patches, KeyboardInterrupt)
+        with pytest.raises(KeyboardInterrupt):
+            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    n_done = int(np.load(tmp_path / "done.npy").sum())
+    n_blocks = int(np.load(tmp_path / "digests.npy").any(axis=1).sum())
+    steps = interrupt_after(10**6, monkeypatch, KeyboardInterrupt)
+    pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    layout = json.loads((tmp_path / "manifest.json").read_text())["layout"]
+    n_sides = -(-N_POINTS // layout["tile"])
+    n_tiles = n_sides * (n_sides + 1) // 2
+    n_missing = -(-N_POINTS // layout["block"]) - n_blocks
+    # Four writes a block (two features, points, the digest), two a tile; four other steps.
+    assert 10**6 - steps[0] == 4 * n_missing + 2 * (n_tiles - n_done) + 4
+    assert n_done > 0 or n_blocks > 0
+
+
+SCRIPT = """
+import sys
+import numpy as np
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.jobs import pairwise_job
+from riemhuman.surfaces.template import Template
+
+given = np.load(sys.argv[1])
+metric = ElasticMetric(AlignedSurfaces(Template(given["vertices"], given["faces"])), 1.0, 0.1, 0.1)
+metric.dist_pairwise(given["points"][:2])
+print("ready", flush=True)
+pairwise_job(metric, given["points"], sys.argv[2], memory=120_000)
+"""
+
+
+def start(arguments):
+    """Start a job in a process of its own and wait until it is about to begin."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", SCRIPT, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+    )
+    assert process.stdout.readline() == b"ready\n"
+    return process
+
+
+@pytest.mark.slow
+def test_killed_ten_times_at_random_moments(tmp_path):
+    template = sphere_template(2)
+    points = points_of(template, 60)
+    given = tmp_path / "given.npz"
+    np.savez(given, vertices=template.vertices, faces=template.faces, points=points)
+    with start([given, tmp_path / "undisturbed"]) as process:
+        begin = time.monotonic()
+        assert process.wait() == 0
+    seconds = time.monotonic() - begin
+    moments = random.Random(7)
+    folder = tmp_path / "killed"
+    n_killed, shares = 0, []
+    while n_killed < 10:
+        with start([given, folder]) as process:
+            # On the way, the job gets to its end; it is then begun anew.
+            time.sleep(moments.uniform(0.0, 0.3 * seconds))
+            process.send_signal(signal.SIGKILL)
+            n_killed += process.wait() == -signal.SIGKILL
+        if (folder / "done.npy").exists():
+            shares.append(np.load(folder / "done.npy").mean())
+        if (folder / "D.npy").exists() and n_killed < 10:
+            assert_same_bytes(folder, tmp_path / "undisturbed")
+            shutil.rmtree(folder)
+    with start([given, folder]) as process:
+        assert process.wait() == 0
+    assert_same_bytes(folder, tmp_path / "undisturbed")
+    assert max(shares) > 0
+
+
+def assert_same_bytes(folder, other):
+    assert (folder / "D.npy").read_bytes() == (other / "D.npy").read_bytes()
+
+
+def test_one_process_at_a_time(tmp_path):
+    code = (
+        "import sys; from riemhuman.jobs.folder import JobFolder\n"
+        "with JobFolder(sys.argv[1]).locked(): print('locked', flush=True); sys.stdin.read()"
+    )
+    with subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+    ) as process:
+        assert process.stdout.readline() == b"locked\n"
+        with pytest.raises(FileError, match="another process is at work"):
+            pairwise_job(METRIC, POINTS, tmp_path)
+        assert {entry.name for entry in tmp_path.iterdir()} == {"job.lock"}
+        process.send_signal(signal.SIGKILL)
+    pairwise_job(METRIC, POINTS, tmp_path)
+
+
+def begun(folder, monkeypatch, n_steps=30):
+    """Begin a job in a folder, and interrupt it."""
+    with monkeypatch.context() as patches:
+        interrupt_after(n_steps, patches, KeyboardInterrupt)
+        with pytest.raises(KeyboardInterrupt):
+            pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
+
+
+def contents(folder):
+    return {entry.name: entry.read_bytes() for entry in folder.iterdir()}
+
+
+@pytest.mark.parametrize("n_steps", [30, None])
+def test_another_job_is_refused(n_steps, tmp_path, monkeypatch):
+    if n_steps is None:
+        pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    else:
+        begun(tmp_path, monkeypatch, n_steps)
+    before = contents(tmp_path)
+    turned = type(TEMPLATE)(TEMPLATE.vertices[:, ::-1], TEMPLATE.faces)
+    moved = POINTS.copy()
+    moved[0, 0, 0] += 1e-12
+    others = [
+        ({"metric": metric_on(TEMPLATE, 0.0, 0.0, 1.0 + 1e-12)}, r"metric\.c is 1\.0 there"),
+        ({"metric": SRNFMetric(METRIC.space)}, r"metric\.class is 'riemhuman.*ElasticMetric'"),
+        ({"metric": metric_on(turned)}, r"template\.vertices\.sha256"),
+        ({"precision": "double"}, "precision is 'single' there, 'double' here"),
+        ({"points": POINTS[:-1]}, "n_points is 23 there, 22 here"),
+        ({"points": moved}, r"has other points\[0:\d+\]"),
+    ]
+    for changes, message in others:
+        arguments = {"metric": METRIC, "points": POINTS, "folder": tmp_path, **changes}
+        with pytest.raises(ArgumentError, match=message):
+            pairwise_job(**arguments)
+        assert contents(tmp_path) == before
+    pairwise_job(METRIC, POINTS, tmp_path)
+
+
+def test_a_folder_with_something_else_is_refused(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(ArgumentError, match=r"folder must be empty.*holds thesis\.tex"):
+        pairwise_job(METRIC, POINTS, tmp_path)
+    (tmp_path / "D.npy").write_text("more of it")
+    with pytest.raises(ArgumentError, match=r"holds D\.npy and 1 more"):
+        pairwise_job(METRIC, POINTS, tmp_path)
+    assert contents(tmp_path) == {"thesis.tex": b"years of work", "D.npy": b"more of it"}
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"name": "an app"}', '{"layout": 3}', "\xff"])
+def test_a_manifest_of_something_else_is_refused(text, tmp_path):
+    (tmp_path / "manifest.json").write_text(text, encoding="latin-1")
+    with pytest.raises(FileFormatError, match=r"manifest\.json is not the manifest of a job"):
+        pairwise_job(METRIC, POINTS, tmp_path)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["manifest.json"]
+
+
+def test_half_written_files_are_written_anew(tmp_path, monkeypatch):
+    (tmp_path / "manifest.json.part").write_text('{"form')
+    begun(tmp_path, monkeypatch, n_steps=1)
+    assert not (tmp_path / "done.npy").exists()
+    for name in ("D.unfinished.npy.part", "features_0.npy.part"):
+        (tmp_path / name).write_bytes(b"\x93NUMPY half")
+    distances = pairwise_job(METRIC, POINTS, tmp_path)
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
+    assert not list(tmp_path.glob("*.part"))
+
+
+@pytest.mark.parametrize("name", ["D.unfinished.npy", "features_0.npy", "done.npy"])
+def test_damaged_tables_are_refused(name, tmp_path, monkeypatch):
+    begun(tmp_path, monkeypatch)
+    whole = (tmp_path / name).read_bytes()
+    (tmp_path / name).write_bytes(whole[:-5])
+    with pytest.raises(FileFormatError, match=f"{name} is not a table"):
+        pairwise_job(METRIC, POINTS, tmp_path)
+    np.save(tmp_path / name, np.zeros(3))
+    with pytest.raises(FileFormatError, match=rf"{name} is damaged: .* found float64 of shape"):
+        pairwise_job(METRIC, POINTS, tmp_path)
+    (tmp_path / name).write_bytes(whole)
+    pairwise_job(METRIC, POINTS, tmp_path)
+
+
+def test_a_file_where_the_folder_should_be(tmp_path):
+    file = tmp_path / "results"
+    file.write_text("kept")
+    for folder in (file, file / "below"):
+        with pytest.raises(FileError, match="cannot be used as the folder of a job"):
+            pairwise_job(METRIC, POINTS, folder)
+    assert file.read_text() == "kept"
+
+
+def refuse(error_number):
+    def raise_error(*arguments, **options):
+        raise OSError(error_number, os.strerror(error_number))
+
+    return raise_error
+
+
+def test_a_disk_too_small_is_noticed_first(tmp_path, monkeypatch):
+    usage = namedtuple("usage", "total used free")
+    with monkeypatch.context() as patches:
+        patches.setattr(shutil, "disk_usage", lambda path: usage(10**6, 990_000, 10_000))
+        with pytest.raises(FileError, match=r"no room for the job: .* GB are needed, 1e-05 GB"):
+            pairwise_job(METRIC, POINTS, tmp_path)
+    assert not list(tmp_path.glob("*.npy*"))
+    pairwise_job(METRIC, POINTS, tmp_path)
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EDQUOT])
+@pytest.mark.parametrize("call", ["posix_fallocate", "fsync", "replace"])
+def test_a_failing_disk(call, number, tmp_path, monkeypatch):
+    with monkeypatch.context() as patches:
+        patches.setattr(os, call, refuse(number))
+        with pytest.raises(FileError, match=f"cannot be written: {os.strerror(number)}"):
+            pairwise_job(METRIC, POINTS, tmp_path)
+    assert not list(tmp_path.glob("*.npy*"))
+    pairwise_job(METRIC, POINTS, tmp_path)
+
+
+def test_a_disk_that_fails_later(tmp_path, monkeypatch):
+    with monkeypatch.context() as patches:
+        patches.setattr(np.memmap, "flush", refuse(errno.EIO))
+        with pytest.raises(FileError, match="cannot be written: Input/output error"):
+            pairwise_job(METRIC, POINTS, tmp_path)
+    np.testing.assert_array_equal(
+        pairwise_job(METRIC, POINTS, tmp_path), METRIC.dist_pairwise(POINTS)
+    )
+
+
+def test_tables_are_laid_out_without_the_system_call(tmp_path, monkeypatch):
+    monkeypatch.delattr(os, "posix_fallocate")
+    distances = pairwise_job(METRIC, POINTS, tmp_path)
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "message"),
+    [
+        ({"n_jobs": 0}, ArgumentError, "n_jobs must be -1, or at least 1; found 0"),
+        ({"n_jobs": 1.5}, ArgumentTypeError, "n_jobs must be a whole number"),
+        ({"precision": "half"}, ArgumentError, "precision must be one of"),
+        ({"memory": "2 GiB"}, ArgumentTypeError, "memory must be a whole number"),
+        ({"memory": 100}, ArgumentError, r"memory must be at least \d+ bytes .*; found 100"),
+        ({"points": iter(POINTS)}, ArgumentTypeError, "points must be an array, or have a length"),
+        ({"points": POINTS[:0]}, ArgumentError, "points must hold at least one point"),
+        ({"points": POINTS[:, 1:]}, ArgumentError, "points must have shape"),
+        ({"folder": 3}, ArgumentTypeError, "folder must be the path of a folder; found 3"),
+        ({"client": "tcp://scheduler"}, ArgumentTypeError, "client must be a distributed.Client"),
+    ],
+)
+def test_wrong_arguments(changes, error, message, tmp_path):
+    arguments = {"metric": METRIC, "points": POINTS, "folder": tmp_path / "job", **changes}
+    with pytest.raises(error, match=message):
+        pairwise_job(**arguments)
+    assert not list(tmp_path.glob("job/D*")) or "client" in changes
+
+
+def test_a_wrong_point_is_named_and_what_is_done_is_kept(tmp_path):
+    wrong = POINTS.copy()
+    wrong[20, 3, 1] = np.nan
+    with pytest.raises(ArgumentError, match=r"points\[\d+:\d+\] holds 1 NaN"):
+        pairwise_job(METRIC, wrong, tmp_path, memory=MEMORY)
+    assert np.load(tmp_path / "digests.npy").any(axis=1).sum() > 0
+    np.testing.assert_array_equal(
+        pairwise_job(METRIC, POINTS, tmp_path), METRIC.dist_pairwise(POINTS)
+    )
+
+
+def test_a_surface_without_normals_is_named(tmp_path):
+    flat = POINTS.copy()
+    flat[20] = 0.0
+    with pytest.raises(DegenerateSurfaceError, match=r"points\[\d+:\d+\]: every triangle"):
+        pairwise_job(METRIC, flat, tmp_path, memory=MEMORY)
+
+
+class Short(OnTheFly):
+    """Points whose slices hold fewer than they should."""
+
+    def __getitem__(self, part):
+        return super().__getitem__(part)[: 2 if part.start else None]
+
+
+def test_slices_of_another_length_are_refused(tmp_path):
+    with pytest.raises(ArgumentError, match=r"points\[\d+:\d+\] must be \d+ points; found 2"):
+        pairwise_job(METRIC, Short(POINTS), tmp_path, memory=10**6)
+
+
+def test_another_template_of_the_same_size(tmp_path):
+    template = open_template()
+    points = points_of(template)
+    pairwise_job(metric_on(template), points, tmp_path)
+    renumbered = type(template)(template.vertices, template.faces[::-1])
+    with pytest.raises(ArgumentError, match=r"template\.faces\.sha256"):
+        pairwise_job(metric_on(renumbered), points, tmp_path)

@@ -1,0 +1,273 @@
+"""Nearest neighbours: the same as by all distances, for fewer of them."""
+
+import numpy as np
+import pytest
+from cases import CASES, cases_that, name_of, open_template, sphere_template, surfaces
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.retrieval import NearestNeighbors
+
+N_GROUPS, N_IN_GROUP = 12, 10
+
+
+def groups(template, rng=0, spread=0.02):
+    """Return surfaces that have neighbours: groups of small changes of a few."""
+    centers = surfaces(template, N_GROUPS, rng)
+    noise = np.random.default_rng(rng).standard_normal((N_IN_GROUP, N_GROUPS, *centers.shape[1:]))
+    return (centers + spread * template.vertices.std() * noise).reshape(-1, *centers.shape[1:])
+
+
+def by_all_distances(metric, queries, points, k):
+    """Return the k nearest by sorting all distances, the query itself left out of its own set."""
+    distances = metric.cdist(points if queries is None else queries, points, precision="double")
+    if queries is None:
+        np.fill_diagonal(distances, np.inf)
+    order = np.argsort(distances, axis=1, kind="stable")[:, :k]
+    return np.take_along_axis(distances, order, axis=1), order
+
+
+def assert_same(found, expected):
+    np.testing.assert_array_equal(found[1], expected[1])
+    np.testing.assert_array_equal(found[0], expected[0])
+
+
+def metrics():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    return {
+        "pose": ElasticMetric(space, 0.0, 0.0, 1.0),
+        "shape": ElasticMetric(space, 1.0, 1e-4, 0.0),
+        "both": ElasticMetric(space, 1.0, 0.1, 0.1),
+        "srnf": SRNFMetric(space),
+    }
+
+
+METRICS = metrics()
+POSE = METRICS["pose"]
+
+
+@pytest.mark.parametrize("n_patches", [None, 8])
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_same_as_by_all_distances(metric, n_patches):
+    points, queries = groups(sphere_template()), groups(sphere_template(), rng=1)[:7]
+    # Queries that are points of the set, some nearly.
+    queries[:3] = points[:3]
+    queries[1] *= 1 + 1e-12
+    neighbors = NearestNeighbors(metric, n_neighbors=4, n_patches=n_patches).fit(points)
+    assert neighbors.n_samples_fit_ == len(points)
+    assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 4))
+    assert_same(neighbors.kneighbors(queries), by_all_distances(metric, queries, points, 4))
+    assert_same(neighbors.kneighbors(queries, 1), by_all_distances(metric, queries, points, 1))
+
+
+@pytest.mark.parametrize("case", cases_that("dist"), ids=name_of)
+def test_every_metric_with_a_distance(case):
+    points = case.points
+    neighbors = NearestNeighbors(case.metric, n_pivots=2).fit(points)
+    expected = by_all_distances(case.metric, None, points, len(points) - 1)
+    assert_same(neighbors.kneighbors(n_neighbors=len(points) - 1), expected)
+
+
+@pytest.mark.parametrize("n_pivots", [1, 2, 200])
+@pytest.mark.parametrize("n_components", [0, 1, 300])
+@pytest.mark.parametrize("name", ["pose", "shape"])
+def test_parameters_change_no_result(name, n_pivots, n_components):
+    points = groups(sphere_template())
+    neighbors = NearestNeighbors(
+        METRICS[name], 3, n_pivots=n_pivots, n_components=n_components, n_jobs=2
+    )
+    expected = by_all_distances(METRICS[name], None, points, 3)
+    assert_same(neighbors.fit(points).kneighbors(), expected)
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_duplicates_come_in_the_order_of_their_indices(metric):
+    points = groups(sphere_template())[:20]
+    points = np.concatenate([points[:6], points[:6], points[:6], points])
+    neighbors = NearestNeighbors(metric, n_neighbors=5).fit(points)
+    found = neighbors.kneighbors()
+    assert_same(found, by_all_distances(metric, None, points, 5))
+    np.testing.assert_array_equal(found[1][7, :3], [1, 13, 19])
+    np.testing.assert_array_equal(found[0][7, :3], 0.0)
+    everything = neighbors.kneighbors(points[:4], n_neighbors=len(points))
+    assert_same(everything, by_all_distances(metric, points[:4], points, len(points)))
+
+
+def test_a_set_of_one_body_many_times():
+    points = np.repeat(groups(sphere_template())[:1], 40, axis=0)
+    distances, indices = NearestNeighbors(POSE, 39).fit(points).kneighbors()
+    np.testing.assert_array_equal(distances, 0.0)
+    np.testing.assert_array_equal(indices[5], [*range(5), *range(6, 40)])
+
+
+@pytest.mark.parametrize("name", ["pose", "shape"])
+def test_added_piece_by_piece_or_at_once(name):
+    points = groups(sphere_template())
+    at_once = NearestNeighbors(METRICS[name]).fit(points)
+    in_pieces = NearestNeighbors(METRICS[name])
+    for start, stop in [(0, 1), (1, 2), (2, 40), (40, 40), (40, len(points))]:
+        assert in_pieces.partial_fit(points[start:stop]) is in_pieces
+        assert in_pieces.n_samples_fit_ == stop
+    assert_same(in_pieces.kneighbors(), at_once.kneighbors())
+    assert_same(in_pieces.kneighbors(points[:9]), at_once.kneighbors(points[:9]))
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_points_with_neighbors_are_compared_with_few(name):
+    # Under the metric of shapes, all but the smallest changes are as far as can be.
+    spread = 0.001 if name == "shape" else 0.02
+    points = np.concatenate([groups(sphere_template(), rng, spread) for rng in range(4)])
+    neighbors = NearestNeighbors(METRICS[name], n_neighbors=3).fit(points)
+    neighbors.kneighbors()
+    assert neighbors.n_exact_ == pytest.approx(neighbors.exact_share_ * len(points) ** 2)
+    assert neighbors.exact_share_ < 0.05
+
+
+def test_pivots_alone_prune():
+    space = VectorSpace((2,))
+    rng = np.random.default_rng(0)
+    points = np.concatenate([center + 0.01 * rng.random((40, 2)) for center in rng.random((10, 2))])
+    neighbors = NearestNeighbors(space.metric, 3).fit(points)
+    assert_same(neighbors.kneighbors(), by_all_distances(space.metric, None, points, 3))
+    assert neighbors.exact_share_ < 0.2
+
+
+def test_neighbors_without_distances():
+    points = groups(sphere_template())
+    neighbors = NearestNeighbors(POSE).fit(points)
+    indices = neighbors.kneighbors(points[:5], return_distance=False)
+    np.testing.assert_array_equal(indices, neighbors.kneighbors(points[:5])[1])
+
+
+class OnTheFly:
+    """A set that makes its points when it is sliced."""
+
+    def __init__(self, points):
+        self.points = points
+
+    def __len__(self):
+        return len(self.points)
+
+    def __getitem__(self, part):
+        assert isinstance(part, slice)
+        return self.points[part].copy()
+
+
+def test_points_made_on_the_fly():
+    points = groups(sphere_template())
+    neighbors = NearestNeighbors(POSE).fit(OnTheFly(points))
+    expected = by_all_distances(POSE, None, points, 5)
+    assert_same(neighbors.kneighbors(), expected)
+    assert_same(neighbors.kneighbors(OnTheFly(points[:9]), 1)[:1] * 2, (np.zeros((9, 1)),) * 2)
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_saved_and_loaded(metric, tmp_path):
+    points = groups(sphere_template())
+    neighbors = NearestNeighbors(metric, n_neighbors=3, n_patches=8).fit(points[:90])
+    neighbors.save(tmp_path / "index.npz")
+    loaded = NearestNeighbors.load(tmp_path / "index.npz", metric)
+    assert_same(loaded.kneighbors(), neighbors.kneighbors())
+    assert loaded.exact_share_ == neighbors.exact_share_
+    loaded.partial_fit(points[90:])
+    neighbors.partial_fit(points[90:])
+    assert_same(loaded.kneighbors(points[80:]), neighbors.kneighbors(points[80:]))
+
+
+def test_saved_without_coordinates(tmp_path):
+    metric = VectorSpace((3,)).metric
+    points = np.random.default_rng(0).random((50, 3))
+    NearestNeighbors(metric).fit(points).save(tmp_path / "index.npz")
+    loaded = NearestNeighbors.load(tmp_path / "index.npz", metric, n_jobs=2)
+    assert_same(loaded.kneighbors(), by_all_distances(metric, None, points, 5))
+
+
+def test_loading_refuses_another_metric_or_template(tmp_path):
+    path = tmp_path / "index.npz"
+    NearestNeighbors(METRICS["both"]).fit(groups(sphere_template())).save(path)
+    space = METRICS["both"].space
+    swollen = type(space.template)(1.1 * space.template.vertices, space.template.faces)
+    others = [
+        *(METRICS[name] for name in ("pose", "shape", "srnf")),
+        ElasticMetric(space, 1.0, 0.1 + 1e-6, 0.1),
+        ElasticMetric(AlignedSurfaces(swollen), 1.0, 0.1, 0.1),
+        ElasticMetric(AlignedSurfaces(open_template()), 1.0, 0.1, 0.1),
+        CASES["flat"].metric,
+    ]
+    for metric in others:
+        with pytest.raises(ArgumentError, match=r"index\.npz: metric must be the one"):
+            NearestNeighbors.load(path, metric)
+    NearestNeighbors.load(path, ElasticMetric(AlignedSurfaces(space.template), 1.0, 0.1, 0.1))
+
+
+def test_loading_refuses_what_is_no_index(tmp_path):
+    path = tmp_path / "index.npz"
+    with pytest.raises(FileError, match="cannot be read"):
+        NearestNeighbors.load(path, POSE)
+    np.savez(path, points=np.zeros((3, 42, 3)))
+    with pytest.raises(FileFormatError, match="lacks the fields"):
+        NearestNeighbors.load(path, POSE)
+    NearestNeighbors(POSE).fit(groups(sphere_template())).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    np.savez(path, **{**arrays, "to_pivots": arrays["to_pivots"][:-1]})
+    with pytest.raises(FileFormatError, match="a row for each"):
+        NearestNeighbors.load(path, POSE)
+    del arrays["coordinates"]
+    np.savez(path, **arrays)
+    with pytest.raises(FileFormatError, match="lacks the fields coordinates"):
+        NearestNeighbors.load(path, POSE)
+
+
+def test_a_wrong_point_leaves_the_index_as_it_was():
+    points = groups(sphere_template())
+    neighbors = NearestNeighbors(POSE).fit(points[:100])
+    before = neighbors.kneighbors()
+    added = np.concatenate([points] * 2)
+    added[-1, 0, 0] = np.nan
+    with pytest.raises(ArgumentError, match="X holds 1 NaN"):
+        neighbors.partial_fit(added)
+    assert neighbors.n_samples_fit_ == 100
+    assert_same(neighbors.kneighbors(), before)
+    neighbors.partial_fit(points[100:])
+    assert_same(neighbors.kneighbors(), by_all_distances(POSE, None, points, 5))
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"n_neighbors": 0}, ArgumentError, "n_neighbors must be a whole number of at least 1"),
+        ({"n_neighbors": 2.5}, ArgumentTypeError, "n_neighbors must be a whole number"),
+        ({"n_pivots": 0}, ArgumentError, "n_pivots must be a whole number of at least 1"),
+        ({"n_components": -1}, ArgumentError, "n_components must be a whole number of at least 0"),
+        ({"n_patches": 0}, ArgumentError, "n_patches must be a whole number of at least 1"),
+        ({"n_jobs": 0}, ArgumentError, "n_jobs must be -1, or at least 1"),
+    ],
+)
+def test_wrong_parameters(options, error, message):
+    with pytest.raises(error, match=message):
+        NearestNeighbors(POSE, **options).fit(groups(sphere_template())[:8])
+
+
+def test_wrong_calls(tmp_path):
+    points = groups(sphere_template())[:8]
+    neighbors = NearestNeighbors(POSE)
+    with pytest.raises(ArgumentError, match="call fit first"):
+        neighbors.kneighbors(points)
+    with pytest.raises(ArgumentError, match="call fit first"):
+        neighbors.save(tmp_path / "index.npz")
+    with pytest.raises(ArgumentError, match="X must hold at least one point"):
+        neighbors.fit(points[:0])
+    with pytest.raises(ArgumentTypeError, match="X must be an array"):
+        neighbors.fit(iter(points))
+    with pytest.raises(ArgumentError, match="X must have shape"):
+        neighbors.fit(points[:, :-1])
+    neighbors.fit(points)
+    for k in (0, 8, -1):
+        with pytest.raises(ArgumentError, match=f"at most 7, .* found {k}"):
+            neighbors.kneighbors(n_neighbors=k)
+    with pytest.raises(ArgumentError, match="at most 8, .* found 9"):
+        neighbors.kneighbors(points, n_neighbors=9)
+    assert neighbors.kneighbors(points[:0])[0].shape == (0, 5)
