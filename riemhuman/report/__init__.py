@@ -1,0 +1,38 @@
+"""Pictures, interactive views and the report of the paper's experiments."""
+
+from riemhuman.report.body_plots import per_area, plot_body, plot_path
+from riemhuman.report.contributions import Contributions, contributions
+from riemhuman.report.embedding import embed
+from riemhuman.report.make import make_report
+from riemhuman.report.rankings import confusion, precision_recall
+from riemhuman.report.rendering import View, render
+from riemhuman.report.result_plots import (
+    plot_confusion,
+    plot_embedding,
+    plot_energy,
+    plot_precision_recall,
+    plot_sweep,
+)
+from riemhuman.report.viewer import Viewer, view_bodies, view_path
+
+__all__ = [
+    "Contributions",
+    "View",
+    "Viewer",
+    "confusion",
+    "contributions",
+    "embed",
+    "make_report",
+    "per_area",
+    "plot_body",
+    "plot_confusion",
+    "plot_embedding",
+    "plot_energy",
+    "plot_path",
+    "plot_precision_recall",
+    "plot_sweep",
+    "precision_recall",
+    "render",
+    "view_bodies",
+    "view_path",
+]

@@ -1,0 +1,76 @@
+"""Colours that read on a light and on a dark ground."""
+
+from __future__ import annotations
+
+from colorsys import hls_to_rgb
+
+import numpy as np
+from numpy import ndarray
+
+# Ten hues of like lightness, neighbours far apart.
+_CLASSES = (
+    *("4e82b4", "e08a33", "cf5152", "52a39c", "5b9e4d"),
+    *("c3a02b", "a674a8", "d97693", "97765f", "77858f"),
+)
+
+# From the colour of an unpainted body to that of the largest value.
+_VALUES = ("d4c8bb", "ecb169", "d95f30", "8c1d3f")
+
+
+def rgb(hexadecimal: str) -> tuple[float, float, float]:
+    """Return red, green and blue between 0 and 1.
+
+    Parameters
+    ----------
+    hexadecimal : str
+        Six digits, with or without a leading #.
+
+    Returns
+    -------
+    tuple of float
+    """
+    digits = hexadecimal.removeprefix("#")
+    red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
+    return red, green, blue
+
+
+def class_colors(n_classes: int) -> ndarray:
+    """Return distinct colours of classes.
+
+    Parameters
+    ----------
+    n_classes : int
+        Number of classes.
+
+    Returns
+    -------
+    array, shape (n_classes, 3)
+        Red, green and blue between 0 and 1.
+    """
+    if n_classes <= len(_CLASSES):
+        return np.array([rgb(color) for color in _CLASSES[:n_classes]])
+    hues = np.arange(n_classes) / n_classes
+    return np.array([hls_to_rgb(h, 0.42 + 0.16 * (i % 2), 0.5) for i, h in enumerate(hues)])
+
+
+def value_colors(values: ndarray, largest: float | None = None) -> ndarray:
+    """Return colours of values from 0 upwards, from the colour of skin to dark red.
+
+    Parameters
+    ----------
+    values : array, shape (...)
+        Values of at least 0.
+    largest : float, optional
+        Value of the last colour, which all above it share; by default the largest found.
+
+    Returns
+    -------
+    array, shape (..., 3)
+        Red, green and blue between 0 and 1.
+    """
+    values = np.asarray(values, dtype=np.float64)
+    top = float(values.max(initial=0.0)) if largest is None else largest
+    share = np.clip(values / (top if top > 0 else 1.0), 0.0, 1.0)
+    stops = np.array([rgb(color) for color in _VALUES])
+    places = np.linspace(0.0, 1.0, len(stops))
+    return np.stack([np.interp(share, places, stops[:, channel]) for channel in range(3)], axis=-1)

@@ -1,0 +1,67 @@
+"""Where two surfaces differ: what every triangle adds to their squared distance."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy import ndarray
+
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.kernels import ebin, sphere
+
+
+@dataclass(frozen=True)
+class Contributions:
+    r"""Parts of the squared distance of two surfaces, triangle by triangle.
+
+    The integrands of equation 5 over each triangle t of the template, of area w_t:
+
+    .. math:: m_t = a\, w_t\, d^\lambda(g_1, g_2)_t^2, \quad n_t = c\, w_t\, d_{S^2}(n_1, n_2)_t^2
+
+    Attributes
+    ----------
+    metric : array, shape (..., F)
+        m_t, by the change of the first fundamental form.
+    normal : array, shape (..., F)
+        n_t, by the change of the normals.
+    """
+
+    metric: ndarray
+    normal: ndarray
+
+    @property
+    def total(self) -> ndarray:
+        """Their sum m_t + n_t, shape (..., F); summed over triangles, the squared distance."""
+        return self.metric + self.normal
+
+
+def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> Contributions:
+    """Return what every triangle adds to the squared distance of two surfaces.
+
+    Parameters
+    ----------
+    metric : ElasticMetric
+        The metric.
+    point_a, point_b : array, shape (..., V, 3)
+        Surfaces.
+
+    Returns
+    -------
+    Contributions
+
+    Raises
+    ------
+    ArgumentError
+        If the surfaces do not fit the metric's space.
+    DegenerateSurfaceError
+        If c > 0 and a triangle has no area, so that it has no normal.
+    """
+    space = metric.space
+    point_a, point_b = (space.check_point(f, "surface") for f in (point_a, point_b))
+    areas = space.template.face_areas
+    g1, g2 = space.metric_field(point_a), space.metric_field(point_b)
+    of_metric = metric.a * areas * ebin.squared_dist(g1, g2, metric.lam or 1.0)
+    if metric.c == 0:
+        return Contributions(of_metric, 0.0 * of_metric)
+    n1, n2 = space.normal_field(point_a), space.normal_field(point_b)
+    return Contributions(of_metric, metric.c * areas * sphere.squared_dist(n1, n2))

@@ -1,0 +1,214 @@
+"""The experiments on all bodies: distances, retrieval, maps, and the sweep over the weights."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import RiemhumanError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.report.embedding import METHODS, embed
+from riemhuman.report.plan import (
+    POSE,
+    POSE_WEIGHTS,
+    SHAPE,
+    Plan,
+    elastic_metric,
+)
+from riemhuman.report.store import Computed, ResultStore, Step
+from riemhuman.retrieval.scores import scores
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+
+
+def distance_steps(
+    store: ResultStore, digest: str, bodies: Bodies, representations: Mapping[str, Any]
+) -> dict[str, Step]:
+    """Compute the distances of all bodies by every representation.
+
+    A representation that refuses the bodies has no distances, and its record says why.
+
+    Parameters
+    ----------
+    store : ResultStore
+        Where results are kept.
+    digest : str
+        Fingerprint of the bodies.
+    bodies : Bodies
+        The bodies.
+    representations : mapping of str to object
+        Metrics and descriptors by name, as for `riemhuman.retrieval.benchmark`.
+
+    Returns
+    -------
+    dict of str to Step
+        Distances, shape (n, n), and the seconds of a body and of a pair.
+    """
+    steps = {}
+    for name, representation in representations.items():
+
+        def compute(representation: Any = representation) -> Computed:
+            try:
+                return _measured_distances(representation, bodies)
+            except RiemhumanError as error:
+                return {}, {"problem": f"{type(error).__name__}: {error}"}
+
+        slug = "-".join("".join(c if c.isalnum() else " " for c in name.lower()).split())
+        kind = f"{type(representation).__module__}.{type(representation).__qualname__}"
+        inputs = {"bodies": digest, "representation": name, "kind": kind}
+        steps[name] = store.step(f"distances-{slug}", inputs, compute, f"Distances, {name}")
+    return steps
+
+
+def _measured_distances(representation: Any, bodies: Bodies) -> Computed:
+    n_pairs = len(bodies) * (len(bodies) - 1) / 2
+    if hasattr(representation, "dist_pairwise"):
+        # Loops compiled at first use are no part of what a distance costs.
+        representation.dist_pairwise(bodies.points[:2])
+        began = described = time.perf_counter()
+        matrix = representation.dist_pairwise(bodies.points, n_jobs=-1)
+    else:
+        began = time.perf_counter()
+        vectors = representation.describe_all(bodies, n_jobs=-1)
+        described = time.perf_counter()
+        matrix = representation.distances(vectors)
+    finished = time.perf_counter()
+    return {"distances": np.asarray(matrix)}, {
+        "seconds_per_body": (described - began) / len(bodies),
+        "seconds_per_pair": (finished - described) / n_pairs,
+    }
+
+
+def map_step(store: ResultStore, distances: Mapping[str, Step], plan: Plan) -> Step:
+    """Place the bodies in the plane by the shape and the pose metric.
+
+    Parameters
+    ----------
+    store : ResultStore
+        Where results are kept.
+    distances : mapping of str to Step
+        Distances by representation.
+    plan : Plan
+        Seed.
+
+    Returns
+    -------
+    Step
+        Positions "shape t-sne", "shape mds", "pose t-sne" and "pose mds", shape (n, 2).
+    """
+
+    def compute() -> Computed:
+        positions = {
+            f"{task} {method}": embed(distances[name].arrays["distances"], method, rng=plan.seed)
+            for task, name in (("shape", SHAPE), ("pose", POSE))
+            for method in METHODS
+        }
+        return positions, {}
+
+    inputs = {"shape": distances[SHAPE], "pose": distances[POSE], "seed": plan.seed}
+    return store.step("maps", inputs, compute, "Maps")
+
+
+def sweep_step(
+    store: ResultStore, digest: str, bodies: Bodies, space: AlignedSurfaces, plan: Plan
+) -> Step:
+    """Score retrieval of people and poses over λ and c, and with the normals alone.
+
+    Squared distances are a sum, so the two parts are computed once for every λ and weighed after.
+
+    Parameters
+    ----------
+    store : ResultStore
+        Where results are kept.
+    digest : str
+        Fingerprint of the bodies.
+    bodies : Bodies
+        The bodies.
+    space : AlignedSurfaces
+        The surfaces.
+    plan : Plan
+        λ and c.
+
+    Returns
+    -------
+    Step
+        Squared distances of the parts, and the rows of scores.
+    """
+
+    def compute() -> Computed:
+        def squared(weights: tuple[float, float, float]) -> ndarray:
+            return elastic_metric(space, weights).dist_pairwise(bodies.points, n_jobs=-1) ** 2
+
+        normal = squared(POSE_WEIGHTS)
+        metric = [squared((1.0, lam, 0.0)) for lam in plan.lams]
+        rows = [
+            _scores_row(bodies, part + c * normal, 1.0, lam, c)
+            for lam, part in zip(plan.lams, metric, strict=True)
+            for c in plan.weights
+        ]
+        rows.append(_scores_row(bodies, normal, 0.0, None, 1.0))
+        return {"metric": np.stack(metric), "normal": normal}, {"rows": rows}
+
+    inputs = {"bodies": digest, "lams": plan.lams, "weights": plan.weights}
+    return store.step("sweep", inputs, compute, "Sweep over the weights")
+
+
+def retrieval_rows(distances: Mapping[str, Step], labels: ndarray) -> list[dict[str, Any]]:
+    """Return the scores of every representation that has distances.
+
+    Parameters
+    ----------
+    distances : mapping of str to Step
+        Distances by representation.
+    labels : array, shape (n,)
+        Classes.
+
+    Returns
+    -------
+    list of dict
+    """
+    rows = []
+    for name, step in distances.items():
+        found = scores(step.arrays["distances"], labels)
+        rows.append(
+            {
+                "representation": name,
+                "nn": found.nn,
+                "first_tier": found.first_tier,
+                "second_tier": found.second_tier,
+                "mean_average_precision": found.mean_average_precision,
+            }
+        )
+    return rows
+
+
+def has_pairs(labels: ndarray) -> bool:
+    """Tell whether two items share a class, so that there is something to retrieve.
+
+    Parameters
+    ----------
+    labels : array, shape (n,)
+        Classes.
+
+    Returns
+    -------
+    bool
+    """
+    return len(np.unique(labels)) < len(labels)
+
+
+def _scores_row(
+    bodies: Bodies, squared: ndarray, a: float, lam: float | None, c: float
+) -> dict[str, Any]:
+    row: dict[str, Any] = {"a": a, "lam": lam, "c": c}
+    for task, labels in (("shape", bodies.subject), ("pose", bodies.pose)):
+        if has_pairs(labels):
+            found = scores(np.sqrt(squared), labels)
+            row[f"{task}_nn"] = found.nn
+            row[f"{task}_mean_average_precision"] = found.mean_average_precision
+    return row

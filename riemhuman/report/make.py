@@ -1,0 +1,124 @@
+"""The report: the paper's experiments redone on a set of bodies, as a folder with a page."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from contextlib import nullcontext
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.optional import import_optional
+from riemhuman.report import provenance
+from riemhuman.report.content import facts_of, lead_of, sections
+from riemhuman.report.figures import figure_style
+from riemhuman.report.materials import Materials
+from riemhuman.report.output_folder import check_folder, open_folder, write_provenance
+from riemhuman.report.page import page
+from riemhuman.report.plan import QUICK, Plan
+from riemhuman.report.representations import available
+from riemhuman.report.results import compute_results
+from riemhuman.report.store import Progress, ResultStore, fingerprint
+from riemhuman.report.text_files import write_text
+from riemhuman.retrieval.benchmark import paper_metrics
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+_TITLE = "Human bodies, measured by their surfaces"
+
+
+def make_report(
+    output: str | os.PathLike[str],
+    *,
+    bodies: Bodies | None = None,
+    basis: DeformationBasis | None = None,
+    quick: bool = False,
+    representations: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Path:
+    """Redo the experiments of the paper's sections 5 and 6, and write a page about them.
+
+    The folder holds ``index.html``, which opens in any browser without a connection, the figures as
+    SVG and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``. Run again,
+    it computes only what has changed; a run that was stopped goes on where it was.
+
+    Parameters
+    ----------
+    output : path_like
+        The folder: new, empty, or that of an earlier report.
+    bodies : Bodies, optional
+        Registered bodies of known people and poses, at least three; by default the open bodies, in
+        full resolution or, if `quick`, coarse.
+    basis : DeformationBasis, optional
+        Deformations for geodesics and means; by default the principal components of the open
+        motions for the open bodies, mesh harmonics for others.
+    quick : bool
+        Whether to make everything smaller: half a minute instead of minutes.
+    representations : mapping of str to object, optional
+        Metrics and descriptors of the retrieval tables beside the paper's metrics, as for
+        `riemhuman.retrieval.benchmark`; by default all that apply to the bodies or, if `quick`,
+        none.
+    progress : callable, optional
+        Takes the name of what is being done to a context manager, which lasts as long.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    FileError
+        If the folder holds something else or cannot be written.
+    MissingDependencyError
+        If matplotlib or scikit-learn is not installed.
+    ArgumentError
+        If there are fewer than three bodies, or the basis does not fit them.
+    """
+    check_folder(output)
+    import_optional("matplotlib", "report")
+    import_optional("sklearn.manifold", "report")
+    begun = provenance.now()
+    watch: Progress = progress or (lambda name: nullcontext())
+    if bodies is None:
+        with watch("Loading the bodies"):
+            bodies = load_open_bodies("coarse" if quick else "full")
+    if len(bodies) < 3:
+        raise ArgumentError(f"bodies must be at least 3; found {len(bodies)}")
+    if basis is not None:
+        basis.check_fits(bodies.template)
+    folder = open_folder(output)
+
+    plan = QUICK if quick else Plan()
+    space = AlignedSurfaces(bodies.template, equip=False)
+    digest = fingerprint(
+        [bodies.points, bodies.template.vertices, bodies.template.faces]
+        + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
+    )
+    identity = provenance.identity()
+    store = ResultStore(folder / "results", identity, watch)
+    figures = ResultStore(folder / "results" / "figures", identity)
+    if representations is None:
+        representations = {} if quick else available(bodies)
+    compared = {**paper_metrics(bodies), **representations}
+    results = compute_results(store, digest, bodies, space, plan, basis, compared)
+
+    with watch("Page and figures"), figure_style():
+        materials = Materials(folder, bodies, results, plan, store, figures, digest)
+        text = page(
+            _TITLE,
+            lead_of(bodies, quick=quick),
+            facts_of(bodies),
+            sections(materials),
+            f"Made with riemhuman {provenance.versions()['riemhuman']}, {provenance.now()}. "
+            "Bodies in 3-D are drawn by three.js (MIT licence).",
+        )
+        write_text(folder / "index.html", text)
+    described = provenance.describe(bodies, digest, plan, results.basis, store.steps, begun)
+    write_provenance(folder, {"status": "finished", **described})
+    return folder / "index.html"

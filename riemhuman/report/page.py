@@ -1,0 +1,183 @@
+"""The page of the report: sections, figures and tables in one HTML file that needs no other."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from dataclasses import dataclass
+from html import escape
+
+from riemhuman.report.figures import Picture
+from riemhuman.report.web_files import scripts, styles, web_file
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of the page.
+
+    Attributes
+    ----------
+    identifier : str
+        Its anchor, unique in the page.
+    title : str
+        Heading.
+    short : str
+        Heading in the list of contents.
+    parts : sequence of str
+        HTML of its paragraphs, figures and tables.
+    """
+
+    identifier: str
+    title: str
+    short: str
+    parts: Sequence[str]
+
+    def html(self) -> str:
+        """Return the section as HTML.
+
+        Returns
+        -------
+        str
+        """
+        return (
+            f'<section id="{self.identifier}" aria-labelledby="{self.identifier}-title">'
+            f'<h2 id="{self.identifier}-title">{escape(self.title)}</h2>'
+            f"{''.join(self.parts)}</section>"
+        )
+
+
+def page(
+    title: str, lead: str, facts: Sequence[tuple[str, str]], sections: Sequence[Section], end: str
+) -> str:
+    """Return the page.
+
+    Parameters
+    ----------
+    title : str
+        The one heading of the first level.
+    lead : str
+        HTML of the first paragraph.
+    facts : sequence of (str, str)
+        HTML of numbers, and what they count.
+    sections : sequence of Section
+        Sections.
+    end : str
+        HTML of the foot.
+
+    Returns
+    -------
+    str
+    """
+    contents = "".join(
+        f'<li><a href="#{section.identifier}">{escape(section.short)}</a></li>'
+        for section in sections
+    )
+    numbers = "".join(
+        f"<div><dt>{escape(what)}</dt><dd>{number}</dd></div>" for number, what in facts
+    )
+    return (
+        '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
+        '<meta name="color-scheme" content="light dark">\n'
+        f'<title>{escape(title)}</title>\n<link rel="icon" href="data:,">\n'
+        f"<style>{web_file('page.css')}</style>\n{styles()}\n</head>\n<body>\n"
+        '<a class="skip" href="#main">To the experiments</a>\n'
+        f'<header><h1>{escape(title)}</h1><p class="lead">{lead}</p>'
+        f'<dl class="facts">{numbers}</dl>'
+        f'<nav aria-label="Contents"><ol>{contents}</ol></nav></header>\n'
+        f'<main id="main">{"".join(section.html() for section in sections)}</main>\n'
+        f"<footer>{end}</footer>\n{scripts()}\n</body>\n</html>\n"
+    )
+
+
+def paragraph(text: str) -> str:
+    """Return a paragraph.
+
+    Parameters
+    ----------
+    text : str
+        Its HTML.
+
+    Returns
+    -------
+    str
+    """
+    return f"<p>{text}</p>"
+
+
+def heading(text: str) -> str:
+    """Return a heading within a section.
+
+    Parameters
+    ----------
+    text : str
+        The heading.
+
+    Returns
+    -------
+    str
+    """
+    return f"<h3>{escape(text)}</h3>"
+
+
+def figure(picture: Picture, caption: str, *, wide: bool = False) -> str:
+    """Return a figure with its caption and links to its files.
+
+    Parameters
+    ----------
+    picture : Picture
+        The figure.
+    caption : str
+        HTML that says what to see.
+    wide : bool
+        Whether a narrow window scrolls it instead of shrinking it.
+
+    Returns
+    -------
+    str
+    """
+    data = base64.b64encode(picture.svg.encode("utf-8")).decode("ascii")
+    image = (
+        f'<img alt="{escape(picture.alt, quote=True)}" src="data:image/svg+xml;base64,{data}" '
+        'loading="lazy" decoding="async">'
+    )
+    if wide:
+        label = escape(picture.alt, quote=True)
+        image = f'<div class="scroll" role="region" tabindex="0" aria-label="{label}">{image}</div>'
+    links = " ".join(
+        f'<a href="figures/{picture.name}.{ending}" download>{ending.upper()}</a>'
+        for ending in ("svg", "png")
+    )
+    return f"<figure>{image}<figcaption>{caption} {links}</figcaption></figure>"
+
+
+def viewer_figure(fragment: str, caption: str) -> str:
+    """Return a viewer with its caption.
+
+    Parameters
+    ----------
+    fragment : str
+        HTML of the viewer.
+    caption : str
+        HTML that says what to see.
+
+    Returns
+    -------
+    str
+    """
+    return f"<figure>{fragment}<figcaption>{caption}</figcaption></figure>"
+
+
+def side_by_side(*parts: str) -> str:
+    """Return parts beside each other, where the window is wide enough.
+
+    Parameters
+    ----------
+    *parts : str
+        HTML of each.
+
+    Returns
+    -------
+    str
+    """
+    return f'<div class="pair">{"".join(f"<div>{part}</div>" for part in parts)}</div>'

@@ -1,0 +1,115 @@
+"""What a report computes, and from what."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.retrieval.benchmark import POSE_METRIC, SHAPE_METRIC
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+
+SHAPE, POSE = SHAPE_METRIC, POSE_METRIC
+
+# Weights (a, λ, c) of the paper's experiments.
+POSE_WEIGHTS = (0.0, 0.0, 1.0)
+PATH_WEIGHTS = (1.0, 1.0, 0.0)
+BOTH_WEIGHTS = (1.0, 1.0, 0.1)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Sizes of the experiments.
+
+    Attributes
+    ----------
+    n_times : int
+        Surfaces of every path.
+    n_components : int
+        Deformations of the basis, where the report makes it.
+    sequences : tuple of str, optional
+        Motions the basis is made of; by default all.
+    lams : tuple of float
+        λ of the sweep.
+    weights : tuple of float
+        c of the sweep, with a = 1.
+    n_averaged : int
+        Bodies of the Karcher mean.
+    tolerance : float
+        Tolerance of geodesics and means.
+    seed : int
+        Seed of everything drawn at random.
+    """
+
+    n_times: int = 11
+    n_components: int = 100
+    sequences: tuple[str, ...] | None = None
+    lams: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    weights: tuple[float, ...] = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+    n_averaged: int = 5
+    tolerance: float = 1e-5
+    seed: int = 0
+
+
+QUICK = Plan(
+    n_times=7,
+    n_components=40,
+    sequences=("punching", "knees"),
+    lams=(1e-4, 1e-2, 1.0),
+    weights=(0.0, 1e-4, 1e-2, 1.0),
+    tolerance=1e-4,
+)
+
+
+def elastic_metric(space: AlignedSurfaces, weights: tuple[float, float, float]) -> ElasticMetric:
+    """Return a metric of the paper's family.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        The surfaces.
+    weights : tuple of float
+        (a, λ, c).
+
+    Returns
+    -------
+    ElasticMetric
+    """
+    a, lam, c = weights
+    return ElasticMetric(space, a=a, lam=lam, c=c)
+
+
+def name_of(bodies: Bodies, index: int) -> str:
+    """Return who a body is and which pose it holds.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        The bodies.
+    index : int
+        Which of them.
+
+    Returns
+    -------
+    str
+    """
+    subject = bodies.subject_names[bodies.subject[index]]
+    pose = bodies.pose_names[bodies.pose[index]]
+    return f"{spoken(subject)}, {spoken(pose)}"
+
+
+def spoken(name: str) -> str:
+    """Return a name as it is written in running text.
+
+    Parameters
+    ----------
+    name : str
+        Name of a class.
+
+    Returns
+    -------
+    str
+    """
+    return name.replace("_", " ")

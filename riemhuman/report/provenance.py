@@ -1,0 +1,119 @@
+"""What a report is made of: versions, machine, parameters, seeds, times."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict
+from datetime import UTC, datetime
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.report.plan import Plan
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+    from riemhuman.report.store import Step
+
+_PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "scikit-learn")
+
+
+def now() -> str:
+    """Return the time of day with its zone, in ISO 8601.
+
+    Returns
+    -------
+    str
+    """
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, of this library and of what it computes with.
+
+    Returns
+    -------
+    dict of str to str
+    """
+    found = {"python": platform.python_version()}
+    for package in ("riemhuman", *_PACKAGES):
+        try:
+            found[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            found[package] = "from its source folder"
+    return found
+
+
+@cache
+def identity() -> dict[str, Any]:
+    """Return what all results depend on: versions, and the source of the library itself.
+
+    Returns
+    -------
+    dict
+        What JSON knows.
+    """
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for file in sorted(root.rglob("*.py")):
+        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+    return {"versions": versions(), "source": digest.hexdigest()}
+
+
+def describe(
+    bodies: Bodies, digest: str, plan: Plan, basis: str, steps: Sequence[Step], started: str
+) -> dict[str, Any]:
+    """Return what a report is made of.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        The bodies.
+    digest : str
+        Their fingerprint.
+    plan : Plan
+        Sizes and seed.
+    basis : str
+        Where the basis of deformations is from.
+    steps : sequence of Step
+        Steps so far.
+    started : str
+        When the report was begun.
+
+    Returns
+    -------
+    dict
+        What JSON knows.
+    """
+    return {
+        "started": started,
+        "finished": now(),
+        "versions": versions(),
+        "machine": {
+            "system": platform.system(),
+            "processor": platform.machine(),
+        },
+        "bodies": {
+            "number": len(bodies),
+            "people": len(set(bodies.subject.tolist())),
+            "poses": len(set(bodies.pose.tolist())),
+            "vertices": bodies.template.n_vertices,
+            "triangles": bodies.template.n_faces,
+            "fingerprint": digest,
+        },
+        "basis": basis,
+        "parameters": asdict(plan),
+        "seeds": {"t-sne": plan.seed},
+        "steps": [
+            {
+                "name": step.name,
+                "seconds": step.seconds,
+                "reused": step.reused,
+                "fingerprint": step.fingerprint,
+            }
+            for step in steps
+        ],
+    }

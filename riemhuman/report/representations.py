@@ -1,0 +1,49 @@
+"""Every representation of a body there is, by the name it has in tables."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from riemhuman.descriptors import (
+    AreaProjectionTransform,
+    HeatKernelSignature,
+    ModelPoseVectors,
+    ModelShapeVectors,
+    ShapeDNA,
+    WaveKernelSignature,
+)
+from riemhuman.retrieval.benchmark import paper_metrics
+
+
+def available(bodies: Any) -> dict[str, Any]:
+    """Return every representation that applies to a data set, for `riemhuman.retrieval.benchmark`.
+
+    The open bodies were made by the model they carry: its vectors are found again almost exactly,
+    and rank first on these bodies for that reason.
+
+    Parameters
+    ----------
+    bodies : Bodies or LabelledMeshes
+        Registered surfaces have all of them, those by model vectors if the data set has a model
+        that can fit; other meshes have the descriptors that need no template.
+
+    Returns
+    -------
+    dict of str to object
+        Metrics and descriptors by name, in the order of a table.
+    """
+    registered = hasattr(bodies, "points") and hasattr(bodies, "template")
+    found: dict[str, Any] = dict(paper_metrics(bodies)) if registered else {}
+    model = getattr(bodies, "model", None)
+    if registered and callable(getattr(model, "fit", None)):
+        found["model shape vector"] = ModelShapeVectors(model)
+        found["model pose vector"] = ModelPoseVectors(model)
+        found["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
+    found["APT"] = AreaProjectionTransform()
+    found["ShapeDNA"] = ShapeDNA()
+    found["HKS"] = HeatKernelSignature()
+    found["WKS"] = WaveKernelSignature()
+    if registered:
+        # The plain mean over vertices, common in retrieval, knows the registration.
+        found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
+    return found

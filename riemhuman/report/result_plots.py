@@ -1,0 +1,396 @@
+"""Maps, energies and retrieval results as matplotlib pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import integer_array, real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.optional import import_optional
+from riemhuman.report.body_plots import new_axes
+from riemhuman.report.colors import class_colors
+from riemhuman.report.rankings import confusion, precision_recall
+from riemhuman.report.rendering import View, render, window_around
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_MARKERS = ("o", "s", "D", "^", "v")
+_THUMBNAIL_INCHES = 0.62
+_THUMBNAIL_PIXELS = 200
+
+
+def plot_embedding(
+    positions: ArrayLike,
+    labels: ArrayLike,
+    names: Sequence[str] | None = None,
+    *,
+    points: ArrayLike | None = None,
+    faces: ArrayLike | None = None,
+    view: View | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw items in the plane, coloured by class, with a representative of every class.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n, 2)
+        Where the items are, see `embed`.
+    labels : array_like of int, shape (n,)
+        Class of each item, counted from 0.
+    names : sequence of str, optional
+        Names of the classes.
+    points : array_like, shape (n, V, 3), optional
+        Bodies of the items; that nearest to the middle of its class stands for it.
+    faces : array_like, shape (F, 3), optional
+        Triangles of the bodies.
+    view : View, optional
+        Where the bodies are seen from.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ArgumentError
+        If the arrays do not fit, or one of points and faces is given without the other.
+    MissingDependencyError
+        If matplotlib is not installed.
+    """
+    places = real_array(positions, "positions", ("n_items", 2), batched=False)
+    items = integer_array(labels, "labels", (len(places),))
+    if (points is None) != (faces is None):
+        raise ArgumentError("points and faces belong together; found one without the other")
+    ax = new_axes(ax, 6.0, 5.0)
+    colors = class_colors(int(items.max()) + 1)
+    for label in np.unique(items):
+        ax.scatter(
+            *places[items == label].T,
+            s=22,
+            color=colors[label],
+            marker=_MARKERS[label // 10 % len(_MARKERS)],
+            linewidths=0,
+            label=str(label) if names is None else names[label],
+            zorder=3,
+        )
+    ax.set(xticks=[], yticks=[])
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
+    ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
+    ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
+    if points is None or faces is None:
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
+        return ax
+    surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
+    _add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())
+    return ax
+
+
+def plot_energy(
+    energies: ArrayLike | Mapping[str, ArrayLike],
+    *,
+    lines: Mapping[str, float] | None = None,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the energy of a path against the iterations that lowered it.
+
+    Parameters
+    ----------
+    energies : array_like, shape (n_iterations + 1,), or mapping of str to such
+        Energies of a `PathResult`, or of several by name.
+    lines : mapping of str to float, optional
+        Energies to compare with, drawn as level lines.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    MissingDependencyError
+        If matplotlib is not installed.
+    """
+    curves = energies if isinstance(energies, Mapping) else {"": energies}
+    ax = new_axes(ax, 3.6, 2.6)
+    colors = class_colors(max(2, len(curves)))
+    highest = 0
+    for (name, curve), color in zip(curves.items(), colors, strict=False):
+        values = np.atleast_1d(real_array(curve, "energies", ("n_iterations",), batched=False))
+        highest = max(highest, len(values) - 1)
+        ax.plot(np.arange(len(values)), values, color=color, marker=".", label=name or None)
+    level = dict(lines or {})
+    for name, value in level.items():
+        above = value == max(level.values())
+        ax.axhline(value, linewidth=0.8, linestyle=(0, (4, 3)), color="#8a8f96")
+        ax.annotate(
+            name, (1.0, value), xycoords=("axes fraction", "data"),
+            xytext=(-2, 3 if above else -3), textcoords="offset points", ha="right",
+            va="bottom" if above else "top", fontsize="small",
+        )  # fmt: skip
+    ax.set(xlabel="iteration", ylabel="energy")
+    ax.margins(y=0.16)
+    ax.xaxis.get_major_locator().set_params(integer=True)
+    ax.set_xlim(-0.04 * max(highest, 1), 1.04 * max(highest, 1))
+    _bare(ax)
+    if any(curves):
+        ax.legend(frameon=False, fontsize="small")
+    return ax
+
+
+def plot_precision_recall(
+    distances: Mapping[str, ArrayLike],
+    labels: Sequence[Hashable] | ndarray,
+    *,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw the precision of retrieval at every level of recall.
+
+    Parameters
+    ----------
+    distances : mapping of str to array_like, shape (n, n)
+        Distance matrices by name of representation.
+    labels : sequence of hashable, length n
+        Class of each item.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ArgumentError
+        If a matrix does not fit the labels.
+    MissingDependencyError
+        If matplotlib is not installed.
+    """
+    ax = new_axes(ax, 4.2, 3.2)
+    styles = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
+    for index, (name, matrix) in enumerate(distances.items()):
+        recall, precision = precision_recall(matrix, labels)
+        ax.plot(
+            100 * recall,
+            100 * precision,
+            color=class_colors(max(10, len(distances)))[index],
+            linestyle=styles[index // 10 % len(styles)],
+            marker=".",
+            label=name,
+        )
+    ax.set(xlabel="recall, %", ylabel="precision, %", xlim=(0, 102), ylim=(0, 104))
+    _bare(ax)
+    ax.legend(
+        frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2
+    )
+    return ax
+
+
+def plot_confusion(
+    distances: ArrayLike,
+    labels: ArrayLike,
+    names: Sequence[str] | None = None,
+    *,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw of which class the nearest neighbours of every class are.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Distances.
+    labels : array_like of int, shape (n,)
+        Class of each item, counted from 0.
+    names : sequence of str, optional
+        Names of the classes.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ArgumentError
+        If the matrix does not fit the labels.
+    MissingDependencyError
+        If matplotlib is not installed.
+    """
+    items = integer_array(labels, "labels", ("n_items",))
+    counts = confusion(distances, items)
+    classes = np.unique(items)
+    titles = [str(label) if names is None else names[label] for label in classes]
+    ax = new_axes(ax, 4.2, 4.0)
+    heat_map(ax, counts, counts.sum(axis=1).max())
+    ax.set_xticks(range(len(titles)), titles, rotation=90)
+    ax.set_yticks(range(len(titles)), titles)
+    ax.set(xlabel="nearest neighbour", ylabel="body")
+    for row, column in np.argwhere(counts):
+        write_in_cell(ax, row, column, str(counts[row, column]), counts[row, column], counts.max())
+    return ax
+
+
+def plot_sweep(
+    scores: ArrayLike,
+    lams: Sequence[float],
+    weights: Sequence[str],
+    *,
+    ax: Axes | None = None,
+) -> Axes:
+    """Draw a score over λ and over the weights of the two parts of the metric.
+
+    Parameters
+    ----------
+    scores : array_like, shape (n_lams, n_weights)
+        Scores, per cent.
+    lams : sequence of float
+        λ of each row.
+    weights : sequence of str
+        What the weights of each column are.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ArgumentError
+        If the scores have another shape.
+    MissingDependencyError
+        If matplotlib is not installed.
+    """
+    cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)
+    ax = new_axes(ax, 5.2, 3.0)
+    heat_map(ax, cells, 100.0)
+    ax.set_xticks(range(len(weights)), weights)
+    ax.set_yticks(range(len(lams)), [f"{lam:g}" for lam in lams])
+    ax.set(xlabel="c (with a = 1)", ylabel="λ")
+    for (row, column), score in np.ndenumerate(cells):
+        write_in_cell(ax, row, column, f"{score:.0f}", score, 100.0)
+    return ax
+
+
+def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
+    """Draw a matrix as shades from nothing to deep blue.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Axes to draw in.
+    values : array, shape (n_rows, n_columns)
+        Values of at least 0.
+    largest : float
+        Value of the deepest shade.
+    """
+    colors = import_optional("matplotlib.colors", "plot")
+    shades = colors.LinearSegmentedColormap.from_list("shades", ["#3c6f9c00", "#3c6f9c"])
+    ax.imshow(values, cmap=shades, vmin=0, vmax=largest, aspect="auto", interpolation="nearest")
+    for spine in ax.spines.values():
+        spine.set_visible(False)
+    ax.tick_params(length=0)
+
+
+def write_in_cell(ax: Axes, row: int, column: int, text: str, value: float, largest: float) -> None:
+    """Write into a cell of a heat map, in white where its shade is deep.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Axes of the heat map.
+    row, column : int
+        Cell.
+    text : str
+        What to write.
+    value, largest : float
+        Value of the cell, and of the deepest shade.
+    """
+    deep = {"color": "white"} if value > 0.55 * largest else {}
+    ax.text(column, row, text, ha="center", va="center", fontsize="small", **deep)
+
+
+def _bare(ax: Axes) -> None:
+    for side in ("top", "right"):
+        ax.spines[side].set_visible(False)
+
+
+def _add_thumbnails(
+    ax: Axes,
+    positions: ndarray,
+    labels: ndarray,
+    colors: ndarray,
+    names: Sequence[str] | None,
+    points: ndarray,
+    faces: ArrayLike,
+    view: View,
+) -> None:
+    offsetbox = import_optional("matplotlib.offsetbox", "plot")
+    classes = np.unique(labels)
+    centres = np.stack([np.median(positions[labels == label], axis=0) for label in classes])
+    if ax.figure.get_layout_engine() is not None:
+        ax.figure.draw_without_rendering()  # finds the size of the axes
+    width, height = ax.figure.get_size_inches() * ax.get_position().size
+    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
+    size = np.array([ax.get_xlim()[1], ax.get_ylim()[1]]) - low
+    inches = size / (width, height)
+    places = _free_places(
+        (positions - low) / inches, (centres - low) / inches, np.array([width, height])
+    )
+    for label, centre, place in zip(classes, centres, places, strict=True):
+        own = np.flatnonzero(labels == label)
+        to_centre = np.linalg.norm(
+            (positions[own] - np.median(positions[own], axis=0)) / size, axis=1
+        )
+        body = points[own[to_centre.argmin()]]
+        window = window_around(body, view)
+        tint = 0.25 + 0.75 * colors[label]
+        picture = render(
+            body, faces, height=_THUMBNAIL_PIXELS, view=view, window=window, color=tint
+        )
+        zoom = _THUMBNAIL_INCHES * 72 / _THUMBNAIL_PIXELS
+        at = low + place * inches
+        ax.plot(*np.stack([centre, at]).T, color=colors[label], linewidth=0.6, alpha=0.7, zorder=1)
+        ax.add_artist(
+            offsetbox.AnnotationBbox(
+                offsetbox.OffsetImage(picture, zoom=zoom), at, frameon=False, pad=0, zorder=2
+            )
+        )
+        ax.annotate(
+            str(label) if names is None else fill(names[label], 15), at, xytext=(0, -0.36 * 72),
+            textcoords="offset points", ha="center", va="top", fontsize=7, zorder=4,
+        )  # fmt: skip
+
+
+def _free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray]:
+    """Return for every class a place near it that covers few items; all in inches."""
+    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    steps = np.concatenate([radius * spokes for radius in (0.45, 0.6, 0.8, 1.05, 1.35, 1.7)])
+    reach = np.array([0.4, 0.5])
+    places: dict[int, ndarray] = {}
+    # Each class in turn takes the best place that the others leave, and does so once more.
+    for index in [*range(len(centres))] * 3:
+        candidates = centres[index] + steps
+        covered = (np.abs(items[None] - candidates[:, None]) < reach).all(axis=-1).sum(axis=1)
+        cost = 1.0 * covered + 4.0 * np.linalg.norm(steps, axis=1)
+        cost += 50.0 * ((candidates < reach) | (candidates > size - reach)).any(axis=1)
+        for other, place in places.items():
+            gap = np.abs(candidates - place) / (2 * reach)
+            if other != index:
+                cost += 40.0 * np.clip(1.0 - gap, 0, None).prod(axis=1) ** 0.5
+        places[index] = candidates[cost.argmin()]
+    return [places[index] for index in range(len(centres))]

@@ -1,0 +1,189 @@
+"""Tables whose page and file come from one record, so that their numbers are the same."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Parameters
+    ----------
+    key : str
+        Name in the file.
+    title : str
+        Heading on the page.
+    form : str
+        How a number is written on the page, as in `format`; empty for text.
+    best : {"", "highest", "lowest"}
+        Which value of the column is marked.
+    shown : bool
+        Whether the column is on the page too, or in the file alone.
+    whole : bool
+        Whether its text is kept on one line.
+    """
+
+    key: str
+    title: str
+    form: str = ""
+    best: str = ""
+    shown: bool = True
+    whole: bool = False
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under columns, as a CSV file and on the page.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file, without its ending.
+    caption : str
+        What the table says.
+    columns : sequence of Column
+        Columns; the first names the row.
+    rows : sequence of mapping
+        Values by key of column. NaN and None are nothing.
+    """
+
+    name: str
+    caption: str
+    columns: Sequence[Column]
+    rows: Sequence[Mapping[str, Any]]
+
+    def csv(self) -> str:
+        """Return the file: a line of keys, then a line a row, numbers with all their digits.
+
+        Returns
+        -------
+        str
+        """
+        stream = io.StringIO()
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(column.key for column in self.columns)
+        for row in self.rows:
+            writer.writerow(written(row[column.key]) for column in self.columns)
+        return stream.getvalue()
+
+    def html(self) -> str:
+        """Return the table as part of a page; every number carries the digits of the file.
+
+        Returns
+        -------
+        str
+        """
+        columns = [column for column in self.columns if column.shown]
+        heads = "".join(
+            f'<th scope="col"{_kind(column)}>{escape(column.title)}</th>' for column in columns
+        )
+        best = {column.key: self._best(column) for column in columns}
+        body = []
+        for index, row in enumerate(self.rows):
+            cells = [self._cell(index, column, row[column.key], best) for column in columns]
+            body.append(f"<tr>{''.join(cells)}</tr>")
+        return (
+            f'<div class="table" role="region" tabindex="0" aria-label="{escape(self.caption)}">'
+            f"<table><caption>{escape(self.caption)} {self.link()}</caption>"
+            f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
+        )
+
+    def link(self, text: str = "CSV") -> str:
+        """Return a link to the file.
+
+        Parameters
+        ----------
+        text : str
+            What is written.
+
+        Returns
+        -------
+        str
+        """
+        return f'<a href="tables/{self.name}.csv" download>{escape(text)}</a>'
+
+    def number(self, row: int, key: str) -> str:
+        """Return one number of the table for running text, tied to its cell.
+
+        Parameters
+        ----------
+        row : int
+            Row.
+        key : str
+            Column.
+
+        Returns
+        -------
+        str
+        """
+        column = next(column for column in self.columns if column.key == key)
+        return self._data(row, column, self.rows[row][key])
+
+    def _cell(self, index: int, column: Column, value: Any, best: Mapping[str, Any]) -> str:
+        text = self._data(index, column, value)
+        if column is self.columns[0]:
+            return f'<th scope="row">{text}</th>'
+        if best[column.key] is not None and value == best[column.key]:
+            return f'<td{_kind(column)}><strong title="best of the column">{text}</strong></td>'
+        return f"<td{_kind(column)}>{text}</td>"
+
+    def _data(self, index: int, column: Column, value: Any) -> str:
+        if not column.form:
+            return escape(_nothing(value) or str(value))
+        if _nothing(value):
+            return "–"
+        shown = escape(format(value, column.form).replace("-", "−"))
+        return (
+            f'<data value="{written(value)}" data-table="{self.name}" data-row="{index}" '
+            f'data-column="{column.key}">{shown}</data>'
+        )
+
+    def _best(self, column: Column) -> Any:
+        values = [row[column.key] for row in self.rows if not _nothing(row[column.key])]
+        if not column.best or len(values) < 2:
+            return None
+        return max(values) if column.best == "highest" else min(values)
+
+
+def written(value: Any) -> str:
+    """Return a value as it stands in files: numbers with all their digits.
+
+    Parameters
+    ----------
+    value : object
+        A number, text, or None or NaN for nothing.
+
+    Returns
+    -------
+    str
+    """
+    if _nothing(value):
+        return ""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    return str(value)
+
+
+def _nothing(value: Any) -> str:
+    """Return what stands on the page for a missing value, nothing if there is one."""
+    missing = value is None or (isinstance(value, (float, np.floating)) and np.isnan(value))
+    return "–" if missing else ""
+
+
+def _kind(column: Column) -> str:
+    if column.form:
+        return ' class="number"'
+    return ' class="whole"' if column.whole else ""

@@ -1,0 +1,45 @@
+"""Styles and scripts that ship with the package, for pages that hold them."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+
+
+@cache
+def web_file(name: str) -> str:
+    """Return a text file of the page that ships with the package.
+
+    Parameters
+    ----------
+    name : str
+        Its name.
+
+    Returns
+    -------
+    str
+    """
+    return (files("riemhuman.report") / "web" / name).read_text(encoding="utf-8")
+
+
+def styles() -> str:
+    """Return the styles that viewers need, as an element of the page's head.
+
+    Returns
+    -------
+    str
+    """
+    return f"<style>{web_file('viewer.css')}</style>"
+
+
+def scripts() -> str:
+    """Return the scripts that viewers need, as elements at the end of a page.
+
+    Returns
+    -------
+    str
+    """
+    return (
+        "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
+        f"{web_file('three.min.js')}</script>\n<script>{web_file('viewer.js')}</script>"
+    )

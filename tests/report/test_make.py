@@ -1,0 +1,310 @@
+"""The report: its page, its files, and what is computed again."""
+
+import csv
+import json
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from cases import sphere_template, surfaces
+
+from riemhuman.datasets import Bodies
+from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.report import make_report
+from riemhuman.report.plan import POSE, SHAPE
+from riemhuman.retrieval import benchmark
+from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+
+class Page(HTMLParser):
+    """What a page is made of."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.elements, self.headings, self.data = [], [], []
+        self.labels = set()
+        self._open = None
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        attributes = dict(attributes)
+        self.elements.append((tag, attributes))
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append(int(tag[1]))
+        if tag == "data":
+            self._open = attributes
+        if tag == "label":
+            self.labels.add(attributes.get("for"))
+
+    def handle_data(self, text):
+        if self._open is not None:
+            self.data.append((self._open, text))
+            self._open = None
+
+    def all(self, *tags):
+        return [attributes for tag, attributes in self.elements if tag in tags]
+
+
+@pytest.fixture(scope="module")
+def folder(report_page):
+    return report_page.parent
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return Page((folder / "index.html").read_text(encoding="utf-8"))
+
+
+def rows_of(folder, table):
+    with (folder / "tables" / f"{table}.csv").open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_the_folder_is_whole(folder):
+    names = {file.name for file in (folder / "figures").iterdir()}
+    expected = {
+        *("comparison", "differences", "mean", "sweep"),
+        *(f"{kind}-{task}" for kind in ("confusion", "precision-recall") for task in TASKS),
+        *(f"map-{task}-{method}" for task in TASKS for method in ("t-sne", "mds")),
+        *("geodesic-pose-change", "geodesic-shape-change"),
+    }
+    assert names == {f"{name}.{ending}" for name in expected for ending in ("svg", "png")}
+    assert not [file for file in folder.rglob("*") if file.name.endswith(".part")]
+    assert (folder / "index.html").stat().st_size < 5e6
+
+
+TASKS = ("shape", "pose")
+
+
+def test_the_page_asks_for_nothing(page):
+    for tag, attributes in page.elements:
+        for name in ("src", "srcset", "poster", "action"):
+            assert attributes.get(name, "data:").startswith("data:"), (tag, attributes)
+        address = attributes.get("href", "#")
+        assert not re.match(r"\w+:|//", address) or address.startswith("data:")
+    text = "".join(attributes.get("style", "") for _, attributes in page.elements)
+    assert "url(" not in text
+
+
+def test_links_lead_somewhere(page, folder):
+    identifiers = [a["id"] for _, a in page.elements if "id" in a]
+    assert len(identifiers) == len(set(identifiers))
+    for link in page.all("a"):
+        if link["href"].startswith("#"):
+            assert link["href"][1:] in identifiers
+        else:
+            assert (folder / link["href"]).is_file()
+
+
+def test_the_page_can_be_heard_and_driven_by_keys(page):
+    assert page.headings[0] == 1
+    assert page.headings.count(1) == 1
+    assert all(
+        after <= before + 1 for before, after in zip(page.headings, page.headings[1:], strict=False)
+    )
+    assert page.all("html")[0]["lang"] == "en"
+    assert len(page.all("main")) == 1
+    for image in page.all("img"):
+        assert len(image["alt"]) > 20
+    for slider in [a for a in page.all("input") if a["type"] == "range"]:
+        assert slider["id"] in page.labels
+    for canvas in page.all("canvas"):
+        assert canvas["tabindex"] == "0"
+        assert "arrow keys" in canvas["aria-label"]
+    for region in page.all("div"):
+        if region.get("role") == "region":
+            assert region["tabindex"] == "0"
+            assert region["aria-label"]
+
+
+def test_every_number_is_that_of_its_table(page, folder):
+    tables = {}
+    assert len(page.data) > 100
+    for attributes, shown in page.data:
+        name = attributes["data-table"]
+        rows = tables.setdefault(name, rows_of(folder, name))
+        value = rows[int(attributes["data-row"])][attributes["data-column"]]
+        assert attributes["value"] == value
+        plain = shown.replace("−", "-")
+        digits = len(plain.rstrip("%").partition(".")[2])
+        scale = 100 if plain.endswith("%") else 1
+        assert float(plain.rstrip("%")) == pytest.approx(
+            scale * float(value), abs=0.500001 * 10**-digits
+        )
+    assert {"retrieval-shape", "retrieval-pose", "comparison", "geodesics", "mean"} <= set(tables)
+
+
+def test_scores_are_those_of_the_library(folder, nine_bodies):
+    records = benchmark(nine_bodies)
+    for task in TASKS:
+        own = [record for record in records if record.task == task]
+        for row, record in zip(rows_of(folder, f"retrieval-{task}"), own, strict=True):
+            assert row["representation"] == record.representation
+            for key in ("nn", "first_tier", "second_tier", "mean_average_precision"):
+                assert float(row[key]) == getattr(record.scores, key)
+
+
+def test_matrices_and_paths_are_those_of_the_library(folder, nine_bodies):
+    space = AlignedSurfaces(nine_bodies.template)
+    metric = ElasticMetric(space, 1.0, 1e-4, 0.0)
+    with np.load(folder / "results" / "distances-shape-metric-1-0-0001-0.npz") as stored:
+        np.testing.assert_array_equal(
+            stored["distances"], metric.dist_pairwise(nine_bodies.points, n_jobs=-1)
+        )
+    for row in rows_of(folder, "geodesics"):
+        weights = [float(weight) for weight in row["metric"].strip("()").split(",")]
+        metric = ElasticMetric(space, *weights)
+        names = {"one person, two poses": "pose-change", "two people, one pose": "shape-change"}
+        name = names.get(row["geodesic"], row["geodesic"].split()[0])
+        with np.load(folder / "results" / f"geodesic-{name}.npz") as stored:
+            path = stored["path"]
+        assert float(row["energy"]) == pytest.approx(metric.energy(path), rel=1e-6)
+        assert float(row["squared_distance"]) == metric.squared_dist(path[0], path[-1])
+        assert float(row["squared_distance"]) <= float(row["energy"])
+        assert float(row["energy"]) <= float(row["straight_energy"])
+
+
+def test_the_four_paths_are_measured(folder):
+    rows = {row["name"]: row for row in rows_of(folder, "comparison")}
+    assert list(rows) == ["linear", "SRNF", "body model", "ours"]
+    assert float(rows["body model"]["mean_deviation"]) == 0
+    assert float(rows["ours"]["energy_ours"]) < float(rows["linear"]["energy_ours"])
+    assert float(rows["SRNF"]["energy_srnf"]) <= float(rows["linear"]["energy_srnf"])
+
+
+def test_the_sweep_agrees_with_the_tables(folder):
+    rows = rows_of(folder, "sweep")
+    for task, name in (("shape", SHAPE), ("pose", POSE)):
+        (own,) = [
+            row for row in rows_of(folder, f"retrieval-{task}") if row["representation"] == name
+        ]
+        lam, c = ("0.0001", "0.0") if task == "shape" else ("", "1.0")
+        (swept,) = [row for row in rows if (row["lam"], row["c"]) == (lam, c)]
+        assert float(swept[f"{task}_mean_average_precision"]) == pytest.approx(
+            float(own["mean_average_precision"])
+        )
+
+
+def test_provenance(folder, nine_bodies):
+    found = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
+    assert found["status"] == "finished"
+    assert found["bodies"]["number"] == 9
+    assert found["versions"]["numpy"] == np.__version__
+    assert found["parameters"]["n_times"] == 7
+    assert found["seeds"] == {"t-sne": 0}
+    assert [step["name"] for step in found["steps"]] == [
+        row["step"] for row in rows_of(folder, "steps")
+    ]
+    assert all(step["seconds"] >= 0 for step in found["steps"])
+
+
+def test_run_again_nothing_is_computed(folder, nine_bodies):
+    before = (folder / "index.html").read_text(encoding="utf-8")
+    make_report(folder, bodies=nine_bodies, quick=True)
+    found = json.loads((folder / "provenance.json").read_text(encoding="utf-8"))
+    assert all(step["reused"] for step in found["steps"])
+    after = (folder / "index.html").read_text(encoding="utf-8")
+    moment = r"\d{4}-\d\d-\d\dT[\d:]+\+00:00"
+    assert re.sub(moment, "", after) == re.sub(moment, "", before)
+
+
+def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch, nine_bodies):
+    from riemhuman.report import path_experiments, results
+
+    basis = DeformationBasis.from_laplacian(nine_bodies.template, 6)
+
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(path_experiments.BasisPath, "solve", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True)
+    assert not (tmp_path / "r" / "index.html").exists()
+    kept = {file.stem for file in (tmp_path / "r" / "results").glob("*.npz")}
+    assert kept == {"distances-shape-metric-1-0-0001-0", "distances-pose-metric-0-0-1",
+                    "distances-srnf", "maps", "sweep"}  # fmt: skip
+
+    # All but the first step of what is left is cut away: the test is about the beginning.
+    def stop(self, *arguments):
+        raise RuntimeError("far enough")
+
+    monkeypatch.setattr(results.PathExperiments, "geodesic", stop)
+    monkeypatch.setattr(results, "distance_steps", watched := Watched(results.distance_steps))
+    with pytest.raises(RuntimeError, match="far enough"):
+        make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True)
+    assert all(step.reused for step in watched.result.values())
+
+
+class Watched:
+    """A function whose last result is kept."""
+
+    def __init__(self, function):
+        self.function = function
+
+    def __call__(self, *arguments):
+        self.result = self.function(*arguments)
+        return self.result
+
+
+def test_bodies_without_model_or_shared_labels(tmp_path):
+    template = sphere_template()
+    points = surfaces(template, 4, size=0.1)
+    bodies = Bodies(
+        points, subject=[0, 0, 1, 2], pose=[0, 1, 2, 3], template=template,
+        subject_names=("Ann <i>", "Bo", "Cy"), pose_names=tuple("abcd"),
+    )  # fmt: skip
+    index = make_report(tmp_path / "r", bodies=bodies, quick=True)
+    text = index.read_text(encoding="utf-8")
+    page = Page(text)
+    assert "Ann <i>" not in re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
+    rows = rows_of(tmp_path / "r", "comparison")
+    assert [row["name"] for row in rows] == ["linear", "SRNF", "ours"]
+    assert {row["mean_deviation"] for row in rows} == {""}
+    assert not (tmp_path / "r" / "tables" / "retrieval-pose.csv").exists()
+    assert not (tmp_path / "r" / "figures" / "geodesic-shape-change.svg").exists()
+    found = json.loads((tmp_path / "r" / "provenance.json").read_text(encoding="utf-8"))
+    assert "mesh harmonics" in found["basis"]
+    assert page.headings.count(1) == 1
+
+
+class Refusing:
+    """A descriptor that refuses every body."""
+
+    def describe(self, vertices, faces):
+        raise ArgumentError("never content")
+
+    def describe_all(self, bodies, n_jobs=None):
+        raise ArgumentError("never content")
+
+    def distances(self, vectors):
+        raise AssertionError
+
+
+def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(FileError, match="holds something else"):
+        make_report(tmp_path, bodies=nine_bodies)
+    fewer = Bodies(
+        nine_bodies.points[:2], [0, 1], [0, 0], nine_bodies.template,
+        subject_names=("Ann", "Bo"), pose_names=("one",),
+    )  # fmt: skip
+    with pytest.raises(ArgumentError, match="at least 3; found 2"):
+        make_report(tmp_path / "new", bodies=fewer)
+    other = DeformationBasis.from_laplacian(sphere_template(), 3)
+    with pytest.raises(ArgumentError, match="vertices"):
+        make_report(tmp_path / "new", bodies=nine_bodies, basis=other)
+    monkeypatch.setitem(__import__("sys").modules, "sklearn.manifold", None)
+    with pytest.raises(MissingDependencyError, match=r"riemhuman\[report\]"):
+        make_report(tmp_path / "new", bodies=nine_bodies)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_representation_that_refuses_is_named(tmp_path, nine_bodies):
+    from riemhuman.report.experiments import distance_steps
+    from riemhuman.report.store import ResultStore
+
+    steps = distance_steps(ResultStore(tmp_path, {}), "", nine_bodies, {"picky": Refusing()})
+    assert steps["picky"].record == {"problem": "ArgumentError: never content"}

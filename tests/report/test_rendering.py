@@ -1,0 +1,100 @@
+"""Pictures of surfaces: what is covered, what is in front, and which way is left."""
+
+import numpy as np
+import pytest
+import trimesh
+from cases import sphere_template
+
+from riemhuman.errors import ArgumentError
+from riemhuman.report.rendering import View, Window, render, window_around
+
+FRONT = View(0.0, 0.0)
+TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+
+
+def test_a_sphere_covers_a_disk():
+    ball = trimesh.creation.icosphere(4)
+    window = Window((0.0, 0.0), 2.4, 2.4)
+    for view in (FRONT, View(130.0, 40.0)):
+        picture = render(ball.vertices, ball.faces, height=240, view=view, window=window)
+        assert picture.shape == (240, 240, 4)
+        area = picture[..., 3].sum() / 255 * (2.4 / 240) ** 2
+        assert area == pytest.approx(np.pi, rel=5e-3)
+        assert picture[0, 0].tolist() == [0, 0, 0, 0]
+        assert picture[120, 120, 3] == 255
+
+
+def test_every_pixel_inside_a_triangle_is_covered_once_and_no_other():
+    corners = np.array([[0.13, 0.1, 0.0], [0.9, 0.27, 0.4], [0.4, 0.95, -0.3]])
+    window = Window((0.5, 0.5), 1.0, 1.0)
+    picture = render(corners, [[0, 1, 2]], height=64, view=FRONT, window=window, samples=1)
+    x, y = (np.arange(64) + 0.5) / 64, 1 - (np.arange(64) + 0.5) / 64
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    one, two, three = corners[:, :2]
+    transform = np.linalg.inv(np.stack([two - one, three - one], axis=1))
+    u, v = np.moveaxis((points - one) @ transform.T, -1, 0)
+    np.testing.assert_array_equal(picture[..., 3] > 0, (u >= 0) & (v >= 0) & (u + v <= 1))
+
+
+def test_meshes_have_no_holes():
+    template = sphere_template()
+    window = window_around(template.vertices, FRONT)
+    picture = render(
+        template.vertices, template.faces, height=101, view=FRONT, window=window, samples=1
+    )
+    covered = picture[..., 3] > 0
+    for row in covered:
+        runs = np.flatnonzero(np.diff(np.concatenate([[0], row.astype(int), [0]])))
+        assert len(runs) <= 2  # convex: one run a row
+
+
+def test_nearer_triangles_hide_farther_ones_wherever_they_cross():
+    behind = TRIANGLE + [0, 0, -0.5]
+    vertices, faces = np.concatenate([TRIANGLE, behind]), [[0, 1, 2], [3, 4, 5]]
+    colors = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    for order in ([0, 1], [1, 0]):
+        picture = render(
+            vertices, np.array(faces)[order], view=FRONT, height=50, color=np.array(colors)[order]
+        )
+        inside = picture[..., 3] == 255
+        assert (picture[inside][:, 0] > 100).all()
+        assert (picture[inside][:, 2] == 0).all()
+
+
+def test_back_faces_are_not_drawn():
+    picture = render(TRIANGLE, [[0, 2, 1]], view=FRONT, height=20)
+    assert not picture.any()
+    assert render(TRIANGLE, [[0, 2, 1]], view=View(180.0, 0.0), height=20)[..., 3].any()
+
+
+@pytest.mark.parametrize(
+    ("view", "right", "up"),
+    [
+        (FRONT, [1, 0, 0], [0, 1, 0]),
+        (View(90.0, 0.0), [0, 0, -1], [0, 1, 0]),
+        (View(0.0, 90.0), [1, 0, 0], [0, 0, -1]),
+    ],
+)
+def test_views_turn_about_the_vertical_and_then_rise(view, right, up):
+    np.testing.assert_allclose(view.turned(np.array(right, float)), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(view.turned(np.array(up, float)), [0, 1, 0], atol=1e-12)
+
+
+def test_triangles_without_area_are_legal():
+    vertices = np.concatenate([TRIANGLE, TRIANGLE[:1]])
+    picture = render(vertices, [[0, 1, 2], [0, 0, 1], [0, 3, 1]], view=FRONT, height=20)
+    assert picture[..., 3].any()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"color": [[0.5, 0.5, 0.5]] * 3}, r"color must have shape \(3,\) or \(1, 3\)"),
+        ({"color": [2.0, 0.0, 0.0]}, "between 0 and 1"),
+        ({"height": 0}, "height must be a whole number of at least 1"),
+        ({"samples": 0}, "samples"),
+    ],
+)
+def test_bad_arguments(arguments, message):
+    with pytest.raises(ArgumentError, match=message):
+        render(TRIANGLE, [[0, 1, 2]], **arguments)

@@ -1,0 +1,91 @@
+"""Maps, energies and retrieval results as matplotlib pictures."""
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ArgumentError
+from riemhuman.report.rankings import confusion, precision_recall
+from riemhuman.report.result_plots import (
+    plot_confusion,
+    plot_embedding,
+    plot_energy,
+    plot_precision_recall,
+    plot_sweep,
+)
+
+LABELS = np.repeat([0, 1, 2], 4)
+POSITIONS = np.random.default_rng(0).normal(size=(12, 2)) + 8 * np.eye(3)[LABELS][:, :2]
+DISTANCES = np.linalg.norm(POSITIONS[:, None] - POSITIONS, axis=-1)
+
+
+def test_maps_show_every_item_in_the_colour_of_its_class():
+    ax = plot_embedding(POSITIONS, LABELS, ["one", "two", "three"])
+    groups = POSITIONS.reshape(3, 4, 2)  # four items a class, in order
+    for group, dots in zip(groups, ax.collections, strict=True):
+        np.testing.assert_array_equal(dots.get_offsets(), group)
+    assert len({tuple(dots.get_facecolor()[0]) for dots in ax.collections}) == 3
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["one", "two", "three"]
+
+
+def test_maps_have_a_body_for_every_class(nine_bodies):
+    labels = np.unique(nine_bodies.pose, return_inverse=True)[1]
+    ax = plot_embedding(
+        POSITIONS[:9], labels, list("abc"), points=nine_bodies.points,
+        faces=nine_bodies.template.faces,
+    )  # fmt: skip
+    boxes = [artist for artist in ax.artists if hasattr(artist, "offsetbox")]
+    assert len(boxes) == 3
+    x, y = ax.get_xlim(), ax.get_ylim()
+    for box in boxes:
+        assert x[0] < box.xy[0] < x[1]
+        assert y[0] < box.xy[1] < y[1]
+    assert [text.get_text() for text in ax.texts] == ["a", "b", "c"]
+
+
+def test_energy_is_drawn_as_it_is():
+    ax = plot_energy([3.0, 2.0, 1.5], lines={"bound": 1.2})
+    np.testing.assert_array_equal(ax.lines[0].get_xydata(), [[0, 3], [1, 2], [2, 1.5]])
+    assert ax.lines[1].get_ydata()[0] == 1.2
+    assert ax.texts[0].get_text() == "bound"
+    several = plot_energy({"a": [1.0], "b": [2.0, 1.0]})
+    assert [text.get_text() for text in several.get_legend().get_texts()] == ["a", "b"]
+
+
+def test_precision_and_recall_are_those_of_the_function():
+    ax = plot_precision_recall({"mine": DISTANCES, "other": DISTANCES**2}, LABELS)
+    np.testing.assert_allclose(
+        ax.lines[0].get_xydata().T, 100 * np.stack(precision_recall(DISTANCES, LABELS))
+    )
+    assert len(ax.lines) == 2
+
+
+def test_confusion_writes_its_counts():
+    counts = confusion(DISTANCES, LABELS)
+    ax = plot_confusion(DISTANCES, LABELS, ["one", "two", "three"])
+    np.testing.assert_array_equal(ax.images[0].get_array(), counts)
+    written = {text.get_position(): text.get_text() for text in ax.texts}
+    assert written == {(j, i): str(counts[i, j]) for i, j in np.argwhere(counts)}
+    assert [tick.get_text() for tick in ax.get_yticklabels()] == ["one", "two", "three"]
+
+
+def test_sweep_writes_its_scores():
+    scores = np.array([[1.0, 50.0], [99.6, 100.0]])
+    ax = plot_sweep(scores, [1e-4, 1.0], ["0", "a = 0"])
+    assert [text.get_text() for text in ax.texts] == ["1", "50", "100", "100"]
+    assert [tick.get_text() for tick in ax.get_yticklabels()] == ["0.0001", "1"]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: plot_embedding(POSITIONS, LABELS[1:]), "labels must have shape"),
+        (lambda: plot_embedding(POSITIONS[:, :1], LABELS), "positions must have shape"),
+        (lambda: plot_embedding(POSITIONS, LABELS, points=POSITIONS), "belong together"),
+        (lambda: plot_sweep(np.ones((2, 2)), [1.0], ["0"]), "scores must have shape"),
+        (lambda: plot_confusion(DISTANCES, LABELS[1:]), "square matrix of 11 items"),
+        (lambda: plot_energy([[1.0]]), "energies must have shape"),
+    ],
+)
+def test_bad_arguments(call, message):
+    with pytest.raises(ArgumentError, match=message):
+        call()
