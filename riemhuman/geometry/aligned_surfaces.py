@@ -246,16 +246,18 @@ class AlignedSurfaces(Manifold):
             If a triangle has no area, so that g is not invertible there and has no normal.
         """
         f = self.check_point(f, name)
-        self.refuse_degenerate(self._is_degenerate(*self._derivatives(f)))
+        self.refuse_degenerate(self._is_degenerate(*self._derivatives(f)), name)
         return f
 
-    def refuse_degenerate(self, degenerate: ndarray) -> None:
+    def refuse_degenerate(self, degenerate: ndarray, name: str = "the surface") -> None:
         """Refuse surfaces with triangles without area.
 
         Parameters
         ----------
         degenerate : array of bool, shape (..., F)
             Which triangles of the surfaces have no area.
+        name : str
+            Name of the argument, for messages.
 
         Raises
         ------
@@ -264,7 +266,7 @@ class AlignedSurfaces(Manifold):
         """
         refuse_triangles(
             degenerate,
-            "every triangle of the surface must have an area, for its normal to exist and g to be "
+            f"every triangle of {name} must have an area, for its normal to exist and g to be "
             "invertible",
             DegenerateSurfaceError,
         )
