@@ -40,6 +40,9 @@ _ROOM_OF_NAME = {
     "pairwise_job": "jobs.pairwise",
     "FrechetMean": "solvers.frechet_mean",
     "GeometricMedian": "solvers.frechet_mean",
+    "GeodesicRegression": "statistics.geodesic_regression",
+    "MetricWeights": "statistics.metric_weights",
+    "TangentPCA": "statistics.tangent_pca",
     "ConvergenceWarning": "errors",
     "RiemhumanError": "errors",
 }

@@ -1,0 +1,21 @@
+"""Statistics on manifolds: principal components, regression, clusters, tests, fitted metrics."""
+
+from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
+from riemhuman.statistics.geodesic_regression import GeodesicRegression
+from riemhuman.statistics.inverted_triangles import inverted_triangles
+from riemhuman.statistics.metric_weights import MetricWeights
+from riemhuman.statistics.nearest_surface import NearestSurface
+from riemhuman.statistics.tangent_pca import TangentPCA
+from riemhuman.statistics.two_sample_test import TwoSampleResult, two_sample_test
+
+__all__ = [
+    "GeodesicRegression",
+    "HierarchicalClustering",
+    "KMedoids",
+    "MetricWeights",
+    "NearestSurface",
+    "TangentPCA",
+    "TwoSampleResult",
+    "inverted_triangles",
+    "two_sample_test",
+]

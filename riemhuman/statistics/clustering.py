@@ -1,0 +1,268 @@
+"""Clusters of points of which only the distances are known."""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import Rng, generator, one_of, real_array, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.optional import import_optional
+from riemhuman.statistics.distance_matrices import distance_matrix
+from riemhuman.statistics.estimator import Estimator
+
+LINKAGES = ("average", "complete", "single")
+
+
+class KMedoids(Estimator):
+    """The k points with the least sum of distances of all points to the nearest of them.
+
+    Partitioning around medoids [1]_: medoids are chosen one after the other, each the best there
+    is, and then exchanged for other points, the best exchange first, while the sum falls [2]_.
+    Further runs begin at random medoids.
+
+    Parameters
+    ----------
+    n_clusters : int
+        Number of clusters k.
+    n_init : int
+        Number of runs; the best is kept.
+    rng : int or numpy.random.Generator
+        Seed of the random medoids, or the generator to draw from.
+
+    Attributes
+    ----------
+    medoid_indices_ : array of int, shape (n_clusters,)
+        The medoids, in rising order.
+    labels_ : array of int, shape (n,)
+        Of each point, which of the medoids is nearest; points at distance 0 from several medoids
+        belong to the first, a medoid to itself.
+    inertia_ : float
+        Sum of the distances to the nearest medoid.
+    n_iter_ : int
+        Exchanges of the best run.
+
+    References
+    ----------
+    .. [1] Kaufman, Rousseeuw, "Finding Groups in Data", 1990.
+    .. [2] Schubert, Rousseeuw, "Faster k-medoids clustering", SISAP 2019.
+    """
+
+    medoid_indices_: ndarray
+    labels_: ndarray
+    inertia_: float
+    n_iter_: int
+
+    def __init__(self, n_clusters: int = 8, *, n_init: int = 5, rng: Rng = 0) -> None:
+        self.n_clusters = n_clusters
+        self.n_init = n_init
+        self.rng = rng
+
+    def fit(self, X: ArrayLike, y: object = None) -> Self:
+        """Find the medoids.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        KMedoids
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If X is no matrix of distances, or there are fewer points than clusters.
+        """
+        distances = distance_matrix(X, "X")
+        k = whole_number(self.n_clusters, "n_clusters", minimum=1)
+        whole_number(self.n_init, "n_init", minimum=1)
+        if k > len(distances):
+            raise ArgumentError(f"n_clusters={k} exceeds the {len(distances)} points of X")
+        rng = generator(self.rng)
+        starts = [_greedy_medoids(distances, k)]
+        starts += [rng.choice(len(distances), k, replace=False) for _ in range(self.n_init - 1)]
+        runs = [_exchange(distances, start) for start in starts]
+        medoids, self.inertia_, self.n_iter_ = min(runs, key=lambda run: run[1])
+        self.medoid_indices_ = np.sort(medoids)
+        self.labels_ = self.predict(distances)
+        self.labels_[self.medoid_indices_] = np.arange(k)
+        return self
+
+    def predict(self, X: ArrayLike) -> ndarray:
+        """Return the nearest medoid of points.
+
+        Parameters
+        ----------
+        X : array_like, shape (m, n)
+            Distances of points to all those the medoids were found among.
+
+        Returns
+        -------
+        array of int, shape (m,)
+        """
+        self._require_fit("medoid_indices_")
+        distances = real_array(X, "X", ("m", "n"), batched=False)
+        if distances.shape[1] <= self.medoid_indices_[-1]:
+            raise ArgumentError(
+                f"X must hold the distances to all fitted points; found {distances.shape[1]} "
+                f"columns and a medoid {self.medoid_indices_[-1]}"
+            )
+        return np.argmin(distances[:, self.medoid_indices_], axis=1)
+
+    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+        """Fit, and return the labels.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array of int, shape (n,)
+        """
+        return self.fit(X).labels_
+
+
+class HierarchicalClustering(Estimator):
+    """Clusters joined two by two, the nearest first, by scikit-learn.
+
+    Parameters
+    ----------
+    n_clusters : int, optional
+        Number of clusters; None where `distance_threshold` is given.
+    linkage : {"average", "complete", "single"}
+        Distance of two clusters: the mean, largest or smallest of their points.
+    distance_threshold : float, optional
+        Clusters this far apart are not joined.
+
+    Attributes
+    ----------
+    labels_ : array of int, shape (n,)
+        Cluster of each point.
+    children_ : array of int, shape (n - 1, 2)
+        The two clusters joined at each step; below n they are points, n + i is the result of
+        step i.
+    distances_ : array, shape (n - 1,)
+        Distance of the two.
+    """
+
+    labels_: ndarray
+    children_: ndarray
+    distances_: ndarray
+
+    def __init__(
+        self,
+        n_clusters: int | None = 2,
+        *,
+        linkage: str = "average",
+        distance_threshold: float | None = None,
+    ) -> None:
+        self.n_clusters = n_clusters
+        self.linkage = linkage
+        self.distance_threshold = distance_threshold
+
+    def fit(self, X: ArrayLike, y: object = None) -> Self:
+        """Join the clusters.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances of at least two points.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        HierarchicalClustering
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If X is no matrix of distances, there are fewer points than clusters, or not exactly
+            one of `n_clusters` and `distance_threshold` is given.
+        MissingDependencyError
+            If scikit-learn is not installed.
+        """
+        distances = distance_matrix(X, "X")
+        one_of(self.linkage, "linkage", LINKAGES)
+        if (self.n_clusters is None) == (self.distance_threshold is None):
+            raise ArgumentError("exactly one of n_clusters and distance_threshold must be given")
+        if self.n_clusters is not None:
+            whole_number(self.n_clusters, "n_clusters", minimum=1)
+        if len(distances) < max(2, self.n_clusters or 0):
+            raise ArgumentError(
+                f"X holds {len(distances)} points; at least {max(2, self.n_clusters or 0)} needed"
+            )
+        cluster = import_optional("sklearn.cluster", "statistics")
+        found = cluster.AgglomerativeClustering(
+            n_clusters=self.n_clusters,
+            metric="precomputed",
+            linkage=self.linkage,
+            distance_threshold=self.distance_threshold,
+            compute_distances=True,
+        ).fit(distances)
+        self.labels_ = found.labels_
+        self.children_, self.distances_ = found.children_, found.distances_
+        return self
+
+    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+        """Fit, and return the labels.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array of int, shape (n,)
+        """
+        return self.fit(X).labels_
+
+
+def _greedy_medoids(distances: ndarray, k: int) -> ndarray:
+    """Return k medoids, each the best there is beside those before it."""
+    medoids = [int(np.argmin(distances.sum(axis=0)))]
+    nearest = distances[medoids[0]]
+    while len(medoids) < k:
+        gains = np.maximum(nearest - distances, 0.0).sum(axis=1)
+        gains[medoids] = -1.0
+        medoids.append(int(np.argmax(gains)))
+        nearest = np.minimum(nearest, distances[medoids[-1]])
+    return np.array(medoids)
+
+
+def _exchange(distances: ndarray, medoids: ndarray) -> tuple[ndarray, float, int]:
+    """Exchange medoids for other points while the sum of distances falls."""
+    medoids, n_exchanges = medoids.copy(), 0
+    rounding = 1e-12 * distances.sum()
+    while True:
+        to_medoids = distances[:, medoids]
+        nearest = np.argmin(to_medoids, axis=1)
+        first = to_medoids.min(axis=1)
+        second = np.full(len(distances), np.inf)
+        if len(medoids) > 1:
+            second = np.partition(to_medoids, 1, axis=1)[:, 1]
+        # Without a medoid, its points go to their second nearest, or to the new one.
+        stay, leave = np.minimum(distances, first), np.minimum(distances, second)
+        belongs = nearest[:, None] == np.arange(len(medoids))
+        sums = stay.sum(axis=1)[:, None] + (leave - stay) @ belongs
+        point, place = np.unravel_index(np.argmin(sums), sums.shape)
+        if sums[point, place] >= first.sum() - rounding:
+            return medoids, float(first.sum()), n_exchanges
+        medoids[place] = point
+        n_exchanges += 1

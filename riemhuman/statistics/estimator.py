@@ -1,0 +1,90 @@
+"""What estimators share with those of scikit-learn, which need not be installed."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any, Self
+
+from riemhuman.errors import ArgumentError
+from riemhuman.optional import import_optional
+
+
+class Estimator:
+    """An object whose parameters are the arguments of its constructor, kept as they are.
+
+    `fit` checks them, and keeps what it finds in attributes that end in an underscore.
+    """
+
+    def get_params(self, deep: bool = True) -> dict[str, Any]:
+        """Return the parameters by name.
+
+        Parameters
+        ----------
+        deep : bool
+            Whether parameters of parameters are named too, as in ``solver__tolerance``, where
+            they have any.
+
+        Returns
+        -------
+        dict of str to object
+        """
+        params = {name: getattr(self, name) for name in self._parameter_names()}
+        if deep:
+            for name, value in list(params.items()):
+                if hasattr(value, "get_params") and not isinstance(value, type):
+                    inner = value.get_params()
+                    params |= {f"{name}__{key}": part for key, part in inner.items()}
+        return params
+
+    def set_params(self, **params: Any) -> Self:
+        """Set parameters by name.
+
+        Parameters
+        ----------
+        **params
+            New values; ``name__inner`` sets a parameter of a parameter.
+
+        Returns
+        -------
+        Estimator
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such parameter.
+        """
+        names = self._parameter_names()
+        for key, value in params.items():
+            name, _, inner = key.partition("__")
+            if name not in names:
+                raise ArgumentError(
+                    f"{type(self).__name__} has no parameter {name!r}; it has "
+                    f"{', '.join(map(repr, names))}"
+                )
+            if inner:
+                getattr(self, name).set_params(**{inner: value})
+            else:
+                setattr(self, name, value)
+        return self
+
+    def __repr__(self) -> str:
+        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._parameter_names())
+        return f"{type(self).__name__}({values})"
+
+    def __sklearn_tags__(self) -> Any:
+        """Return the tags that scikit-learn's own tools ask for."""
+        utils = import_optional("sklearn.utils", "statistics")
+        return utils.Tags(
+            estimator_type=None,
+            target_tags=utils.TargetTags(required=False),
+            transformer_tags=utils.TransformerTags() if hasattr(self, "transform") else None,
+        )
+
+    def _require_fit(self, attribute: str) -> None:
+        if not hasattr(self, attribute):
+            raise ArgumentError(f"{type(self).__name__} must be fitted first, by its method fit")
+
+    @classmethod
+    def _parameter_names(cls) -> list[str]:
+        return list(inspect.signature(cls).parameters)

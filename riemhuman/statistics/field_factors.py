@@ -1,0 +1,87 @@
+"""Factors of a metric's matrix for preconditioning, product by product."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.solvers.spatial_factors import spatial_factor
+
+
+class BlockwiseFactor(CholeskyFactor):
+    """Cholesky factors of the diagonal blocks of a matrix that has no others.
+
+    Parameters
+    ----------
+    factors : sequence of CholeskyFactor
+        Factors of the blocks.
+    sizes : sequence of int
+        Numbers of their rows.
+    """
+
+    def __init__(self, factors: Sequence[CholeskyFactor], sizes: Sequence[int]) -> None:
+        self._factors = tuple(factors)
+        self._ends = np.cumsum(sizes)[:-1]
+
+    def solve(self, columns: ndarray) -> ndarray:
+        """Return L⁻¹ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return self._each("solve", columns)
+
+    def solve_transposed(self, columns: ndarray) -> ndarray:
+        """Return L⁻ᵀ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return self._each("solve_transposed", columns)
+
+    def _each(self, method: str, columns: ndarray) -> ndarray:
+        parts = zip(self._factors, np.split(columns, self._ends), strict=True)
+        return np.concatenate([getattr(factor, method)(part) for factor, part in parts])
+
+
+def field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
+    r"""Return a factor of the metric's matrix at a point, of products one of each factor.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    point : array, shape (\*shape,)
+        The point.
+    scale : float
+        The matrix is divided by it.
+
+    Returns
+    -------
+    CholeskyFactor
+    """
+    if not hasattr(metric.space, "factors"):
+        return spatial_factor(metric, point[None], scale)
+    parts = metric.space.project_from_product(point)
+    factors = [
+        # What has no weight does not matter; 1 keeps its factor finite.
+        field_factor(factor.metric, part, scale / (weight or 1.0))
+        for factor, part, weight in zip(metric.space.factors, parts, metric.weights, strict=True)
+    ]
+    return BlockwiseFactor(factors, [part.size for part in parts])

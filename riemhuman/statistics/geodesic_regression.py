@@ -1,0 +1,293 @@
+"""Geodesic regression: how points change with one number, such as a height or an age."""
+
+from __future__ import annotations
+
+from typing import Any, Self
+
+import autograd.numpy as np
+from autograd import value_and_grad
+from numpy import ndarray
+
+from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
+from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.minimization import Minimum, minimize
+from riemhuman.solvers.results import MeanResult, warn_unless_converged
+from riemhuman.statistics.estimator import Estimator
+from riemhuman.statistics.field_factors import field_factor
+from riemhuman.statistics.image_spaces import ImageSpace, image_space
+from riemhuman.statistics.nearest_surface import NearestSurface
+from riemhuman.statistics.tangent_pca import mean_point
+
+# Misfit, in units of the variance, where the line search has left the manifold.
+_WALL = 10.0
+
+
+class GeodesicRegression(Estimator):
+    r"""The geodesic that minimises :math:`\sum_i d(\exp_p((t_i - \bar t) v), y_i)^2` [1]_.
+
+    It starts from the straight line that fits the logarithms at the Karcher mean, and both p and v
+    are refined by a quasi-Newton method with the gradient of the sum itself.
+
+    Surfaces are taken to their fields Φ(f) = (g, n), where geodesics have a closed form, and a
+    prediction is the surface of nearest fields, see `TangentPCA`.
+
+    Parameters
+    ----------
+    space : Manifold
+        A manifold equipped with a metric.
+    mean : array, shape (\*shape,), or object, optional
+        The Karcher mean or a solver for it, as in `TangentPCA`.
+    image : {"auto", "fields", "points"}
+        Where geodesics run, as in `TangentPCA`.
+    nearest : NearestSurface, optional
+        How surfaces are found from fields.
+    tolerance : float
+        The refinement stops when a Newton step would gain at most this share of the sum of squared
+        distances to the mean, as far as the preconditioned gradient tells.
+    max_iterations : int
+        Most iterations of the refinement; 0 keeps the regression in the tangent space.
+
+    Attributes
+    ----------
+    mean_ : array, shape (\*shape,)
+        Karcher mean of the points.
+    center_ : float
+        Mean :math:`\bar t` of the numbers.
+    intercept_ : array, shape (\*image_shape,)
+        p, the point of the geodesic at the centre; of surfaces, its fields.
+    velocity_ : array, shape (\*image_shape,)
+        v, tangent at the intercept, for a change of t by 1.
+    n_iter_ : int
+        Iterations of the refinement.
+
+    References
+    ----------
+    .. [1] Fletcher, "Geodesic regression and the theory of least squares on Riemannian manifolds",
+       International Journal of Computer Vision 105, 2013.
+    """
+
+    mean_: ndarray
+    center_: float
+    intercept_: ndarray
+    velocity_: ndarray
+    n_iter_: int
+
+    def __init__(
+        self,
+        space: Manifold,
+        *,
+        mean: Any = None,
+        image: str = "auto",
+        nearest: NearestSurface | None = None,
+        tolerance: float = 1e-10,
+        max_iterations: int = 200,
+    ) -> None:
+        self.space = space
+        self.mean = mean
+        self.image = image
+        self.nearest = nearest
+        self.tolerance = tolerance
+        self.max_iterations = max_iterations
+
+    def fit(self, X: ndarray, y: ndarray) -> Self:
+        r"""Find the geodesic.
+
+        Parameters
+        ----------
+        X : array, shape (n,) or (n, 1)
+            Numbers t_i, not all the same.
+        y : array, shape (n, \*shape)
+            Points, at least two.
+
+        Returns
+        -------
+        GeodesicRegression
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If the numbers are all the same, or not as many as the points, or a refinement is
+            asked for where `exp` comes from a solver and has no derivative.
+        OutsideManifoldError
+            If a point has no logarithm at the mean, or the geodesic leaves the manifold.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If the refinement has not converged.
+        """
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iterations, "max_iterations", minimum=0)
+        points = self.space.metric.check_points(y, "y")
+        times = _numbers(X)
+        if len(times) != len(points):
+            raise ArgumentError(f"X holds {len(times)} numbers and y {len(points)} points")
+        if len(points) < 2 or np.ptp(times) == 0:
+            raise ArgumentError("X must hold at least two different numbers")
+        self.center_ = float(times.mean())
+        # In units of the largest distance from the centre, so that velocities are like distances.
+        unit = float(np.abs(times - self.center_).max())
+        times = (times - self.center_) / unit
+
+        image = self._image()
+        if self.max_iterations and type(image.metric).exp is RiemannianMetric.exp:
+            raise ArgumentError(
+                f"max_iterations must be 0 where {type(image.metric).__name__} has no closed form "
+                "for exp: the refinement needs its derivative"
+            )
+        self.mean_ = mean_point(self.mean, self.space, image, points)
+        images = image.embed(points)
+        base = image.embed(self.mean_[None])[0]
+        line = _tangent_regression(image.metric, base, times, images)
+        self.n_iter_ = 0
+        if self.max_iterations:
+            line = self._refine(image.metric, times, images, base, *line)
+        self.intercept_, self.velocity_ = line[0], line[1] / unit
+        return self
+
+    def predict(self, X: ndarray) -> ndarray:
+        r"""Return the points of the geodesic.
+
+        Parameters
+        ----------
+        X : array, shape (n,) or (n, 1)
+            Numbers.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If the geodesic leaves the manifold before.
+        """
+        self._require_fit("velocity_")
+        times = _numbers(X) - self.center_
+        image = self._image()
+        vectors = times.reshape(-1, *(1,) * self.velocity_.ndim) * self.velocity_
+        return image.restore(image.metric.exp(vectors, self.intercept_), self.mean_)
+
+    def score(self, X: ndarray, y: ndarray) -> float:
+        r"""Return R² = 1 − Σ_i d(prediction, y_i)²/Σ_i d(mean, y_i)².
+
+        The mean is that of the points the regression was fitted to.
+
+        Parameters
+        ----------
+        X : array, shape (n,) or (n, 1)
+            Numbers.
+        y : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        float
+            1 for perfect predictions, 0 for those no better than the mean.
+
+        Raises
+        ------
+        ArgumentError
+            If there are not as many numbers as points.
+        """
+        metric = self.space.metric
+        points, predictions = metric.check_points(y, "y"), self.predict(X)
+        if len(points) != len(predictions):
+            raise ArgumentError(f"X holds {len(predictions)} numbers and y {len(points)} points")
+        left = sum(
+            float(metric.squared_dist(*pair)) for pair in zip(predictions, points, strict=True)
+        )
+        whole = sum(float(metric.squared_dist(self.mean_, point)) for point in points)
+        return 1.0 - left / whole
+
+    def _image(self) -> ImageSpace:
+        return image_space(self.space.metric, self.image, self.nearest)
+
+    def _refine(
+        self,
+        metric: RiemannianMetric,
+        times: ndarray,
+        images: ndarray,
+        mean: ndarray,
+        point: ndarray,
+        velocity: ndarray,
+    ) -> tuple[ndarray, ndarray]:
+        """Minimise the sum in both, in variables in which it is nearly a sum of squares."""
+        space, shape = metric.space, point.shape
+        spread = float(np.mean(metric.squared_dist(mean, images)))
+        if spread == 0:
+            return point, velocity
+        factor = field_factor(metric, point, 0.5 * spread)
+        slowness = 1.0 / np.sqrt(np.mean(times**2))
+        columns = times.reshape(-1, *(1,) * point.ndim)
+
+        def line(changes: ndarray) -> tuple[ndarray, ndarray]:
+            # The factor is all but singular on directions that leave the manifold.
+            changes = space.to_tangent(changes, point)
+            moved = space.regularize(metric.exp(changes[0], point))
+            return moved, space.to_tangent(velocity + changes[1], moved)
+
+        def misfit(changes: ndarray) -> Any:
+            moved, speed = line(changes)
+            predictions = metric.exp(columns * speed, moved + 0.0 * columns)
+            return np.mean(metric.squared_dist(predictions, images)) / spread
+
+        def changes_of(variables: ndarray) -> ndarray:
+            halves = variables.reshape(2, -1, 1)
+            rows = [factor.solve_transposed(half)[:, 0] for half in halves]
+            return np.stack([rows[0], slowness * rows[1]]).reshape(2, *shape)
+
+        slope = value_and_grad(misfit)
+
+        def objective(variables: ndarray) -> tuple[float, ndarray]:
+            try:
+                value, gradient = slope(changes_of(variables))
+            except (DegenerateSurfaceError, OutsideManifoldError):
+                return _WALL, np.zeros_like(variables)
+            halves = gradient.reshape(2, -1, 1)
+            rows = [factor.solve(half)[:, 0] for half in halves]
+            # One more, so that the stopping test is a share of the variance and not of the misfit.
+            return 1.0 + float(value), np.concatenate([rows[0], slowness * rows[1]])
+
+        found = minimize(
+            objective,
+            np.zeros(2 * point.size),
+            max_iterations=self.max_iterations,
+            expected_decrease=self.tolerance,
+        )
+        self.n_iter_ = found.n_iterations
+        warn_unless_converged(self, _as_result(point, found))
+        return line(changes_of(found.x))
+
+
+def _tangent_regression(
+    metric: RiemannianMetric, base: ndarray, times: ndarray, images: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Return the geodesic whose ends fit the logarithms of the points best."""
+    logs = metric.log(images, base)
+    offset = logs.mean(axis=0)
+    slope = np.tensordot(times, logs, axes=1) / (times @ times)
+    point = metric.exp(offset, base)
+    return point, metric.log(metric.exp(offset + slope, base), point)
+
+
+def _numbers(X: ndarray) -> ndarray:
+    times = real_array(X, "X")
+    if times.ndim not in (1, 2) or (times.ndim == 2 and times.shape[1] != 1):
+        raise ArgumentError(f"X must have shape (n,) or (n, 1); found {times.shape}")
+    return times.reshape(-1)
+
+
+def _as_result(point: ndarray, found: Minimum) -> MeanResult:
+    return MeanResult(
+        point,
+        found.value,
+        found.values,
+        found.n_iterations,
+        found.n_evaluations,
+        found.converged,
+        found.message,
+    )

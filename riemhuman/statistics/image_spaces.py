@@ -1,0 +1,225 @@
+"""Where statistics are done: in the space itself, or in that of the fields of surfaces."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import one_of
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.statistics.nearest_surface import NearestSurface
+
+KINDS = ("auto", "fields", "points")
+
+
+class ImageSpace(Protocol):
+    """A space with exponential and logarithm that stands for the space of the points."""
+
+    metric: RiemannianMetric
+
+    def embed(self, points: ndarray) -> ndarray:
+        r"""Return the images of points.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (n, \*image_shape)
+        """
+
+    def restore(self, images: ndarray, start: ndarray) -> ndarray:
+        r"""Return the points whose images are nearest to these.
+
+        Parameters
+        ----------
+        images : array, shape (n, \*image_shape)
+            Points of the image space.
+        start : array, shape (\*shape,)
+            Point to search from.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+        """
+
+    def mean(self, points: ndarray) -> ndarray:
+        r"""Return the Karcher mean of points.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (\*shape,)
+        """
+
+
+class Points:
+    """The space itself, whose metric has exp and log.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    """
+
+    def __init__(self, metric: RiemannianMetric) -> None:
+        self.metric = metric
+
+    def embed(self, points: ndarray) -> ndarray:
+        r"""Return the points themselves.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+        """
+        return points
+
+    def restore(self, images: ndarray, start: ndarray) -> ndarray:
+        r"""Return the images, freed of rounding errors off the manifold.
+
+        Parameters
+        ----------
+        images : array, shape (n, \*shape)
+            Points.
+        start : array, shape (\*shape,)
+            Not used.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+        """
+        return self.metric.space.regularize(images)
+
+    def mean(self, points: ndarray) -> ndarray:
+        r"""Return the Karcher mean by `GradientDescentMean`.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (\*shape,)
+        """
+        return GradientDescentMean().solve(self.metric, points).point
+
+
+class Fields:
+    r"""The fields Φ(f) of surfaces, in the space where the metric measures their distances.
+
+    There geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). Points of that space need not
+    come from a surface; the nearest surface stands for them.
+
+    Parameters
+    ----------
+    metric : PullbackMetric
+        A metric on surfaces.
+    nearest : NearestSurface
+        How the nearest surface is found.
+    """
+
+    def __init__(self, metric: PullbackMetric, nearest: NearestSurface) -> None:
+        self.metric = metric.target_metric
+        self._pullback = metric
+        self._nearest = nearest
+
+    def embed(self, points: ndarray) -> ndarray:
+        r"""Return the fields of surfaces.
+
+        Parameters
+        ----------
+        points : array, shape (n, V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (n, \*image_shape)
+        """
+        return self._pullback.map(points)
+
+    def restore(self, images: ndarray, start: ndarray) -> ndarray:
+        r"""Return the nearest surfaces.
+
+        Parameters
+        ----------
+        images : array, shape (n, \*image_shape)
+            Fields.
+        start : array, shape (V, 3)
+            Surface to search from.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+        """
+        surfaces = [
+            self._nearest.solve(self._pullback, image[None], start).point for image in images
+        ]
+        return np.array(surfaces).reshape(-1, *self._pullback.space.shape)
+
+    def mean(self, points: ndarray) -> ndarray:
+        r"""Return the Karcher mean over all vertices, by a search from the medoid.
+
+        Parameters
+        ----------
+        points : array, shape (n, V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (V, 3)
+        """
+        distances = self._pullback.dist_pairwise(points, precision="double")
+        medoid = points[np.argmin(np.sum(distances**2, axis=0))]
+        return self._nearest.solve(self._pullback, self.embed(points), medoid).point
+
+
+def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> ImageSpace:
+    """Return the space in which statistics of a metric are done.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric of the points.
+    kind : {"auto", "fields", "points"}
+        "fields" for metrics on surfaces that are pulled back from one with exp and log; "points"
+        for metrics that have them; "auto" takes the first where there is a map to pull back by.
+    nearest : NearestSurface, optional
+        How surfaces are found from fields.
+
+    Returns
+    -------
+    ImageSpace
+
+    Raises
+    ------
+    ArgumentError
+        If the kind is none of these, or fields are asked for where there are none.
+    """
+    pulled_back = hasattr(metric, "target_metric")
+    if one_of(kind, "image", KINDS) == "auto":
+        kind = "fields" if pulled_back else "points"
+    if kind == "points":
+        return Points(metric)
+    if not pulled_back:
+        raise ArgumentError(
+            f'image="fields" needs a metric pulled back by a map of surfaces; '
+            f"found {type(metric).__name__}"
+        )
+    return Fields(metric, nearest or NearestSurface())

@@ -1,0 +1,310 @@
+"""Principal component analysis in the tangent space at the Karcher mean."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Self
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.statistics.estimator import Estimator
+from riemhuman.statistics.image_spaces import ImageSpace, image_space
+from riemhuman.statistics.nearest_surface import NearestSurface
+
+# Squared singular values below this share of the first are rounding errors.
+_ROUNDING = 1e-13
+
+# Draws, for every sample asked for, before those that are not accepted are too many.
+_MOST_DRAWN = 100
+
+
+class TangentPCA(Estimator):
+    r"""Principal directions of logarithms at the Karcher mean, orthonormal in the metric there.
+
+    With :math:`v_i = \log_{\bar x} x_i` less their average, the directions :math:`u_k` maximise
+    :math:`\sum_i \langle v_i, u_k\rangle_{\bar x}^2` [1]_. They are found from the n × n matrix of
+    inner products of the :math:`v_i`, which has the eigenvalues of the generalised problem
+    :math:`G C G u = \sigma^2 G u` with the metric's matrix G.
+
+    Surfaces are taken to their fields Φ(f) = (g, n), where metrics of this library measure
+    distances and have geodesics in closed form: there are the logarithms, and a combination of
+    directions is brought back to the surface of nearest fields, see `NearestSurface`. So the
+    weights of the metric say what is analysed: (1, 1, 0) how a body is built, whatever its pose,
+    (0, 0, 1) how it stands, (1, 1, 1) both. Where λ is so small that triangles have no
+    logarithm (θ ≥ π, as with the λ = 1e-4 of retrieval), `fit` says so.
+
+    Parameters
+    ----------
+    space : Manifold
+        A manifold equipped with a metric.
+    n_components : int, optional
+        Number of directions; by default as many as the logarithms span.
+    mean : array, shape (\*shape,), or object, optional
+        The point of tangency, or a solver for it, such as `BasisMean`. By default the Karcher mean
+        by `GradientDescentMean`, of surfaces by `NearestSurface`.
+    image : {"auto", "fields", "points"}
+        Where logarithms are taken: "fields" as above, or "points" with the metric's own `exp` and
+        `log`. By default "fields" for metrics that are pulled back.
+    nearest : NearestSurface, optional
+        How surfaces are found from fields.
+
+    Attributes
+    ----------
+    mean_ : array, shape (\*shape,)
+        The point of tangency x̄.
+    components_ : array, shape (n_components, \*image_shape)
+        Directions :math:`u_k`, tangent at the image of the mean.
+    explained_variance_ : array, shape (n_components,)
+        Sample variance of the coordinate along each.
+    explained_variance_ratio_ : array, shape (n_components,)
+        The same as a share of the variance along all directions.
+    offset_ : array, shape (\*image_shape,)
+        Average of the logarithms; not 0 for surfaces, where the mean is the best surface and not
+        the best field.
+    n_components_ : int
+        Number of directions.
+
+    References
+    ----------
+    .. [1] Fletcher, Lu, Pizer, Joshi, "Principal geodesic analysis for the study of nonlinear
+       statistics of shape", IEEE Transactions on Medical Imaging 23, 2004.
+    """
+
+    mean_: ndarray
+    components_: ndarray
+    explained_variance_: ndarray
+    explained_variance_ratio_: ndarray
+    offset_: ndarray
+    n_components_: int
+
+    def __init__(
+        self,
+        space: Manifold,
+        n_components: int | None = None,
+        *,
+        mean: Any = None,
+        image: str = "auto",
+        nearest: NearestSurface | None = None,
+    ) -> None:
+        self.space = space
+        self.n_components = n_components
+        self.mean = mean
+        self.image = image
+        self.nearest = nearest
+
+    def fit(self, X: ndarray, y: object = None) -> Self:
+        r"""Find the mean and the directions.
+
+        Parameters
+        ----------
+        X : array, shape (n, \*shape)
+            Points, at least two.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        TangentPCA
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If there are too few points for the components, or the points coincide.
+        OutsideManifoldError
+            If a point has no logarithm at the mean.
+        """
+        points = self.space.metric.check_points(X, "X")
+        if len(points) < 2:
+            raise ArgumentError(f"X must hold at least two points; found {len(points)}")
+        if self.n_components is not None:
+            whole_number(self.n_components, "n_components", minimum=1)
+            if self.n_components > len(points) - 1:
+                raise ArgumentError(
+                    f"n_components={self.n_components} exceeds what {len(points)} points can "
+                    f"span: at most {len(points) - 1}"
+                )
+        image = self._image()
+        self.mean_ = mean_point(self.mean, self.space, image, points)
+        self._base = image.embed(self.mean_[None])[0]
+        logs = image.metric.log(image.embed(points), self._base)
+        self.offset_ = logs.mean(axis=0)
+        self._set_components(image, logs - self.offset_)
+        return self
+
+    def _set_components(self, image: ImageSpace, logs: ndarray) -> None:
+        rows = logs.reshape(len(logs), -1)
+        covectors = image.metric.covector(logs, self._base).reshape(len(logs), -1)
+        products = covectors @ rows.T
+        values, vectors = np.linalg.eigh(0.5 * (products + products.T))
+        values, vectors = values[::-1], vectors[:, ::-1]
+        rank = int(np.sum(values > _ROUNDING * max(values[0], 0.0)))
+        if values[0] <= (_ROUNDING * np.abs(self._base).max()) ** 2:
+            raise ArgumentError("X holds points that all coincide; there is no direction to find")
+        wanted = rank if self.n_components is None else self.n_components
+        if wanted > rank:
+            raise ArgumentError(
+                f"n_components={wanted} exceeds the {rank} directions that the logarithms of X span"
+            )
+        self.n_components_ = wanted
+        components = (vectors[:, :wanted] / np.sqrt(values[:wanted])).T @ rows
+        # Of the two signs of a direction, that with the largest entry positive.
+        largest = np.take_along_axis(components, np.abs(components).argmax(axis=1)[:, None], axis=1)
+        components *= np.sign(largest)
+        self.components_ = components.reshape(wanted, *logs.shape[1:])
+        self.explained_variance_ = values[:wanted] / (len(logs) - 1)
+        self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
+
+    def transform(self, X: ndarray) -> ndarray:
+        r"""Return the coordinates of points, ⟨log x − offset, u_k⟩.
+
+        Parameters
+        ----------
+        X : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (n, n_components)
+
+        Raises
+        ------
+        ArgumentError
+            If the points do not fit the space.
+        OutsideManifoldError
+            If a point has no logarithm at the mean.
+        """
+        self._require_fit("components_")
+        image = self._image()
+        points = self.space.metric.check_points(X, "X")
+        logs = image.metric.log(image.embed(points), self._base) - self.offset_
+        covectors = image.metric.covector(self.components_, self._base)
+        return logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
+
+    def fit_transform(self, X: ndarray, y: object = None) -> ndarray:
+        r"""Fit, and return the coordinates of the same points.
+
+        Parameters
+        ----------
+        X : array, shape (n, \*shape)
+            Points.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array, shape (n, n_components)
+        """
+        return self.fit(X).transform(X)
+
+    def inverse_transform(self, X: ndarray) -> ndarray:
+        r"""Return the points with these coordinates, exp(offset + Σ_k z_k u_k).
+
+        Of surfaces, those with the nearest fields.
+
+        Parameters
+        ----------
+        X : array, shape (n, m)
+            Coordinates z along the first m ≤ n_components directions; along others they are 0.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+
+        Raises
+        ------
+        ArgumentError
+            If there are more coordinates than directions.
+        OutsideManifoldError
+            If a geodesic leaves the manifold.
+        """
+        self._require_fit("components_")
+        scores = real_array(X, "X", ("n", "n_components"), batched=False)
+        if scores.shape[1] > self.n_components_:
+            raise ArgumentError(
+                f"X holds {scores.shape[1]} coordinates a point; there are "
+                f"{self.n_components_} components"
+            )
+        image = self._image()
+        directions = self.components_[: scores.shape[1]]
+        vectors = self.offset_ + np.tensordot(scores, directions, axes=1)
+        return image.restore(image.metric.exp(vectors, self._base), self.mean_)
+
+    def sample(
+        self,
+        n_samples: int = 1,
+        rng: Rng = 0,
+        accept: Callable[[ndarray], bool] | None = None,
+    ) -> ndarray:
+        r"""Draw points from the normal distribution of the coordinates.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of points.
+        rng : int or numpy.random.Generator
+            Seed, or the generator to draw from.
+        accept : callable, optional
+            Takes a point to whether it is acceptable; others are drawn anew, as in
+            ``lambda f: not inverted_triangles(f, pca.mean_, faces).any()``.
+
+        Returns
+        -------
+        array, shape (n_samples, \*shape), or (\*shape,) for one sample
+
+        Raises
+        ------
+        ArgumentError
+            If not one in a hundred points is accepted.
+        OutsideManifoldError
+            If a geodesic leaves the manifold.
+        """
+        self._require_fit("components_")
+        n_samples, rng = sample_count(n_samples), generator(rng)
+        deviations = np.sqrt(self.explained_variance_)
+        accepted: list[ndarray] = []
+        n_drawn = 0
+        while len(accepted) < n_samples:
+            if n_drawn >= _MOST_DRAWN * n_samples:
+                raise ArgumentError(
+                    f"accept must accept one point in {_MOST_DRAWN}; it did {len(accepted)} of "
+                    f"{n_drawn}"
+                )
+            noise = rng.standard_normal((n_samples - len(accepted), self.n_components_))
+            points = self.inverse_transform(noise * deviations)
+            n_drawn += len(points)
+            accepted += [point for point in points if accept is None or accept(point)]
+        return stack_samples(np.stack(accepted), n_samples)
+
+    def _image(self) -> ImageSpace:
+        return image_space(self.space.metric, self.image, self.nearest)
+
+
+def mean_point(mean: Any, space: Manifold, image: ImageSpace, points: ndarray) -> ndarray:
+    r"""Return the mean that was asked for.
+
+    Parameters
+    ----------
+    mean : array, object or None
+        The point itself, or a solver with a method ``solve(metric, points)``, or None for that of
+        the image space.
+    space : Manifold
+        The space of the points.
+    image : ImageSpace
+        Where statistics are done.
+    points : array, shape (n, \*shape)
+        Points.
+
+    Returns
+    -------
+    array, shape (\*shape,)
+    """
+    if mean is None:
+        return image.mean(points)
+    if hasattr(mean, "solve"):
+        return mean.solve(space.metric, points).point
+    return space.check_point(real_array(mean, "mean", space.shape, batched=False), "mean")

@@ -1,0 +1,171 @@
+"""Are two groups of points drawn from the same distribution? A permutation test on distances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import Rng, generator, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.statistics.distance_matrices import distance_matrix
+
+# Splits whose statistics are computed at once.
+_BLOCK = 256
+
+# Relative rounding errors within which two statistics are the same.
+_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True)
+class TwoSampleResult:
+    """What a two-sample test found.
+
+    Attributes
+    ----------
+    statistic : float
+        Energy statistic of the two groups.
+    p_value : float
+        Chance of a statistic as large, were the labels exchangeable.
+    n_permutations : int
+        Splits the statistic was compared with.
+    exact : bool
+        Whether these are all splits there are, each once.
+    statistics : array, shape (n_permutations,)
+        Their statistics.
+    """
+
+    statistic: float
+    p_value: float
+    n_permutations: int
+    exact: bool
+    statistics: ndarray
+
+
+def two_sample_test(
+    distances: ArrayLike,
+    in_first: ArrayLike,
+    *,
+    units: ArrayLike | None = None,
+    n_permutations: int = 999,
+    rng: Rng = 0,
+) -> TwoSampleResult:
+    r"""Test by permutations whether two groups come from one distribution.
+
+    The statistic is the energy distance [1]_ of n and m points times nm/(n + m),
+
+    .. math:: \frac{nm}{n+m}\left(2\,\overline{d(x, y)} - \overline{d(x, x')} -
+              \overline{d(y, y')}\right),
+
+    with means over all pairs, those of a point with itself included. Where there are at most
+    `n_permutations` + 1 splits into groups of these sizes, all are taken, and the p-value is the
+    share of them whose statistic is as large, the observed one among them. Else it is
+    (b + 1)/(m + 1), b of m random splits having a statistic as large [2]_: never 0, and at every
+    level the test rejects too seldom rather than too often.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Symmetric distances.
+    in_first : array_like of bool, shape (n,)
+        Which points are in the first group.
+    units : array_like, shape (n,), optional
+        What is exchangeable, where it is not the single point: the person each surface shows, say.
+        All points of a unit are in one group, and change it together.
+    n_permutations : int
+        Number of random splits.
+    rng : int or numpy.random.Generator
+        Seed, or the generator to draw from.
+
+    Returns
+    -------
+    TwoSampleResult
+
+    Raises
+    ------
+    ArgumentError
+        If the distances are none, a group has no point, or a unit has points in both.
+
+    References
+    ----------
+    .. [1] Székely, Rizzo, "Energy statistics: a class of statistics based on distances", Journal
+       of Statistical Planning and Inference 143, 2013.
+    .. [2] Phipson, Smyth, "Permutation P-values should never be zero", Statistical Applications
+       in Genetics and Molecular Biology 9, 2010.
+    """
+    matrix = distance_matrix(distances)
+    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
+    first = np.asarray(in_first)
+    if first.dtype != bool or first.shape != (len(matrix),):
+        raise ArgumentError(
+            f"in_first must hold {len(matrix)} booleans, one for each row of distances; found "
+            f"{first.dtype} of shape {first.shape}"
+        )
+    if first.all() or not first.any():
+        raise ArgumentError("in_first must leave both groups at least one point")
+    members, chosen = _units(units, first)
+
+    observed = _statistics(matrix, first[None])[0]
+    splits: Iterator[ndarray]
+    n_chosen, n_units = int(chosen.sum()), len(chosen)
+    exact = math.comb(n_units, n_chosen) <= n_permutations + 1
+    if exact:
+        splits = _all_splits(n_units, n_chosen)
+    else:
+        splits = _random_splits(chosen, n_permutations, generator(rng))
+    statistics = np.concatenate([_statistics(matrix, block[:, members]) for block in splits])
+    as_large = int(np.sum(statistics >= observed - _ROUNDING * matrix.max() * len(matrix)))
+    count = len(statistics)
+    p_value = as_large / count if exact else (as_large + 1) / (count + 1)
+    return TwoSampleResult(float(observed), p_value, count, exact, statistics)
+
+
+def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the unit of every point, and which units are in the first group."""
+    if units is None:
+        return np.arange(len(first)), first
+    names, members = np.unique(np.asarray(units), return_inverse=True)
+    if members.shape != first.shape:
+        raise ArgumentError(
+            f"units must hold one name for each of {len(first)} points; found shape "
+            f"{np.shape(units)}"
+        )
+    share = np.bincount(members, weights=first) / np.bincount(members)
+    mixed = np.flatnonzero((share > 0) & (share < 1))
+    if len(mixed):
+        raise ArgumentError(
+            f"units: {names[mixed[0]]} has points in both groups; only whole units can be exchanged"
+        )
+    return members, share > 0
+
+
+def _all_splits(n_units: int, n_chosen: int) -> Iterator[ndarray]:
+    choices = np.array(list(combinations(range(n_units), n_chosen)))
+    splits = np.zeros((len(choices), n_units), dtype=bool)
+    np.put_along_axis(splits, choices, True, axis=1)
+    for start in range(0, len(splits), _BLOCK):
+        yield splits[start : start + _BLOCK]
+
+
+def _random_splits(chosen: ndarray, count: int, rng: np.random.Generator) -> Iterator[ndarray]:
+    for start in range(0, count, _BLOCK):
+        rows = np.tile(chosen, (min(_BLOCK, count - start), 1))
+        yield rng.permuted(rows, axis=1)
+
+
+def _statistics(matrix: ndarray, splits: ndarray) -> ndarray:
+    """Return the energy statistic of every split, given as rows of booleans."""
+    first = splits.astype(np.float64)
+    second = 1.0 - first
+    n, m = first.sum(axis=1), second.sum(axis=1)
+    to_first = first @ matrix
+    across = np.sum(to_first * second, axis=1) / (n * m)
+    within = np.sum(to_first * first, axis=1) / n**2
+    return (
+        n * m / (n + m) * (2.0 * across - within - np.sum(second @ matrix * second, axis=1) / m**2)
+    )

@@ -1,0 +1,187 @@
+"""Principal components, generated bodies, regression and fitted weights on the open bodies.
+
+pytest tests/benchmarks/test_statistics.py --benchmark-enable -s
+"""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from performances import bodies
+from self_intersections import count_self_intersections
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.retrieval import scores
+from riemhuman.statistics import (
+    GeodesicRegression,
+    MetricWeights,
+    TangentPCA,
+    inverted_triangles,
+)
+from riemhuman.surfaces import generalized_procrustes
+from riemhuman.surfaces.distortion import Distortion, edge_lengths, summarize, triangle_areas
+
+SETS = {"ten people in one pose": slice(0, 100, 10), "ten poses of one person": slice(0, 10)}
+each_set = pytest.mark.parametrize("name", SETS)
+
+
+def equipped(a, lam, c):
+    space = AlignedSurfaces(bodies("coarse").template, equip=False)
+    return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
+
+
+@cache
+def aligned(name):
+    """Return the bodies of a set, moved onto each other as Euclidean components need it."""
+    return generalized_procrustes(bodies("coarse").points[SETS[name]])[0]
+
+
+def euclidean(points):
+    """Return mean, principal directions as rows and scores of the vertices."""
+    mean = points.mean(axis=0)
+    rows = (points - mean).reshape(len(points), -1)
+    left, sizes, directions = np.linalg.svd(rows, full_matrices=False)
+    return mean, directions, left * sizes
+
+
+def changes(points, reference):
+    """Return how much areas of triangles and lengths of edges differ from those of a reference."""
+    template = bodies("coarse").template
+    found = []
+    for measure, elements in ((triangle_areas, template.faces), (edge_lengths, template.edges)):
+        ratio = measure(points, elements) / measure(reference, elements)
+        weights = measure(reference, elements).ravel()
+        found.append(summarize(np.maximum(ratio, 1.0 / ratio).ravel() - 1.0, weights))
+    return found
+
+
+def row(kind, squared, areas, edges):
+    def cells(change: Distortion):
+        return " ".join(f"{100 * value:7.1f}" for value in (change.mean, change.quantile_99))
+
+    return f"  {kind:9s} {squared:8.4f}   {cells(areas)}   {cells(edges)}"
+
+
+@each_set
+def test_components_against_euclidean_ones(benchmark, name):
+    points = aligned(name)
+    space = equipped(1.0, 1.0, 1.0)
+    pca = benchmark.pedantic(lambda: TangentPCA(space).fit(points), rounds=1, iterations=1)
+    found = pca.transform(points)
+    mean, directions, flat = euclidean(points)
+    chosen = slice(None) if benchmark.enabled else slice(0, 2)
+    print(f"\n{name}: explained {np.round(100 * pca.explained_variance_ratio_, 1)} %")
+    print("  rank      d² mean   area change %     edge change %   (mean, 99 %)")
+    ranks = range(10) if benchmark.enabled else (2,)
+    for k in ranks:
+        ours = pca.inverse_transform(found[chosen, :k])
+        theirs = mean + (flat[chosen, :k] @ directions[:k]).reshape(ours.shape)
+        originals = points[chosen]
+        measured = [changes(other, originals) for other in (ours, theirs)]
+        squared = [space.metric.squared_dist(other, originals).mean() for other in (ours, theirs)]
+        print(row(f"{k} ours", squared[0], *measured[0]))
+        print(row("  flat", squared[1], *measured[1]))
+        if k < 9:
+            assert squared[0] < squared[1]
+            assert measured[0][0].mean < measured[1][0].mean
+
+
+@each_set
+def test_generated_bodies(benchmark, name):
+    points, faces = aligned(name), bodies("coarse").template.faces
+    pca = TangentPCA(equipped(1.0, 1.0, 1.0)).fit(points)
+    n_samples = 40 if benchmark.enabled else 1
+    samples = benchmark.pedantic(
+        lambda: pca.sample(n_samples, rng=0).reshape(-1, *points[0].shape), rounds=1, iterations=1
+    )
+    mean, directions, flat = euclidean(points)
+    noise = np.random.default_rng(0).standard_normal((n_samples, 9)) * flat[:, :9].std(
+        axis=0, ddof=1
+    )
+    theirs = mean + (noise @ directions[:9]).reshape(-1, *mean.shape)
+
+    def count_inverted(surface):
+        return int(inverted_triangles(surface, pca.mean_, faces).sum())
+
+    sound = pca.sample(n_samples, rng=0, accept=lambda surface: not count_inverted(surface))
+    sound = sound.reshape(samples.shape)
+    shown = {"training": points, "ours": samples, "accepted": sound, "flat": theirs}
+    if benchmark.disabled:
+        shown = {kind: some[:1] for kind, some in shown.items()}
+    print(f"\n{name}: {n_samples} generated bodies")
+    for kind, some in shown.items():
+        inverted = [count_inverted(surface) for surface in some]
+        crossing = [count_self_intersections(surface, faces) for surface in some]
+        print(
+            f"  {kind:9s} inverted triangles: {sum(inverted)} in {np.count_nonzero(inverted)} of "
+            f"{len(some)} bodies; self-intersections: mean {np.mean(crossing):.1f}, most "
+            f"{max(crossing)}"
+        )
+
+
+def test_shape_without_pose_and_pose_without_shape(benchmark):
+    known = bodies("coarse")
+    chosen = slice(None) if benchmark.enabled else slice(40, 70)
+    points, medoid = known.points[chosen], known.points[60]
+    labels = {"people": known.subject[chosen], "poses": known.pose[chosen]}
+
+    def share_between(found, classes):
+        means = np.stack([found[classes == label].mean(axis=0) for label in classes])
+        return means.var(axis=0) / found.var(axis=0)
+
+    def fit(*weights):
+        return TangentPCA(equipped(*weights), 5, mean=medoid).fit(points).transform(points)
+
+    found = {
+        "(1, 1, 0)": benchmark.pedantic(lambda: fit(1.0, 1.0, 0.0), rounds=1, iterations=1),
+        "(0, 0, 1)": fit(0.0, 0.0, 1.0),
+        "vertices": euclidean(points)[2][:, :5],
+    }
+    print("\n100 bodies: share of the variance of the first five coordinates, per cent")
+    for kind, coordinates in found.items():
+        for name, classes in labels.items():
+            print(f"  {kind} between {name}: {np.round(100 * share_between(coordinates, classes))}")
+
+
+def test_height_against_shape(benchmark):
+    model = bodies("coarse").model
+    rng = np.random.default_rng(5)
+    n_people = 24 if benchmark.enabled else 6
+    betas = np.zeros((2 * n_people, model.n_betas))
+    betas[:, :8] = rng.standard_normal((2 * n_people, 8))
+    points = model(betas)
+    heights = np.ptp(points[..., 1], axis=1)
+    space = equipped(1.0, 1.0, 1.0)
+    regression = GeodesicRegression(space)
+    half = slice(0, n_people)
+    benchmark.pedantic(lambda: regression.fit(heights[half], points[half]), rounds=1, iterations=1)
+    asked = np.linspace(heights.min(), heights.max(), 5 if benchmark.enabled else 2)
+    predicted = np.ptp(regression.predict(asked)[..., 1], axis=1)
+    rest = slice(n_people, None if benchmark.enabled else n_people + 1)
+    print(
+        f"\nheight of {n_people} people: {regression.n_iter_} iterations, "
+        f"R² {regression.score(heights[half], points[half]):.3f}, of others "
+        f"{regression.score(heights[rest], points[rest]):.3f}; predicted bodies are off by "
+        f"{np.round(1000 * (predicted - asked), 1)} mm at {np.round(asked, 2)} m"
+    )
+
+
+@pytest.mark.parametrize("what", ["subject", "pose"])
+def test_weights_fitted_to_labels(benchmark, what):
+    known = bodies("coarse")
+    labels = getattr(known, what)
+    space = AlignedSurfaces(known.template, equip=False)
+    lams = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0) if benchmark.enabled else (1e-4, 1.0)
+    fitted = benchmark.pedantic(
+        lambda: MetricWeights(space, lams).fit(known.points, labels, groups=known.subject),
+        rounds=1,
+        iterations=1,
+    )
+    found = scores(fitted.metric_.dist_pairwise(known.points), labels)
+    print(
+        f"\n{what}: (a, λ, c) = ({fitted.a_:.3g}, {fitted.lam_:.3g}, {fitted.c_:.3g}), triplets in "
+        f"order {100 * fitted.fit_score_:.2f} %, of people held out "
+        f"{100 * fitted.held_out_score_:.2f} % (worst fold "
+        f"{100 * fitted.held_out_scores_.min():.2f} %); retrieval {found}"
+    )
+    assert fitted.held_out_score_ > 0.98

@@ -1,0 +1,111 @@
+"""Clusters on distances: the best there are on small sets, and obvious ones."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ArgumentError
+from riemhuman.statistics import HierarchicalClustering, KMedoids
+
+
+def random_distances(n_points, seed, dimension=2):
+    points = np.random.default_rng(seed).standard_normal((n_points, dimension))
+    return np.linalg.norm(points[:, None] - points[None], axis=-1)
+
+
+def three_groups():
+    """Return distances of points in three far groups, and the groups."""
+    rng = np.random.default_rng(1)
+    groups = np.repeat([0, 1, 2], [5, 8, 4])
+    points = rng.standard_normal((17, 2)) + 30.0 * np.array([[0, 0], [1, 0], [0, 1]])[groups]
+    order = rng.permutation(17)
+    points, groups = points[order], groups[order]
+    return np.linalg.norm(points[:, None] - points[None], axis=-1), groups
+
+
+def same_partition(one, other):
+    return np.array_equal(one[:, None] == one[None], other[:, None] == other[None])
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 4])
+@pytest.mark.parametrize("seed", range(6))
+def test_medoids_are_the_best_of_all(k, seed):
+    distances = random_distances(11, seed)
+    best = min(
+        distances[:, list(chosen)].min(axis=1).sum() for chosen in combinations(range(11), k)
+    )
+    found = KMedoids(k, n_init=8).fit(distances)
+    assert found.inertia_ == pytest.approx(best)
+    assert found.inertia_ == pytest.approx(distances[:, found.medoid_indices_].min(axis=1).sum())
+    assert np.all(np.diff(found.medoid_indices_) > 0)
+
+
+def test_no_exchange_is_left():
+    distances = random_distances(40, 9)
+    found = KMedoids(5, n_init=1).fit(distances)
+    for place in range(5):
+        for point in range(40):
+            medoids = found.medoid_indices_.copy()
+            medoids[place] = point
+            assert distances[:, medoids].min(axis=1).sum() >= found.inertia_ - 1e-9
+
+
+def test_groups_are_found_and_predicted():
+    distances, groups = three_groups()
+    found = KMedoids(3).fit(distances)
+    assert same_partition(found.labels_, groups)
+    np.testing.assert_array_equal(found.predict(distances[3:6]), found.labels_[3:6])
+    np.testing.assert_array_equal(KMedoids(3).fit_predict(distances), found.labels_)
+    again = KMedoids(3, rng=5).fit(distances)
+    np.testing.assert_array_equal(again.medoid_indices_, found.medoid_indices_)
+
+
+def test_equal_points_keep_their_medoids():
+    found = KMedoids(3).fit(np.zeros((5, 5)))
+    assert len(np.unique(found.medoid_indices_)) == 3
+    np.testing.assert_array_equal(found.labels_[found.medoid_indices_], [0, 1, 2])
+    everything = KMedoids(5).fit(random_distances(5, 3))
+    assert everything.inertia_ == 0
+    np.testing.assert_array_equal(everything.labels_, np.arange(5))
+
+
+@pytest.mark.parametrize("linkage", ["average", "complete", "single"])
+def test_hierarchy(linkage):
+    distances, groups = three_groups()
+    found = HierarchicalClustering(3, linkage=linkage).fit(distances)
+    assert same_partition(found.labels_, groups)
+    assert found.children_.shape == (16, 2)
+    np.testing.assert_allclose(
+        found.distances_[0], distances[~np.eye(17, dtype=bool)].min(), rtol=1e-12
+    )
+    assert np.all(np.diff(found.distances_) >= 0)
+    cut = HierarchicalClustering(None, distance_threshold=15.0, linkage=linkage)
+    np.testing.assert_array_equal(cut.fit_predict(distances), found.labels_)
+
+
+def test_refusals():
+    distances, _ = three_groups()
+    for estimator in (KMedoids(2), HierarchicalClustering(2)):
+        with pytest.raises(ArgumentError, match=r"X must be a square matrix.*\(16, 17\)"):
+            estimator.fit(distances[:-1])
+        with pytest.raises(ArgumentError, match="symmetric.*by 1"):
+            estimator.fit(distances + np.eye(17, k=1))
+        with pytest.raises(ArgumentError, match="smallest is -1"):
+            estimator.fit(distances - np.eye(17)[::-1] * (distances + 1.0) * (1 - np.eye(17)))
+        with pytest.raises(ArgumentError, match="NaN"):
+            estimator.fit(distances * np.nan)
+    with pytest.raises(ArgumentError, match="n_clusters=18 exceeds the 17 points"):
+        KMedoids(18).fit(distances)
+    with pytest.raises(ArgumentError, match="n_clusters"):
+        KMedoids(0).fit(distances)
+    with pytest.raises(ArgumentError, match="n_init"):
+        KMedoids(2, n_init=0).fit(distances)
+    with pytest.raises(ArgumentError, match="all fitted points"):
+        KMedoids(2).fit(distances).predict(distances[:, :1])
+    with pytest.raises(ArgumentError, match="17 points; at least 20"):
+        HierarchicalClustering(20).fit(distances)
+    with pytest.raises(ArgumentError, match="exactly one"):
+        HierarchicalClustering(2, distance_threshold=1.0).fit(distances)
+    with pytest.raises(ArgumentError, match="linkage must be one of"):
+        HierarchicalClustering(2, linkage="ward").fit(distances)

@@ -1,0 +1,80 @@
+"""Estimators keep their parameters as scikit-learn expects, and work in its tools."""
+
+import numpy as np
+import pytest
+from cases import triangle_template
+from sklearn.base import clone
+from sklearn.model_selection import cross_val_score
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.solvers import GradientDescentMean
+from riemhuman.statistics import (
+    GeodesicRegression,
+    HierarchicalClustering,
+    KMedoids,
+    MetricWeights,
+    NearestSurface,
+    TangentPCA,
+)
+
+ESTIMATORS = [
+    TangentPCA(VectorSpace((2,)), 1, mean=GradientDescentMean(), nearest=NearestSurface()),
+    GeodesicRegression(VectorSpace((2,)), max_iterations=3),
+    KMedoids(3, rng=np.random.default_rng(2)),
+    HierarchicalClustering(None, distance_threshold=0.5),
+    MetricWeights(VectorSpace((2,)), (1.0, 2.0), n_folds=3),
+]
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
+def test_parameters_are_those_of_the_constructor(estimator):
+    params = estimator.get_params(deep=False)
+    other = type(estimator)(**params)
+    assert all(getattr(other, name) is value for name, value in params.items())
+    name = list(params)[-1]
+    assert other.set_params(**{name: "new"}) is other
+    assert getattr(other, name) == "new"
+    assert not any(key.endswith("_") for key in vars(other))
+    assert repr(other).startswith(f"{type(estimator).__name__}(")
+    assert f"{name}='new'" in repr(other)
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS[2:4], ids=lambda e: type(e).__name__)
+def test_scikit_learn_clones_them(estimator):
+    twin = clone(estimator)
+    assert twin is not estimator
+    assert twin.get_params().keys() == estimator.get_params().keys()
+
+
+def test_parameters_of_parameters():
+    estimator = TangentPCA(VectorSpace((2,)), mean=KMedoids(3))
+    assert estimator.get_params()["mean__n_clusters"] == 3
+    assert "mean__n_clusters" not in estimator.get_params(deep=False)
+    estimator.set_params(mean__n_clusters=5)
+    assert estimator.mean.n_clusters == 5
+    with pytest.raises(ArgumentError, match="no parameter 'colour'.*'n_components'"):
+        estimator.set_params(colour="red")
+
+
+def test_cross_validation_by_scikit_learn():
+    space = NormalFields(triangle_template())
+    point = space.random_point(rng=1)
+    velocity = space.random_tangent_vec(point, rng=2)
+    times = np.linspace(-0.5, 0.5, 12)
+    points = space.metric.exp(times[:, None, None] * velocity, point)
+    scores = cross_val_score(GeodesicRegression(space), times[:, None], points, cv=3)
+    np.testing.assert_allclose(scores, 1.0, atol=1e-6)
+
+
+def test_what_is_not_fitted_says_so():
+    space = VectorSpace((2,))
+    with pytest.raises(ArgumentError, match="TangentPCA must be fitted first"):
+        TangentPCA(space).transform(np.zeros((1, 2)))
+    with pytest.raises(ArgumentError, match="TangentPCA must be fitted first"):
+        TangentPCA(space).sample()
+    with pytest.raises(ArgumentError, match="GeodesicRegression must be fitted first"):
+        GeodesicRegression(space).predict([0.0])
+    with pytest.raises(ArgumentError, match="KMedoids must be fitted first"):
+        KMedoids().predict(np.zeros((1, 2)))

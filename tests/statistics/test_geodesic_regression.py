@@ -1,0 +1,202 @@
+"""Regression finds the geodesic the points were taken from, and the least sum of squares."""
+
+import numpy as np
+import pytest
+from cases import sphere_template, triangle_template
+from scipy import optimize
+
+from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.statistics import GeodesicRegression
+from riemhuman.statistics.field_factors import field_factor
+
+
+def product():
+    """Return a product of two fields with weights."""
+    space = ProductManifold(
+        [
+            MetricFields(sphere_template()).equip_with_metric(EbinMetric, lam=2.0),
+            NormalFields(sphere_template()),
+        ],
+        equip=False,
+    )
+    return space.equip_with_metric(ProductMetric, weights=[2.0, 0.3])
+
+
+FIELDS = {
+    "normals": NormalFields(sphere_template()),
+    "one sphere": NormalFields(triangle_template()),
+    "metrics": MetricFields(triangle_template()).equip_with_metric(EbinMetric, lam=2.0),
+    "product": product(),
+    "vectors": VectorSpace((4, 2)),
+}
+each_space = pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+TIMES = np.array([160.0, 163.0, 171.0, 174.0, 180.0, 191.0])
+
+
+def on_a_geodesic(space):
+    """Return points at the times, and the point and velocity at their mean."""
+    point = space.random_point(rng=1)
+    velocity = space.random_tangent_vec(point, rng=2)
+    velocity *= 0.04 / np.abs(velocity).max()
+    times = (TIMES - TIMES.mean()).reshape(-1, *(1,) * point.ndim)
+    return space.metric.exp(times * velocity, point), point, velocity
+
+
+def scattered(space, size=0.2):
+    """Return points around a geodesic."""
+    points, _, _ = on_a_geodesic(space)
+    noise = space.random_tangent_vec(points, rng=4)
+    return space.regularize(space.metric.exp(size * noise, points))
+
+
+def misfit(space, point, velocity, points):
+    times = (TIMES - TIMES.mean()).reshape(-1, *(1,) * point.ndim)
+    return float(
+        np.sum(space.metric.squared_dist(space.metric.exp(times * velocity, point), points))
+    )
+
+
+@each_space
+def test_a_geodesic_is_recovered(space):
+    points, point, velocity = on_a_geodesic(space)
+    found = GeodesicRegression(space).fit(TIMES[:, None], points)
+    assert found.center_ == TIMES.mean()
+    np.testing.assert_allclose(found.intercept_, point, atol=1e-6)
+    np.testing.assert_allclose(found.velocity_, velocity, atol=1e-7)
+    np.testing.assert_allclose(found.predict(TIMES), points, atol=1e-6)
+    assert found.score(TIMES, points) == pytest.approx(1.0, abs=1e-9)
+
+
+@each_space
+def test_sum_of_squares_is_below_that_in_the_tangent_space_and_all_near(space):
+    points = scattered(space)
+    found = GeodesicRegression(space).fit(TIMES, points)
+    line = GeodesicRegression(space, max_iterations=0).fit(TIMES, points)
+    assert line.n_iter_ == 0
+    best = misfit(space, found.intercept_, found.velocity_, points)
+    assert best <= misfit(space, line.intercept_, line.velocity_, points) * (1 + 1e-12)
+    for seed in range(4):
+        step = 1e-3 * space.random_tangent_vec(found.intercept_, rng=seed)
+        moved = space.metric.exp(step, found.intercept_)
+        turned = space.to_tangent(found.velocity_, moved)
+        assert misfit(space, moved, turned, points) > best
+        faster = found.velocity_ + 0.1 * step
+        assert misfit(space, found.intercept_, faster, points) > best
+
+
+def test_sphere_agrees_with_a_search_in_angles():
+    space = FIELDS["one sphere"]
+    points = scattered(space, 0.6)
+    found = GeodesicRegression(space, tolerance=1e-14).fit(TIMES, points)
+    area = triangle_template().face_areas[0]
+    times = TIMES - TIMES.mean()
+
+    def total(angles):
+        """Return the sum of squared angles to the great circle with these five parameters."""
+        a, b, heading, speed = angles
+        point = np.array([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)])
+        south = np.array([np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), -np.sin(a)])
+        east = np.array([-np.sin(b), np.cos(b), 0.0])
+        direction = np.cos(heading) * south + np.sin(heading) * east
+        places = np.cos(speed * times)[:, None] * point
+        places = places + np.sin(speed * times)[:, None] * direction
+        gaps = np.linalg.norm(np.cross(places, points[:, 0]), axis=1)
+        return np.sum(np.arctan2(gaps, np.sum(places * points[:, 0], axis=1)) ** 2)
+
+    x, y, z = points[:, 0].mean(axis=0)
+    start = [np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)]
+    searches = [
+        optimize.minimize(
+            total,
+            [*start, heading, 0.04],
+            method="Nelder-Mead",
+            options={"xatol": 1e-10, "fatol": 1e-14, "maxiter": 4000, "maxfev": 4000},
+        )
+        for heading in np.arange(6.0)
+    ]
+    best = min(search.fun for search in searches)
+    assert misfit(space, found.intercept_, found.velocity_, points) == pytest.approx(
+        area * best, rel=1e-9
+    )
+
+
+def test_vectors_are_least_squares():
+    space = FIELDS["vectors"]
+    points = np.random.default_rng(3).standard_normal((6, 4, 2))
+    found = GeodesicRegression(space).fit(TIMES, points)
+    design = np.stack([np.ones(6), TIMES], axis=1)
+    solution, left, _, _ = np.linalg.lstsq(design, points.reshape(6, -1), rcond=None)
+    np.testing.assert_allclose(found.velocity_.ravel(), solution[1], atol=1e-8)
+    np.testing.assert_allclose(
+        found.predict([150.0])[0].ravel(), solution[0] + 150.0 * solution[1], atol=1e-7
+    )
+    whole = np.sum((points - points.mean(axis=0)) ** 2)
+    assert found.score(TIMES, points) == pytest.approx(1.0 - left.sum() / whole, rel=1e-9)
+
+
+def test_bodies_against_their_height():
+    model = load_open_model("coarse")
+    rng = np.random.default_rng(5)
+    betas = np.zeros((6, model.n_betas))
+    betas[:, 1:6] = 0.1 * rng.standard_normal((6, 5))
+    betas[:, 0] = np.linspace(-2.0, 2.0, 6)
+    points = model(betas)
+    heights = np.ptp(points[..., 1], axis=1)
+    space = AlignedSurfaces(model.template, equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    found = GeodesicRegression(space, tolerance=1e-8).fit(heights, points)
+    assert found.score(heights, points) > 0.95
+    asked = np.array([heights.min() + 0.05, heights.max() - 0.05])
+    predicted = found.predict(asked)
+    np.testing.assert_allclose(np.ptp(predicted[..., 1], axis=1), asked, atol=0.01)
+
+
+def test_factor_of_a_product_is_that_of_its_parts():
+    space = product()
+    point = space.random_point(rng=3)
+    factor = field_factor(space.metric, point, 0.7)
+    rng = np.random.default_rng(1)
+    vector = space.to_tangent(rng.standard_normal(point.shape), point)
+    covector = space.metric.covector(vector, point)
+    solved = factor.solve_transposed(factor.solve(covector[:, None]))[:, 0]
+    np.testing.assert_allclose(space.to_tangent(solved, point), 0.7 * vector, atol=1e-5)
+    weightless = ProductManifold(space.factors, equip=False)
+    weightless.equip_with_metric(ProductMetric, weights=[1.0, 0.0])
+    assert np.all(np.isfinite(field_factor(weightless.metric, point, 1.0).solve(vector[:, None])))
+
+
+def test_refusals():
+    space = FIELDS["vectors"]
+    points = space.random_point(6)
+    regression = GeodesicRegression(space)
+    with pytest.raises(ArgumentError, match="5 numbers and y 6 points"):
+        regression.fit(TIMES[:5], points)
+    with pytest.raises(ArgumentError, match="two different numbers"):
+        regression.fit(np.ones(6), points)
+    with pytest.raises(ArgumentError, match=r"\(n,\) or \(n, 1\)"):
+        regression.fit(np.ones((6, 2)), points)
+    with pytest.raises(ArgumentError, match="max_iterations"):
+        GeodesicRegression(space, max_iterations=-1).fit(TIMES, points)
+    with pytest.raises(ArgumentError, match="tolerance"):
+        GeodesicRegression(space, tolerance=0.0).fit(TIMES, points)
+    with pytest.raises(ArgumentError, match="2 numbers and y 6 points"):
+        regression.fit(TIMES, points).score(TIMES[:2], points)
+    surface_space = AlignedSurfaces(sphere_template())
+    with pytest.raises(ArgumentError, match="max_iterations must be 0 where ElasticMetric"):
+        GeodesicRegression(surface_space, image="points").fit(
+            TIMES, np.repeat(sphere_template().vertices[None], 6, axis=0)
+        )
+    sphere = FIELDS["one sphere"]
+    with pytest.warns(ConvergenceWarning, match="GeodesicRegression"):
+        GeodesicRegression(sphere, max_iterations=1, tolerance=1e-14).fit(
+            TIMES, scattered(sphere, 0.6)
+        )
+    same = np.repeat(sphere.random_point(rng=1)[None], 6, axis=0)
+    still = GeodesicRegression(sphere).fit(TIMES, same)
+    np.testing.assert_allclose(still.velocity_, 0.0, atol=1e-12)

@@ -1,0 +1,320 @@
+"""Principal components at the mean: known directions are found, and bodies stay bodies."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from cases import sphere_template, surfaces, triangle_template
+from self_intersections import count_self_intersections
+from sklearn.decomposition import PCA
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
+from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.product import ProductManifold
+from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.solvers import BasisMean, DiscreteExponential, DiscreteLogarithm
+from riemhuman.statistics import TangentPCA, inverted_triangles
+from riemhuman.surfaces import DeformationBasis, generalized_procrustes
+from riemhuman.surfaces.distortion import triangle_areas
+
+FIELDS = {
+    "normals": NormalFields(sphere_template()),
+    "one sphere": NormalFields(triangle_template()),
+    "metrics": MetricFields(triangle_template()).equip_with_metric(EbinMetric, lam=2.0),
+    "product": ProductManifold(
+        [
+            MetricFields(sphere_template()).equip_with_metric(EbinMetric, lam=2.0),
+            NormalFields(sphere_template()),
+        ]
+    ),
+    "vectors": VectorSpace((4, 2)),
+}
+each_space = pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+
+
+def geodesic_points(space, times, rng=1):
+    """Return points of a geodesic of length about one, and its point and velocity at 0."""
+    point = space.random_point(rng=rng)
+    velocity = space.random_tangent_vec(point, rng=rng + 1)
+    velocity /= np.abs(velocity).max()
+    times = np.reshape(times, (-1, *(1,) * point.ndim))
+    return space.metric.exp(0.5 * times * velocity, point), point, 0.5 * velocity
+
+
+def near_points(space, n_points=6):
+    """Return points near enough for a mean to be unique."""
+    points = space.random_point(n_points, rng=3)
+    return space.regularize(points[0] + 0.25 * (points - points[0]))
+
+
+@each_space
+def test_points_of_a_geodesic_have_one_component(space):
+    times = np.array([-1.0, -0.4, 0.1, 0.3, 1.0])
+    points, point, velocity = geodesic_points(space, times)
+    pca = TangentPCA(space).fit(points)
+    assert pca.n_components_ == 1
+    np.testing.assert_allclose(pca.explained_variance_ratio_, 1.0, atol=1e-9)
+    speed = space.metric.norm(velocity, point)
+    np.testing.assert_allclose(pca.explained_variance_, np.var(speed * times, ddof=1), rtol=1e-6)
+    scores = pca.transform(points)[:, 0]
+    np.testing.assert_allclose(np.abs(scores), speed * np.abs(times - times.mean()), atol=1e-6)
+    np.testing.assert_allclose(pca.inverse_transform(scores[:, None]), points, atol=1e-7)
+
+
+@each_space
+def test_components_are_orthonormal_and_scores_uncorrelated(space):
+    points = near_points(space)
+    pca = TangentPCA(space).fit(points)
+    gram = space.metric.inner_product(
+        pca.components_[:, None], pca.components_[None], pca.mean_[None, None]
+    )
+    np.testing.assert_allclose(gram, np.eye(pca.n_components_), atol=1e-8)
+    scores = pca.fit_transform(points)
+    np.testing.assert_allclose(scores.mean(axis=0), 0.0, atol=1e-9)
+    np.testing.assert_allclose(
+        np.cov(scores.T, ddof=1).reshape(gram.shape), np.diag(pca.explained_variance_), atol=1e-9
+    )
+    assert np.all(np.diff(pca.explained_variance_) <= 0)
+    assert pca.explained_variance_ratio_.sum() == pytest.approx(1.0)
+    np.testing.assert_allclose(pca.inverse_transform(scores), points, atol=1e-6)
+    # At the Karcher mean the logarithms cancel.
+    assert space.metric.norm(pca.offset_, pca.mean_) < 1e-6
+    # The squared norms of logarithms are squared distances.
+    squared = space.metric.squared_dist(points, pca.mean_)
+    np.testing.assert_allclose((scores**2).sum(axis=1), squared, rtol=1e-5)
+
+
+@each_space
+def test_error_falls_with_components(space):
+    points = near_points(space)
+    pca = TangentPCA(space).fit(points)
+    scores = pca.transform(points)
+    errors = [
+        np.sum(space.metric.squared_dist(points, pca.inverse_transform(scores[:, :k])))
+        for k in range(pca.n_components_ + 1)
+    ]
+    assert np.all(np.diff(errors) < 0)
+    few = TangentPCA(space, 2).fit(points)
+    np.testing.assert_allclose(few.transform(points), scores[:, :2], atol=1e-9)
+    np.testing.assert_allclose(
+        few.explained_variance_ratio_, pca.explained_variance_ratio_[:2], rtol=1e-9
+    )
+
+
+def test_vectors_agree_with_scikit_learn_in_weighted_coordinates():
+    weights = np.array([1.0, 0.3, 2.0, 5.0])
+    space = VectorSpace((4,)).equip_with_metric(FlatMetric, weights=weights)
+    points = np.random.default_rng(4).standard_normal((9, 4))
+    pca = TangentPCA(space, 3).fit(points)
+    other = PCA(3).fit(points * np.sqrt(weights))
+    np.testing.assert_allclose(pca.explained_variance_, other.explained_variance_)
+    np.testing.assert_allclose(pca.explained_variance_ratio_, other.explained_variance_ratio_)
+    np.testing.assert_allclose(
+        np.abs(pca.transform(points)), np.abs(other.transform(points * np.sqrt(weights)))
+    )
+
+
+def test_a_great_circle_is_a_line():
+    space = FIELDS["one sphere"]
+    angles = np.radians([-80.0, -10.0, 0.0, 40.0, 50.0])
+    points = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=-1)[:, None]
+    pca = TangentPCA(space).fit(points)
+    assert pca.n_components_ == 1
+    np.testing.assert_allclose(
+        pca.mean_, [[np.sin(angles.mean()), 0.0, np.cos(angles.mean())]], atol=1e-7
+    )
+    expected = np.var(angles, ddof=1) * triangle_template().face_areas[0]
+    np.testing.assert_allclose(pca.explained_variance_, expected)
+
+
+def test_samples_follow_the_distribution():
+    space = FIELDS["one sphere"]
+    points = near_points(space, 12)
+    pca = TangentPCA(space).fit(points)
+    samples = pca.sample(3000, rng=7)
+    scores = pca.transform(samples)
+    np.testing.assert_allclose(scores.var(axis=0), pca.explained_variance_, rtol=0.1)
+    assert np.all(space.belongs(samples))
+    np.testing.assert_array_equal(samples[:2], pca.sample(3000, rng=7)[:2])
+    assert not np.allclose(samples[:2], pca.sample(2, rng=8))
+    assert pca.sample().shape == space.shape
+
+
+def test_mean_may_be_given_or_sought_by_any_solver():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    points = surfaces(sphere_template(), 4, rng=5)
+    given = TangentPCA(space, mean=points[0]).fit(points)
+    np.testing.assert_array_equal(given.mean_, points[0])
+    centred = given.transform(points) - given.transform(points[:1])
+    squared = space.metric.squared_dist(points, points[0])
+    np.testing.assert_allclose((centred**2).sum(axis=1), squared, rtol=1e-9, atol=1e-20)
+    basis = DeformationBasis.from_laplacian(sphere_template(), 12)
+    sought = TangentPCA(space, mean=BasisMean(basis)).fit(points)
+    default = TangentPCA(space).fit(points)
+    assert not np.array_equal(sought.mean_, default.mean_)
+
+    def spread(mean):
+        return sum(space.metric.squared_dist(mean, point) for point in points)
+
+    assert spread(default.mean_) <= spread(sought.mean_) <= spread(points[0])
+
+
+def test_fields_and_points_are_one_where_the_map_is_the_identity():
+    space = VectorSpace((4,))
+    points = np.random.default_rng(2).standard_normal((5, 4))
+    alone = TangentPCA(space, image="points").fit(points)
+    np.testing.assert_allclose(alone.mean_, points.mean(axis=0), atol=1e-7)
+    with pytest.raises(ArgumentError, match=r'image="fields".*FlatMetric'):
+        TangentPCA(space, image="fields").fit(points)
+    bodies = AlignedSurfaces(sphere_template())
+    with pytest.raises(NotDefinedError):
+        TangentPCA(bodies, image="points").fit(surfaces(sphere_template(), 3))
+
+
+def test_geodesics_of_surfaces_give_nearly_the_components_of_their_fields():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    solvers = {
+        "exp_solver": DiscreteExponential(n_steps=4),
+        "log_solver": DiscreteLogarithm(n_steps=4),
+    }
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0, **solvers)
+    points = surfaces(sphere_template(), 3, rng=5, size=0.15)
+    mean = points.mean(axis=0)
+    along = TangentPCA(space, mean=mean, image="points").fit(points)
+    assert along.components_.shape == (2, *space.shape)
+    back = along.inverse_transform(along.transform(points))
+    np.testing.assert_allclose(back, points, atol=1e-4)
+    fields = TangentPCA(space, mean=mean).fit(points)
+    np.testing.assert_allclose(fields.explained_variance_, along.explained_variance_, rtol=0.02)
+
+
+def equipped(a, lam, c):
+    space = AlignedSurfaces(load_open_bodies("coarse").template, equip=False)
+    return space.equip_with_metric(ElasticMetric, a=a, lam=lam, c=c)
+
+
+SETS = {"people": slice(0, 100, 10), "poses": slice(0, 10)}
+
+
+@cache
+def bodies_and_pca(which):
+    points, _ = generalized_procrustes(load_open_bodies("coarse").points[SETS[which]])
+    return points, TangentPCA(equipped(1.0, 1.0, 1.0)).fit(points)
+
+
+def area_changes(points, reference):
+    """Return the mean relative change of the areas of triangles, each by its area."""
+    faces = load_open_bodies("coarse").template.faces
+    areas, original = triangle_areas(points, faces), triangle_areas(reference, faces)
+    changes = np.maximum(areas / original, original / areas) - 1.0
+    return float(np.average(changes, weights=original))
+
+
+def euclidean(points, n_components):
+    """Return the reconstructions of principal component analysis of the vertices."""
+    mean, rows = points.mean(axis=0), (points - points.mean(axis=0)).reshape(len(points), -1)
+    _, _, vectors = np.linalg.svd(rows, full_matrices=False)
+    kept = vectors[:n_components]
+    return mean + (rows @ kept.T @ kept).reshape(points.shape)
+
+
+@pytest.mark.parametrize(("which", "gain"), [("people", 1.05), ("poses", 3.0)])
+def test_bodies_are_distorted_less_than_by_euclidean_components(which, gain):
+    points, pca = bodies_and_pca(which)
+    metric = pca.space.metric
+    scores = pca.transform(points)
+    some = [0, 8]
+    errors, rows = [], points[some]
+    for k in (1, 3, 9):
+        ours = pca.inverse_transform(scores[some, :k])
+        theirs = euclidean(points, k)[some]
+        errors.append(np.sum(metric.squared_dist(ours, rows)))
+        if k < 9:
+            assert gain * area_changes(ours, rows) < area_changes(theirs, rows)
+            assert errors[-1] < np.sum(metric.squared_dist(theirs, rows))
+    assert np.all(np.diff(errors) < 0)
+    # With all components, Φ and the nearest surface are inverse to each other.
+    assert errors[-1] < 1e-4 * errors[0]
+
+
+def test_generated_bodies_are_bodies():
+    points, pca = bodies_and_pca("people")
+    faces = load_open_bodies("coarse").template.faces
+
+    def is_sound(surface):
+        return not inverted_triangles(surface, pca.mean_, faces).any()
+
+    samples = pca.sample(3, rng=0, accept=is_sound)
+    worst = max(count_self_intersections(point, faces) for point in points[5:7])
+    for sample in samples:
+        assert is_sound(sample)
+        assert count_self_intersections(sample, faces) <= worst
+
+
+def test_samples_that_are_not_accepted_are_drawn_anew():
+    space = FIELDS["vectors"]
+    pca = TangentPCA(space, 1).fit(near_points(space))
+
+    def is_ahead(point):
+        return bool(pca.transform(point[None])[0, 0] > 0)
+
+    ahead = pca.sample(50, rng=3, accept=is_ahead)
+    assert all(is_ahead(point) for point in ahead)
+    drawn = pca.sample(50, rng=3)
+    kept = drawn[[is_ahead(point) for point in drawn]]
+    np.testing.assert_array_equal(ahead[: len(kept)], kept)
+    with pytest.raises(ArgumentError, match="one point in 100; it did 0 of 200"):
+        pca.sample(2, accept=lambda point: False)
+
+
+def share_between(scores, labels):
+    """Return the share of the variance along each direction that lies between classes."""
+    means = np.stack([scores[labels == label].mean(axis=0) for label in labels])
+    return means.var(axis=0) / scores.var(axis=0)
+
+
+def test_weights_of_the_metric_say_what_is_analysed():
+    bodies = load_open_bodies("coarse")
+    chosen = bodies.subject % 3 == 0
+    points, subject, pose = bodies.points[chosen], bodies.subject[chosen], bodies.pose[chosen]
+    shape = TangentPCA(equipped(1.0, 1.0, 0.0), 2, mean=points[0]).fit_transform(points)
+    stance = TangentPCA(equipped(0.0, 0.0, 1.0), 2, mean=points[0]).fit_transform(points)
+    flat = PCA(2).fit_transform(points.reshape(len(points), -1))
+    assert share_between(shape, subject)[0] > 0.99
+    assert np.all(share_between(stance, pose) > 0.98)
+    assert np.all(share_between(flat, subject) < 0.3)
+
+
+def test_refusals():
+    space = VectorSpace((3,))
+    points = np.random.default_rng(1).standard_normal((4, 3))
+    with pytest.raises(ArgumentError, match="at least two points; found 1"):
+        TangentPCA(space).fit(points[:1])
+    with pytest.raises(ArgumentError, match="n_components=4 exceeds what 4 points"):
+        TangentPCA(space, 4).fit(points)
+    with pytest.raises(ArgumentError, match="n_components"):
+        TangentPCA(space, 0).fit(points)
+    with pytest.raises(ArgumentError, match="coincide"):
+        TangentPCA(space).fit(np.repeat(points[:1], 3, axis=0))
+    with pytest.raises(ArgumentError, match="n_components=2 exceeds the 1 directions"):
+        TangentPCA(space, 2).fit([[0, 0, 0], [1, 1, 1], [3, 3, 3]])
+    with pytest.raises(ArgumentError, match="X must have shape"):
+        TangentPCA(space).fit(points[0])
+    with pytest.raises(ArgumentError, match="image must be one of"):
+        TangentPCA(space, image="normals").fit(points)
+    with pytest.raises(ArgumentError, match="mean must have shape"):
+        TangentPCA(space, mean=points).fit(points)
+    pca = TangentPCA(space, 2).fit(points)
+    with pytest.raises(ArgumentError, match="3 coordinates a point; there are 2"):
+        pca.inverse_transform(np.zeros((1, 3)))
+    with pytest.raises(ArgumentError, match="n_samples"):
+        pca.sample(0)
+    surface_space = AlignedSurfaces(sphere_template(), equip=False)
+    surface_space.equip_with_metric(ElasticMetric, a=1.0, lam=1e-4, c=0.0)
+    few = surfaces(sphere_template(), 3, size=0.5)
+    with pytest.raises(OutsideManifoldError, match="θ < π"):
+        TangentPCA(surface_space, mean=few[0]).fit(few)
