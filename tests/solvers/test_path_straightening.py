@@ -107,7 +107,7 @@ def test_bent_arm(bent_arm):
     over_basis = BasisPath(bodies_in_motion.basis(), n_times=6).solve(metric, start, end)
     assert result.energy < over_basis.energy
     again = solver.solve(metric, start, end, over_basis.path)
-    # The turning start of the path over the basis may lead to a deeper valley than the straight one.
+    # A turning start of the path over the basis may lead to a deeper valley than a straight one.
     assert again.energy <= 1.001 * result.energy
 
 
