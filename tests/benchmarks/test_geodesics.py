@@ -5,7 +5,7 @@
 prints, for twenty seeded pairs under three metrics, the energy and the wall time of the default
 solver and of the recipe, then the medians and the worst. The recipe is L-BFGS-B in the coefficients
 from the straight path, with the same compiled energy, for 2,000 iterations: where SciPy's line
-search gives up before, it starts again from where it was. Where benchmarks are disabled, the same
+search gives up before, it starts again from where it was, as long as that gains 0.01 %. Where benchmarks are disabled, the same
 code runs briefly at coarse resolution.
 """
 
@@ -105,6 +105,6 @@ def recipe(metric, deformations, start, end, most):
         result, time = timed(solver, metric, start, end, path)
         path, n_starts, seconds = result.path, n_starts + 1, seconds + time
         done += result.n_iterations
-        if result.n_iterations == 0:
+        if result.energies[-1] > 0.9999 * result.energies[0]:
             break
     return result.energy, done, n_starts, seconds
