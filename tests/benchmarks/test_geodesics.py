@@ -5,8 +5,8 @@
 prints, for twenty seeded pairs under three metrics, the energy and the wall time of the default
 solver and of the recipe, then the medians and the worst. The recipe is L-BFGS-B in the coefficients
 from the straight path, with the same compiled energy, for 2,000 iterations: where SciPy's line
-search gives up before, it starts again from where it was, as long as that gains 0.01 %. Where benchmarks are disabled, the same
-code runs briefly at coarse resolution.
+search gives up before, it starts again from where it was, as long as that gains 0.01 %. Where
+benchmarks are disabled, the same code runs briefly at coarse resolution.
 """
 
 import numpy as np
