@@ -10,7 +10,17 @@ import sys
 from collections.abc import Sequence
 
 from riemhuman import __version__
-from riemhuman.cli import bases, distances, information, means, models, paths, reports, tables
+from riemhuman.cli import (
+    bases,
+    distances,
+    information,
+    means,
+    models,
+    paths,
+    reports,
+    tables,
+    transfer,
+)
 from riemhuman.cli.terminal import discard_output, note, short_warnings, tolerate_ascii
 from riemhuman.cli.verbs import add_debug
 from riemhuman.errors import (
@@ -25,7 +35,7 @@ _BAD_DATA = 2
 _INTERRUPTED = 130
 _BROKEN_PIPE = 141
 
-_VERB_MODULES = (tables, distances, paths, means, bases, models, information, reports)
+_VERB_MODULES = (tables, distances, paths, means, transfer, bases, models, information, reports)
 _MAIN_JOB = "tables"
 
 _DESCRIPTION = """\

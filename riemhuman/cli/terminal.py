@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from riemhuman.errors import ConvergenceWarning
 
 if TYPE_CHECKING:
-    from riemhuman.solvers import MeanResult, PathResult
+    from riemhuman.solvers.results import Outcome
 
 
 def say(text: str = "") -> None:
@@ -120,12 +120,12 @@ class Reporter:
             sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
-def stop_if_interrupted(result: PathResult | MeanResult) -> None:
+def stop_if_interrupted(result: Outcome) -> None:
     """Raise the interruption that a solver has turned into a result.
 
     Parameters
     ----------
-    result : PathResult or MeanResult
+    result : Outcome
         What the solver returned.
 
     Raises
@@ -137,12 +137,12 @@ def stop_if_interrupted(result: PathResult | MeanResult) -> None:
         raise KeyboardInterrupt
 
 
-def convergence(result: PathResult | MeanResult) -> str:
+def convergence(result: Outcome) -> str:
     """Return in words whether a solver has converged.
 
     Parameters
     ----------
-    result : PathResult or MeanResult
+    result : Outcome
         What the solver returned.
 
     Returns

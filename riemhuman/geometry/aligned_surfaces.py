@@ -17,7 +17,7 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import ExpSolver, GeodesicSolver, LogSolver, RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
@@ -303,6 +303,8 @@ class ElasticMetric(SurfaceMetric):
         Weight of the change of the normals, at least 0.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
+    exp_solver, log_solver : object, optional
+        Strategies for `exp` and `log`, which have none either.
 
     Raises
     ------
@@ -319,6 +321,9 @@ class ElasticMetric(SurfaceMetric):
         lam: float = 1e-4,
         c: float = 0.0,
         geodesic_solver: GeodesicSolver | None = None,
+        *,
+        exp_solver: ExpSolver | None = None,
+        log_solver: LogSolver | None = None,
     ) -> None:
         self._a = real_number(a, "a", minimum=0.0)
         self._lam = real_number(lam, "lam", minimum=0.0)
@@ -339,7 +344,14 @@ class ElasticMetric(SurfaceMetric):
         weights = [weight for weight in (self._a, self._c) if weight > 0]
         self._product = ProductManifold(factors, equip=False)
         target = ProductMetric(self._product, weights)
-        super().__init__(space, target, self._weighted_fields, geodesic_solver)
+        super().__init__(
+            space,
+            target,
+            self._weighted_fields,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+        )
 
     @property
     def a(self) -> float:

@@ -10,7 +10,7 @@ from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
 from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances, pair_by_pair
 from riemhuman.kernels.scalars import square_root
 
@@ -38,6 +38,49 @@ class GeodesicSolver(Protocol):
         """
 
 
+class ExpSolver(Protocol):
+    """A strategy that follows a geodesic from its start."""
+
+    def solve(self, metric: Any, base_point: ndarray, tangent_vec: ndarray) -> Any:
+        r"""Return a result with attributes `end`, `complete` and `message`.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        base_point : array, shape (\*shape,)
+            Where to start.
+        tangent_vec : array, shape (\*shape,)
+            Initial velocity.
+
+        Returns
+        -------
+        object
+            Its `end`, shape (\*shape,), is the point reached; `complete` tells whether that is
+            the end of the geodesic, and `message` why not.
+        """
+
+
+class LogSolver(Protocol):
+    """A strategy that finds the initial velocity of a geodesic between two points."""
+
+    def solve(self, metric: Any, base_point: ndarray, point: ndarray) -> Any:
+        r"""Return a result with an attribute `tangent_vec`.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        base_point, point : array, shape (\*shape,)
+            Start and end.
+
+        Returns
+        -------
+        object
+            Its `tangent_vec` has shape (\*shape,).
+        """
+
+
 class RiemannianMetric:
     r"""A Riemannian metric on a manifold.
 
@@ -52,15 +95,30 @@ class RiemannianMetric:
     geodesic_solver : object, optional
         Strategy with a method ``solve(metric, start, end)`` for geodesics and distances that have
         no closed form, see `riemhuman.solvers`.
+    exp_solver : object, optional
+        Strategy with a method ``solve(metric, base_point, tangent_vec)`` for `exp` where it has
+        no closed form.
+    log_solver : object, optional
+        Strategy with a method ``solve(metric, base_point, point)`` for `log` where it has no
+        closed form.
 
     Notes
     -----
     A metric gets its parameters at construction and keeps them.
     """
 
-    def __init__(self, space: Manifold, geodesic_solver: GeodesicSolver | None = None) -> None:
+    def __init__(
+        self,
+        space: Manifold,
+        geodesic_solver: GeodesicSolver | None = None,
+        *,
+        exp_solver: ExpSolver | None = None,
+        log_solver: LogSolver | None = None,
+    ) -> None:
         self.space = space
         self.geodesic_solver = geodesic_solver
+        self.exp_solver = exp_solver
+        self.log_solver = log_solver
 
     @property
     def n_feature_arrays(self) -> int:
@@ -374,6 +432,8 @@ class RiemannianMetric:
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.
 
+        Where the class has no closed form, `exp_solver` follows one geodesic after the other.
+
         Parameters
         ----------
         tangent_vec : array, shape (..., \*shape)
@@ -388,12 +448,31 @@ class RiemannianMetric:
         Raises
         ------
         NotDefinedError
-            If the metric has no closed form for it.
+            If there is neither a closed form nor a solver.
+        OutsideManifoldError
+            If the solver stops where the geodesic leaves the manifold.
         """
-        raise self._not_defined("exp")
+        solver = self.exp_solver
+        if solver is None:
+            raise self._not_defined("exp")
+
+        def follow(point: ndarray, velocity: ndarray) -> ndarray:
+            result = solver.solve(self, point, velocity)
+            if not result.complete:
+                raise OutsideManifoldError(
+                    f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
+                    f"can follow for unit time; it stopped at {result.message}"
+                )
+            return result.end
+
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        return self._one_by_one(follow, base_point, tangent_vec)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
+
+        Where the class has no closed form, `log_solver` finds one after the other.
 
         Parameters
         ----------
@@ -409,11 +488,18 @@ class RiemannianMetric:
         Raises
         ------
         NotDefinedError
-            If the metric has no closed form for it.
+            If there is neither a closed form nor a solver.
         OutsideManifoldError
             If no unique minimal geodesic inside the manifold exists.
         """
-        raise self._not_defined("log")
+        solver = self.log_solver
+        if solver is None:
+            raise self._not_defined("log")
+        base_point = self.space.check_point(base_point, "base_point")
+        point = self.space.check_point(point, "point")
+        return self._one_by_one(
+            lambda start, end: solver.solve(self, start, end).tangent_vec, base_point, point
+        )
 
     def geodesic(
         self,
@@ -578,8 +664,20 @@ class RiemannianMetric:
     def _not_defined(self, name: str) -> NotDefinedError:
         return NotDefinedError(
             f"{type(self).__name__} has no closed form for {name}; for geodesics pass a strategy "
-            "such as geodesic_solver=riemhuman.solvers.BasisPath(basis)"
+            "such as geodesic_solver=riemhuman.solvers.BasisPath(basis), for exp and log "
+            "exp_solver=riemhuman.solvers.DiscreteExponential(basis) and "
+            "log_solver=riemhuman.solvers.DiscreteLogarithm(basis)"
         )
+
+    def _one_by_one(
+        self, solve: Callable[[ndarray, ndarray], ndarray], points: ndarray, others: ndarray
+    ) -> ndarray:
+        """Return the results for all pairs of two broadcast arrays of points."""
+        points, others = np.broadcast_arrays(points, others)
+        shape = self.space.shape
+        pairs = zip(points.reshape((-1, *shape)), others.reshape((-1, *shape)), strict=True)
+        results = [solve(point, other) for point, other in pairs]
+        return np.reshape(np.array(results), points.shape)
 
     @property
     def _whole_point(self) -> tuple[slice, ...]:

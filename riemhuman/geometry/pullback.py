@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import ExpSolver, GeodesicSolver, LogSolver, RiemannianMetric
 from riemhuman.geometry.pairwise import Points
 from riemhuman.kernels import linear
 
@@ -34,6 +34,8 @@ class PullbackMetric(RiemannianMetric):
         point of a batch by itself, written with `autograd.numpy`.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
+    exp_solver, log_solver : object, optional
+        Strategies for `exp` and `log`, which have none either.
     """
 
     def __init__(
@@ -42,8 +44,11 @@ class PullbackMetric(RiemannianMetric):
         target_metric: RiemannianMetric,
         map: Callable[[ndarray], ndarray],
         geodesic_solver: GeodesicSolver | None = None,
+        *,
+        exp_solver: ExpSolver | None = None,
+        log_solver: LogSolver | None = None,
     ) -> None:
-        super().__init__(space, geodesic_solver)
+        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
         self.target_metric = target_metric
         self.map = map
 

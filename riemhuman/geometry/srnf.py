@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from numpy import ndarray
 
-from riemhuman.geometry.metric import GeodesicSolver
+from riemhuman.geometry.metric import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
@@ -26,17 +26,31 @@ class SRNFMetric(SurfaceMetric):
         Surfaces over a template.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
+    exp_solver, log_solver : object, optional
+        Strategies for `exp` and `log`, which have none either.
     """
 
     space: AlignedSurfaces
 
     def __init__(
-        self, space: AlignedSurfaces, geodesic_solver: GeodesicSolver | None = None
+        self,
+        space: AlignedSurfaces,
+        geodesic_solver: GeodesicSolver | None = None,
+        *,
+        exp_solver: ExpSolver | None = None,
+        log_solver: LogSolver | None = None,
     ) -> None:
         template = space.template
         fields = VectorSpace((template.n_faces, 3))
         fields.equip_with_metric(FlatMetric, weights=template.face_areas)
-        super().__init__(space, fields.metric, space.square_root_normals, geodesic_solver)
+        super().__init__(
+            space,
+            fields.metric,
+            space.square_root_normals,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+        )
 
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.

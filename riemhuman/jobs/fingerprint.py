@@ -11,7 +11,7 @@ import numpy as np
 from riemhuman.errors import ArgumentTypeError
 
 # Parameters that no distance depends on.
-_WITHOUT_EFFECT = frozenset({"equip", "geodesic_solver"})
+_WITHOUT_EFFECT = frozenset({"equip", "geodesic_solver", "exp_solver", "log_solver"})
 
 
 def digest(array: np.ndarray) -> bytes:

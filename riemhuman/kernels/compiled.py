@@ -22,8 +22,8 @@ _WORTH_THREADS = 50_000
 
 
 @njit(cache=True, inline="always")
-def _squared_arc(p: float) -> tuple[float, float]:
-    """Return θ² and dθ²/dp = θ/sin θ of unit vectors with squared chord p."""
+def _squared_arc(p: float, q: float) -> tuple[float, float]:
+    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n, m with p = ‖n − m‖² and q = ‖n + m‖²."""
     if p < 0.04:
         # 2 Σ pᵏ/(k² binom(2k, k)); the next term is below rounding error.
         value = p * (
@@ -33,7 +33,7 @@ def _squared_arc(p: float) -> tuple[float, float]:
             1 / 6 + p * (1 / 30 + p * (1 / 140 + p * (1 / 630 + p * (6 / 16632 + p / 12012))))
         )
         return value, slope
-    a, b = math.sqrt(p), math.sqrt(max(4.0 - p, 0.0))
+    a, b = math.sqrt(p), math.sqrt(q)
     theta = 2.0 * math.atan2(a, b)
     # Cut off where the derivative no longer exists, at antipodal vectors.
     return theta * theta, (2.0 * theta / (a * b) if b > 0.0 else 0.0)
@@ -136,15 +136,24 @@ def _squared_segments(
                 slope_y[i] += rate * (dy / yy - m / y[i])
                 slope_y[j] -= rate * (dy / yy + m / y[j])
             if c > 0.0:
-                chord = 0.0
+                chord = opposite = 0.0
                 for k in range(3):
                     chord += (normal[i, k] - normal[j, k]) ** 2
-                value, rate = _squared_arc(chord)
+                    opposite += (normal[i, k] + normal[j, k]) ** 2
+                value, rate = _squared_arc(chord, opposite)
                 total += c * weight * value
+                rate *= 2.0 * c * weight
                 for k in range(3):
-                    step = 2.0 * c * weight * rate * (normal[j, k] - normal[i, k])
-                    normal_slope[i, k] -= step
-                    normal_slope[j, k] += step
+                    if chord <= opposite:
+                        step = rate * (normal[j, k] - normal[i, k])
+                        normal_slope[i, k] -= step
+                        normal_slope[j, k] += step
+                    else:
+                        # The same but for multiples of the normals, which have no effect: near
+                        # antipodal normals the difference is hardly anything else.
+                        step = rate * (normal[j, k] + normal[i, k])
+                        normal_slope[i, k] -= step
+                        normal_slope[j, k] -= step
             if b > 0.0:
                 for k in range(3):
                     step = s[i] * normal[i, k] - s[j] * normal[j, k]

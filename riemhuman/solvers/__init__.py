@@ -1,4 +1,4 @@
-"""Strategies: path energies, geodesics between points, Fréchet means of points."""
+"""Strategies: path energies, geodesics and their continuation, transport, Fréchet means."""
 
 from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.basis_path import BasisPath
@@ -8,10 +8,16 @@ from riemhuman.solvers.comparison import (
     compare_paths,
     measure_path,
 )
+from riemhuman.solvers.discrete_exponential import DiscreteExponential, ExponentialResult
+from riemhuman.solvers.discrete_logarithm import DiscreteLogarithm, LogarithmResult
+from riemhuman.solvers.disentangling import Disentangling, DisentanglingResult
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
 from riemhuman.solvers.frechet_mean import FrechetMean, GeometricMedian
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.solvers.metric_checks import MetricReport, PropertyCheck, check_metric
 from riemhuman.solvers.model_path import ModelParameters, ModelPath
+from riemhuman.solvers.motion_transfer import MotionTransfer, ShapeTransfer
+from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_straightening import PathStraightening
 from riemhuman.solvers.poisson_path import PoissonPath
 from riemhuman.solvers.results import MeanResult, PathResult
@@ -21,20 +27,34 @@ __all__ = [
     "BasisMean",
     "BasisPath",
     "ClosedFormGeodesic",
+    "DiscreteExponential",
+    "DiscreteLogarithm",
+    "Disentangling",
+    "DisentanglingResult",
+    "ExponentialResult",
     "FiniteDifferenceEnergy",
     "FrechetMean",
     "GeometricMedian",
     "GradientDescentMean",
     "LinearPath",
+    "LogarithmResult",
     "MeanResult",
+    "MetricReport",
     "ModelParameters",
     "ModelPath",
+    "MotionTransfer",
     "PathComparison",
     "PathMeasures",
     "PathResult",
     "PathStraightening",
     "PoissonPath",
+    "PoleLadder",
+    "PropertyCheck",
+    "SchildLadder",
     "SegmentEnergy",
+    "ShapeTransfer",
+    "TransportResult",
+    "check_metric",
     "compare_paths",
     "measure_path",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import Protocol
 
 from numpy import ndarray
 
@@ -68,14 +69,30 @@ class MeanResult:
     message: str
 
 
-def warn_unless_converged(solver: object, result: PathResult | MeanResult) -> None:
+class Outcome(Protocol):
+    """What every result says of how its solver ended."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether the stopping test was met."""
+
+    @property
+    def n_iterations(self) -> int:
+        """Number of iterations."""
+
+    @property
+    def message(self) -> str:
+        """Why it stopped."""
+
+
+def warn_unless_converged(solver: object, result: Outcome) -> None:
     """Warn once if a solver has stopped without converging.
 
     Parameters
     ----------
     solver : object
         The solver; the warning names its class.
-    result : PathResult or MeanResult
+    result : Outcome
         What it found.
 
     Warns

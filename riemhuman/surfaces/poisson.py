@@ -49,8 +49,8 @@ class PoissonInterpolator:
     ) -> None:
         n_vertices = differential_operator.shape[1]
         self._faces, self._frames, self._areas = faces, frame_coefficients, face_areas
-        divergence = differential_operator.T @ sparse.diags_array(np.tile(face_areas, 2))
-        laplacian = (divergence @ differential_operator).tocsc()
+        self._divergence = differential_operator.T @ sparse.diags_array(np.tile(face_areas, 2))
+        laplacian = (self._divergence @ differential_operator).tocsc()
         # One vertex of every connected component stays put: derivatives do not know where it is.
         corner_pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
         links = sparse.coo_array(
@@ -158,12 +158,32 @@ class PoissonInterpolator:
 
         turns = self.turns(start, end) if turns is None else turns
         source = turned_sources(start, end, turns, times, self._faces, self._frames, self._areas)
-        points = np.zeros((len(start), source[0].size))
-        with single_threaded_blas():
-            points[self._free] = self._factor.solve(source.reshape(points.shape)[self._free])
         first, last = (self._average @ f for f in (start, end))
         weights = times[:, None]
-        centroids = (1.0 - weights) * first[:, None] + weights * last[:, None]
+        return self._solve(source, (1.0 - weights) * first[:, None] + weights * last[:, None])
+
+    def surface_of(self, derivatives: ndarray, placed_as: ndarray) -> ndarray:
+        """Return the surface whose first derivatives come closest to those given.
+
+        Parameters
+        ----------
+        derivatives : array, shape (2F, 3)
+            f_u of all triangles, then f_v; no surface need have them.
+        placed_as : array, shape (V, 3)
+            Surface that says where the centroid of each connected component is.
+
+        Returns
+        -------
+        array, shape (V, 3)
+        """
+        source = self._divergence @ derivatives
+        return self._solve(source[:, None], (self._average @ placed_as)[:, None])[0]
+
+    def _solve(self, source: ndarray, centroids: ndarray) -> ndarray:
+        """Return the surfaces, shape (n, V, 3), of divergences (V, n, 3) and centroids."""
+        points = np.zeros((len(source), source[0].size))
+        with single_threaded_blas():
+            points[self._free] = self._factor.solve(source.reshape(points.shape)[self._free])
         averages = self._average @ points
         points += (centroids.reshape(averages.shape) - averages)[self._component]
         return np.ascontiguousarray(np.swapaxes(points.reshape(source.shape), 0, 1))

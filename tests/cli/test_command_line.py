@@ -21,6 +21,8 @@ VERBS = (
     "retrieve",
     "geodesic",
     "mean",
+    "transfer",
+    "disentangle",
     "basis",
     "convert-model",
     "info",

@@ -1,0 +1,184 @@
+"""The verbs ``transfer`` and ``disentangle``: what one body does, or is, given to another."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
+from riemhuman.cli.outputs import check_file, check_folder, whole_file, whole_folder
+from riemhuman.cli.terminal import Reporter, convergence, say, say_json, stop_if_interrupted
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+_FRAME = "frame_{:04d}.ply"
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``transfer`` and ``disentangle``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "transfer",
+        _transfer,
+        "a motion of one body replayed on another",
+        "Replays a motion, a sequence of registered meshes, on another body of the same\n"
+        "triangulation that stands as the first mesh does. Into a folder come the meshes\n"
+        "frame_0000.ply, ...; an output with the ending .glb (an animation) or .npz (the array\n"
+        "path) is that file alone.",
+        "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
+        "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
+        "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n",
+    )
+    parser.add_argument(
+        "motion", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
+    )
+    parser.add_argument(
+        "--onto", required=True, metavar="MESH", type=path_argument, help="body to be moved"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="PATH", help="folder, or file, to write"
+    )
+    parser.add_argument(
+        "--axes",
+        choices=("world", "body"),
+        default="world",
+        help="triangles turn about axes in space, or about axes that turn with the body, for one "
+        "that stands otherwise than the first mesh (default: world)",
+    )
+    add_json(parser)
+    add_force(parser)
+    parser.set_defaults(template=None, align=False)
+
+    parser = add_verb(
+        verbs,
+        "disentangle",
+        _disentangle,
+        "a body with one mesh's shape and another's pose",
+        "Writes the body nearest to the first mesh in the shape metric, (a, λ, c) = (1, 1, 0),\n"
+        "and to the second in the pose metric, (0, 0, 1).",
+        "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
+        "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 20 --json\n"
+        "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
+    )
+    parser.add_argument("shape", metavar="SHAPE", type=path_argument, help="mesh of the person")
+    parser.add_argument("pose", metavar="POSE", type=path_argument, help="mesh of the pose")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="MESH", type=path_argument, help="file to write"
+    )
+    parser.add_argument(
+        "--pose-weight",
+        type=float,
+        default=50.0,
+        metavar="W",
+        help="weight of the squared distance in pose beside that in shape (default: 50)",
+    )
+    parser.add_argument(
+        "--basis",
+        metavar="NPZ",
+        type=path_argument,
+        help="deformations of bodies in motion, see riemhuman basis: by these alone the body "
+        "differs from SHAPE (default: by anything)",
+    )
+    add_template(parser, "SHAPE")
+    add_json(parser)
+    add_force(parser)
+    parser.set_defaults(align=False)
+
+
+def _transfer(options: argparse.Namespace) -> None:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.solvers import MotionTransfer
+
+    output = path_argument(options.output)
+    single = "" if options.output.endswith("/") or output.is_dir() else output.suffix.lower()
+    if single:
+        check_file(output, [".glb", ".npz", "/ (a folder)"], force=options.force)
+    else:
+        check_folder(output, _is_ours, force=options.force)
+    reporter = Reporter(options.quiet)
+    files = meshes_named(options.motion)
+    surfaces = surfaces_in([*files, options.onto], options)
+    space = AlignedSurfaces(surfaces.template, equip=False)
+    with reporter.task(f"Transfer of {len(files)} meshes"):
+        frames = (surfaces[k] for k in range(len(files)))
+        moved = MotionTransfer(options.axes).solve(space, frames, surfaces[len(files)])
+    with reporter.task("Output"):
+        _write(output, single, moved, surfaces.template.faces)
+    if options.json:
+        record = {"files": files, "onto": options.onto, "axes": options.axes, "output": output}
+        say_json(record | {"n_frames": len(moved)})
+        return
+    say(f"meshes      {len(moved)}")
+    say(f"written to  {output}")
+
+
+def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
+    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.surfaces.gltf_files import save_glb
+    from riemhuman.surfaces.mesh_files import save_mesh
+
+    if ending:
+        with whole_file(output) as temporary:
+            if ending == ".glb":
+                save_glb(temporary, frames, faces, name="motion")
+            else:
+                save_arrays(temporary, {"path": frames, "faces": faces})
+        return
+    with whole_folder(output) as folder:
+        for k, frame in enumerate(frames):
+            save_mesh(folder / _FRAME.format(k), frame, faces)
+
+
+def _is_ours(name: str) -> bool:
+    return re.fullmatch(r"frame_\d{4,}\.ply", name) is not None
+
+
+def _disentangle(options: argparse.Namespace) -> None:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+    from riemhuman.solvers import Disentangling
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
+    from riemhuman.surfaces.mesh_files import save_mesh
+
+    check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
+    reporter = Reporter(options.quiet)
+    surfaces = surfaces_in([options.shape, options.pose], options)
+    space = AlignedSurfaces(surfaces.template, equip=False)
+    basis = DeformationBasis.load(options.basis) if options.basis else None
+    solver = Disentangling(basis, pose_weight=options.pose_weight, progress=reporter.bars)
+    with reporter.task("Disentangling"):
+        result = solver.solve(
+            ElasticMetric(space, a=1.0, lam=1.0, c=0.0),
+            ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
+            *surfaces[:],
+        )
+    stop_if_interrupted(result)
+    save_mesh(options.output, result.surface, surfaces.template.faces)
+    if options.json:
+        say_json(
+            {
+                "shape": options.shape,
+                "pose": options.pose,
+                "pose_weight": options.pose_weight,
+                "shape_distance": result.shape_dist,
+                "pose_distance": result.pose_dist,
+                "n_iterations": result.n_iterations,
+                "converged": result.converged,
+                "message": result.message,
+                "output": options.output,
+            }
+        )
+        return
+    say(f"distance in shape  {result.shape_dist:.8g}")
+    say(f"distance in pose   {result.pose_dist:.8g}")
+    say(f"converged          {convergence(result)}")
+    say(f"written to         {options.output}")

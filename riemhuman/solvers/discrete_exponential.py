@@ -1,0 +1,247 @@
+"""Exponential maps by discrete geodesics: initial value problems without Christoffel symbols."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
+from riemhuman.solvers.results import warn_unless_converged
+from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+# A step whose equation is off by more than this share of its length has lost the geodesic.
+_LOST = 1e-3
+
+# A direction with less than this share of its length outside a basis belongs to it.
+_OUTSIDE = 1e-9
+
+
+@dataclass(frozen=True)
+class ExponentialResult:
+    r"""A geodesic followed from its start, and how it was found.
+
+    Attributes
+    ----------
+    path : array, shape (n_times, \*shape)
+        Points reached, the base point first.
+    energies : array, shape (n_times - 1,)
+        Squared speed on each segment, which the continuous geodesic keeps.
+    n_steps : int
+        Steps that unit time was divided into.
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of energy and gradient, of all steps.
+    complete : bool
+        Whether all steps could be made.
+    converged : bool
+        Whether all steps were made, and the equation of each solved within the tolerance.
+    message : str
+        Why it stopped.
+    """
+
+    path: ndarray
+    energies: ndarray
+    n_steps: int
+    n_iterations: int
+    n_evaluations: int
+    complete: bool
+    converged: bool
+    message: str
+
+    @property
+    def end(self) -> ndarray:
+        """The last point reached."""
+        return self.path[-1]
+
+    @property
+    def energy(self) -> float:
+        """The energy of the path per unit time, the mean of the squared speeds."""
+        return float(self.energies.mean())
+
+
+@dataclass(frozen=True)
+class DiscreteExponential:
+    r"""exp by n steps, each of which makes the last point the middle of its neighbours.
+
+    The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following
+    point solves the discrete geodesic equation, see `riemhuman.solvers.middle_equation`. The end
+    point is of second order in the time step 1/n, and the squared speed along the path stays the
+    same up to that order. On surfaces the distance of each segment is in closed form.
+
+    Parameters
+    ----------
+    basis : DeformationBasis, optional
+        Deformations, joined by the velocity itself, from which the geodesic is made: one of the
+        surfaces that differ from the base point by these. By default all coordinates are free.
+    n_steps : int
+        Steps in unit time.
+    tolerance : float
+        Error of each step's equation, as a share of the length of its two segments.
+    max_iterations : int
+        Most iterations of each step.
+    """
+
+    basis: DeformationBasis | None = None
+    n_steps: int = 10
+    tolerance: float = 1e-8
+    max_iterations: int = 50
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_steps, "n_steps", minimum=1)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iterations, "max_iterations", minimum=1)
+
+    def solve(
+        self, metric: RiemannianMetric, base_point: ndarray, tangent_vec: ndarray
+    ) -> ExponentialResult:
+        r"""Follow the geodesic with an initial velocity for unit time.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        base_point : array, shape (\*shape,)
+            Where to start.
+        tangent_vec : array, shape (\*shape,)
+            Initial velocity v.
+
+        Returns
+        -------
+        ExponentialResult
+            With what was reached, where a triangle degenerates on the way.
+
+        Raises
+        ------
+        ArgumentError
+            If the base point, the velocity or the basis does not fit the metric's space.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If it stopped early, or a step's equation was not solved within the tolerance.
+        """
+        base_point = metric.check_points(np.asarray(base_point)[None], "base_point")[0]
+        velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
+        n_steps = self.n_steps
+        return self._walk(metric, [base_point], n_steps, n_steps, velocity / n_steps)
+
+    def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
+        r"""Go on beyond the end of a discrete geodesic, with the time step it has.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_times, \*shape)
+            Path over unit time, of at least two points; the last two decide.
+        n_steps : int
+            Number of points to add.
+
+        Returns
+        -------
+        ExponentialResult
+            Its path begins with the one given.
+
+        Raises
+        ------
+        ArgumentError
+            If the path or the basis does not fit the metric's space.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If it stopped early, or a step's equation was not solved within the tolerance.
+        """
+        path = metric.check_points(path, "path")
+        if len(path) < 2:
+            raise ArgumentError(f"path must have at least two times; found {len(path)}")
+        n_steps = whole_number(n_steps, "n_steps", minimum=1)
+        return self._walk(metric, list(path), len(path) - 1, n_steps)
+
+    def _walk(
+        self,
+        metric: RiemannianMetric,
+        points: list[ndarray],
+        steps_per_unit: int,
+        n_steps: int,
+        displacement: ndarray | None = None,
+    ) -> ExponentialResult:
+        """Add points, the first of them by a displacement if there is one."""
+        direction = points[-1] - points[-2] if displacement is None else displacement
+        basis = None if self.basis is None else basis_with(self.basis, direction)
+        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iterations)
+        n_iterations = n_evaluations = 0
+        stop, unsolved = "", ""
+        for step in range(1, n_steps + 1):
+            where = f"step {step} of {n_steps}"
+            try:
+                if step == 1 and displacement is not None:
+                    found = equation.both_sides(points[0], displacement)
+                else:
+                    found = equation.next_point(points[-2], points[-1])
+            except KeyboardInterrupt:
+                stop = f"{where}: interrupted from the keyboard"
+                break
+            n_iterations += found.n_iterations
+            n_evaluations += found.n_evaluations
+            stop = degeneration(metric, points[-1], found.points[2])
+            if not stop and found.error > _LOST:
+                stop = vanishing(metric, *points[-2:]) if len(points) > 1 else ""
+                stop = stop or "no next point solves the geodesic equation; use more steps"
+            if stop:
+                stop = f"{where}: {stop}"
+                break
+            if not found.converged:
+                unsolved = f"{where}: the equation is solved to {found.error:.1e} only"
+            points.append(found.points[2])
+        path = np.stack(points)
+        squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
+        result = ExponentialResult(
+            path,
+            steps_per_unit**2 * np.array(squared),
+            steps_per_unit,
+            n_iterations,
+            n_evaluations,
+            not stop,
+            not (stop or unsolved),
+            stop or unsolved or "all steps were made",
+        )
+        warn_unless_converged(self, result)
+        return result
+
+
+def basis_with(basis: DeformationBasis, direction: ndarray) -> DeformationBasis:
+    """Return the basis of the same deformations and one more.
+
+    Parameters
+    ----------
+    basis : DeformationBasis
+        Deformations.
+    direction : array, shape (V, 3)
+        Another deformation.
+
+    Returns
+    -------
+    DeformationBasis
+        The same basis if it holds the deformation already.
+
+    Raises
+    ------
+    ArgumentError
+        If the deformation has another number of vertices.
+    """
+    basis.check_fits(len(direction))
+    outside = direction - basis.project(direction)
+    if np.abs(outside).max() <= _OUTSIDE * np.abs(direction).max():
+        return basis
+    scaled = outside[None] / np.abs(outside).max()
+    return DeformationBasis(
+        np.concatenate([basis.vectors, scaled]),
+        orthonormalize=True,
+        vertex_weights=basis.vertex_weights,
+    )

@@ -1,0 +1,282 @@
+r"""The discrete geodesic equation: of three points, the second is halfway between the others.
+
+Of all points y, the middle one of a discrete geodesic (x, y, z) makes d²(x, y) + d²(y, z)
+stationary,
+
+.. math:: \partial_y\left(d^2(x, y) + d^2(y, z)\right) = 0.
+
+Solved for z it goes on along a geodesic; for y it halves a segment; for x = y − v + w and
+z = y + v + w it starts a geodesic with a velocity (Rumpf and Wirth, "Variational time
+discretization of geodesic calculus", IMA Journal of Numerical Analysis 35, 2015; the symmetric
+start is ours, and makes the whole of second order in the time step).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from autograd.core import make_vjp
+from numpy import ndarray
+
+from riemhuman.errors import ArgumentError, RiemhumanError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.basis_mean import Basis
+from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.solvers.root_finding import find_root
+from riemhuman.solvers.spatial_factors import spatial_factor
+
+# A normal that turns further within one time step belongs to a triangle that has turned over.
+_LEAST_COSINE = -0.5
+
+# A triangle that has lost as much of its area within one time step is about to vanish.
+_LEAST_AREA = 0.5
+
+# Relative changes of a point's entries that count as rounding errors.
+_ROUNDING = 1e-7
+
+
+class Triple(NamedTuple):
+    r"""Three points that solve the equation, and how they were found.
+
+    Attributes
+    ----------
+    points : array, shape (3, \*shape)
+        x, y and z.
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of the equation.
+    error : float
+        What is left of the equation, as a share of the length of the two segments.
+    converged : bool
+        Whether the error is within the tolerance.
+    """
+
+    points: ndarray
+    n_iterations: int
+    n_evaluations: int
+    error: float
+    converged: bool
+
+
+@dataclass(frozen=True)
+class MiddleEquation:
+    """The equation on one metric, with the unknown point in a basis or free in all coordinates.
+
+    In variables preconditioned by the metric's matrix at the middle point, the derivative of the
+    equation is the identity up to the length of the segments; see `riemhuman.solvers.root_finding`.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    basis : Basis, optional
+        Directions in which the unknown point may leave its first guess, and against which the
+        equation is tested; by default all coordinates.
+    tolerance : float
+        Error at which to stop, as a share of the length of the two segments.
+    max_iterations : int
+        Most iterations.
+    """
+
+    metric: RiemannianMetric
+    basis: Basis | None = None
+    tolerance: float = 1e-8
+    max_iterations: int = 50
+
+    def next_point(self, before: ndarray, middle: ndarray) -> Triple:
+        r"""Go on from two points by as much again.
+
+        Parameters
+        ----------
+        before, middle : array, shape (\*shape,)
+            x and y.
+
+        Returns
+        -------
+        Triple
+        """
+        guess = 2.0 * middle - before
+
+        def triple(shift: ndarray) -> ndarray:
+            return np.stack([before, middle, self._regular(guess + shift)])
+
+        return self._solve(triple, middle, -4.0, 4.0 * self._squared_dist(before, middle))
+
+    def both_sides(self, middle: ndarray, displacement: ndarray) -> Triple:
+        r"""Find the points y ± v + w around a point.
+
+        Parameters
+        ----------
+        middle : array, shape (\*shape,)
+            y.
+        displacement : array, shape (\*shape,)
+            v.
+
+        Returns
+        -------
+        Triple
+        """
+
+        def triple(shift: ndarray) -> ndarray:
+            before = self._regular(middle - displacement + shift)
+            return np.stack([before, middle, self._regular(middle + displacement + shift)])
+
+        squared_norm = float(self.metric.squared_norm(displacement, middle))
+        return self._solve(triple, middle, -8.0, 4.0 * squared_norm)
+
+    def middle_point(self, start: ndarray, end: ndarray) -> Triple:
+        r"""Halve the segment between two points.
+
+        Parameters
+        ----------
+        start, end : array, shape (\*shape,)
+            x and z.
+
+        Returns
+        -------
+        Triple
+        """
+        guess = self._regular(0.5 * (start + end))
+
+        def triple(shift: ndarray) -> ndarray:
+            return np.stack([start, self._regular(guess + shift), end])
+
+        return self._solve(triple, guess, 8.0, self._squared_dist(start, end))
+
+    def _regular(self, point: ndarray) -> ndarray:
+        return self.metric.space.regularize(point)
+
+    def _solve(
+        self,
+        triple: Callable[[ndarray], ndarray],
+        middle: ndarray,
+        derivative: float,
+        energy: float,
+    ) -> Triple:
+        """Solve for the shift.
+
+        The equation's derivative by it is about `derivative` times the metric's matrix, and the
+        energy of the path of three points about `energy`.
+        """
+        metric, shape = self.metric, middle.shape
+        unit = max(energy, self._rounding(middle)) or 1.0
+        directions, factor = self._preconditioner(middle, abs(derivative) / unit)
+        scale = np.sign(derivative) / unit
+
+        def shift_of(variables: ndarray) -> ndarray:
+            shift = factor.solve_transposed(variables[:, None])[:, 0]
+            if directions is not None:
+                shift = shift @ directions
+            return shift.reshape(shape)
+
+        def equation(variables: ndarray) -> ndarray | None:
+            points = triple(shift_of(variables))
+            if not np.all(metric.space.belongs(points)):
+                return None
+            energy, gradient = metric.energy_and_gradient(points)
+            if not np.isfinite(energy):
+                return None
+            pull_back, _ = make_vjp(metric.space.regularize, points[1])
+            slope = np.ravel(pull_back(gradient[1]))
+            if directions is not None:
+                slope = directions @ slope
+            return scale * factor.solve(slope[:, None])[:, 0]
+
+        found = find_root(
+            equation,
+            np.zeros(middle.size if directions is None else len(directions)),
+            tolerance=self.tolerance,
+            max_iterations=self.max_iterations,
+        )
+        return Triple(
+            triple(shift_of(found.x)),
+            found.n_iterations,
+            found.n_evaluations,
+            found.residual,
+            bool(found.residual <= self.tolerance),
+        )
+
+    def _squared_dist(self, start: ndarray, end: ndarray) -> float:
+        return float(self.metric.energy(np.stack([start, end])))
+
+    def _rounding(self, point: ndarray) -> float:
+        """Return the energy of a step that is no longer than rounding errors."""
+        noise = np.random.default_rng(0).uniform(-_ROUNDING, _ROUNDING, point.shape)
+        return self._squared_dist(point, self._regular(point * (1.0 + noise)))
+
+    def _preconditioner(
+        self, middle: ndarray, scale: float
+    ) -> tuple[ndarray | None, CholeskyFactor]:
+        if self.basis is None:
+            return None, spatial_factor(self.metric, middle[None], 1.0 / scale)
+        directions = self.basis.flat
+        if directions.shape[1] != middle.size:
+            raise ArgumentError(
+                f"basis must hold vectors of {middle.size} numbers, those of a point; "
+                f"found {directions.shape[1]}"
+            )
+        gram = self.metric.gram_matrix(directions.reshape(-1, *middle.shape), middle)
+        return directions, CholeskyFactor(scale * gram)
+
+
+def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
+    r"""Return how a point has left the manifold within one step, or "" if it has not.
+
+    Besides points that do not belong, those are told whose triangles have turned over: a normal
+    has turned by more than 120 degrees.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    before, after : array, shape (\*shape,)
+        A point of the manifold, and the next one.
+
+    Returns
+    -------
+    str
+    """
+    space = metric.space
+    if not np.isfinite(after).all():
+        return "entries are not finite"
+    if not np.all(space.belongs(after)):
+        check = getattr(space, "check_immersed", space.check_point)
+        try:
+            check(after, "the next point")
+        except RiemhumanError as error:
+            return str(error)
+        return "the next point leaves the manifold"
+    if not hasattr(space, "normal_field"):
+        return ""
+    cosines = np.sum(space.normal_field(before) * space.normal_field(after), axis=-1)
+    worst = int(np.argmin(cosines))
+    if cosines[worst] >= _LEAST_COSINE:
+        return ""
+    return f"triangle {worst} degenerates: its normal has turned over"
+
+
+def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
+    r"""Return which triangle of a surface is about to vanish, or "" if none is.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    before, after : array, shape (\*shape,)
+        Two points, one time step apart.
+
+    Returns
+    -------
+    str
+    """
+    space = metric.space
+    if not hasattr(space, "metric_field"):
+        return ""
+    before, after = (np.linalg.det(space.metric_field(point)) for point in (before, after))
+    shares = np.sqrt(np.maximum(after, 0.0) / before)
+    least = int(np.argmin(shares))
+    if shares[least] > _LEAST_AREA:
+        return ""
+    return f"triangle {least} degenerates: one step left {shares[least]:.0%} of its area"

@@ -1,0 +1,185 @@
+r"""Motions and changes of shape of one body replayed on another.
+
+A triangle with its normal goes from frame P₀ to frame P on body A; the matrix S = P P₀⁻¹ that takes
+it there is applied to the same triangle of body B, and the surface whose derivatives come closest
+to the results solves a Poisson equation (Sumner and Popović, "Deformation transfer for triangle
+meshes", SIGGRAPH 2004; `riemhuman.surfaces.poisson`). B so keeps its own metric field, changed by
+as much as A's, and takes the turns of A's triangles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import one_of
+from riemhuman.errors import ArgumentError
+from riemhuman.kernels.triangle_frames import (
+    deformation_gradients,
+    nearest_rotations,
+    stacked_derivatives,
+    triangle_frames,
+)
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+
+AXES = ("world", "body")
+
+# Vertices that have moved by less, in metres, are still, as planted feet are.
+_STILL = 0.01
+
+
+@dataclass(frozen=True)
+class MotionTransfer:
+    """A motion of one body replayed on another.
+
+    Parameters
+    ----------
+    axes : str
+        "world": triangles of both bodies turn about the same axes in space, right where the target
+        stands as the source does; "body": axes are carried from the source's triangles to the
+        target's by the rotation between them, for a target in another pose.
+    """
+
+    axes: str = "world"
+
+    def __post_init__(self) -> None:
+        one_of(self.axes, "axes", AXES)
+
+    def solve(
+        self,
+        space: AlignedSurfaces,
+        motion: Any,
+        target: ndarray,
+        reference: ndarray | None = None,
+    ) -> ndarray:
+        """Return the target's motion.
+
+        Parameters
+        ----------
+        space : AlignedSurfaces
+            Space of the surfaces.
+        motion : array, shape (n_frames, V, 3), or iterable of arrays (V, 3)
+            Motion of the source.
+        target : array, shape (V, 3)
+            Body to be moved.
+        reference : array, shape (V, 3), optional
+            The source as the target stands, by default the first frame: where a frame is the
+            reference, the result is the target.
+
+        Returns
+        -------
+        array, shape (n_frames, V, 3)
+            It is placed so that what is still on the source, planted feet above all, is still:
+            vertices' displacements agree in the mean with weights 1/(d² + 1 cm²), d the
+            displacement.
+
+        Raises
+        ------
+        ArgumentError
+            If the motion is empty, or a surface does not fit the space.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        transfer, frames = None, []
+        for k, frame in enumerate(motion):
+            frame = _one_surface(space, frame, f"motion[{k}]")
+            if transfer is None:
+                transfer = _Transfer(
+                    space,
+                    _one_surface(space, frame if reference is None else reference, "reference"),
+                    _one_surface(space, target, "target"),
+                    self.axes,
+                )
+            frames.append(transfer.moved(frame))
+        if not frames:
+            raise ArgumentError("motion must have at least one frame; found none")
+        return np.stack(frames)
+
+
+@dataclass(frozen=True)
+class ShapeTransfer:
+    """A change of shape seen in one pose, made in another.
+
+    The difference between two bodies in one pose is given to a surface of the first body in
+    another pose: its triangles take the same stretches along axes that turn with them.
+    """
+
+    def solve(
+        self, space: AlignedSurfaces, before: ndarray, after: ndarray, target: ndarray
+    ) -> ndarray:
+        """Return the second body in the target's pose.
+
+        Parameters
+        ----------
+        space : AlignedSurfaces
+            Space of the surfaces.
+        before, after : array, shape (V, 3)
+            The first and the second body in one pose.
+        target : array, shape (V, 3)
+            The first body in another pose.
+
+        Returns
+        -------
+        array, shape (V, 3)
+            The centroid of each connected component is that of the target.
+
+        Raises
+        ------
+        ArgumentError
+            If a surface does not fit the space.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        before, after, target = (
+            _one_surface(space, body, name)
+            for body, name in ((before, "before"), (after, "after"), (target, "target"))
+        )
+        transfer = _Transfer(space, before, target, "body")
+        return transfer.moved(after, placed_as=target)
+
+
+class _Transfer:
+    """What takes deformations of a reference to a target."""
+
+    def __init__(
+        self, space: AlignedSurfaces, reference: ndarray, target: ndarray, axes: str
+    ) -> None:
+        self._operator = space.template.differential_operator
+        self._interpolator = space.template.interpolator
+        self._areas = space.template.vertex_areas
+        self._reference, self._target = reference, target
+        self._frames = triangle_frames(reference, self._operator)
+        self._target_frames = triangle_frames(target, self._operator)
+        self._axes = None
+        if axes == "body":
+            gradients = deformation_gradients(self._frames, self._target_frames)
+            self._axes = nearest_rotations(gradients)
+
+    def moved(self, surface: ndarray, placed_as: ndarray | None = None) -> ndarray:
+        """Return the target deformed as the reference is in becoming this surface."""
+        frames = triangle_frames(surface, self._operator)
+        gradients = deformation_gradients(self._frames, frames)
+        if self._axes is not None:
+            gradients = self._axes @ gradients @ np.swapaxes(self._axes, -1, -2)
+        derivatives = stacked_derivatives(gradients @ self._target_frames)
+        if placed_as is not None:
+            return self._interpolator.surface_of(derivatives, placed_as)
+        displacement = surface - self._reference
+        shifted = self._target + displacement
+        moved = self._interpolator.surface_of(derivatives, shifted)
+        weights = self._areas / (_STILL**2 + np.sum(displacement**2, axis=-1))
+        return moved + np.average(shifted - moved, axis=0, weights=weights)
+
+
+def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:
+    surface = np.asarray(space.check_immersed(surface, name))
+    if surface.ndim != len(space.shape):
+        raise ArgumentError(
+            f"{name} must be one surface of shape {space.shape}; found {surface.shape}"
+        )
+    return surface

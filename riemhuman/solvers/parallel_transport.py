@@ -1,0 +1,327 @@
+"""Parallel transport by ladders of geodesics, exact where the metric has a closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.solvers.discrete_exponential import basis_with
+from riemhuman.solvers.middle_equation import MiddleEquation, Triple
+from riemhuman.solvers.results import warn_unless_converged
+from riemhuman.solvers.simple_paths import check_end_points
+from riemhuman.surfaces.deformation_basis import DeformationBasis
+
+
+@dataclass(frozen=True)
+class TransportResult:
+    r"""A tangent vector carried along a path, and how.
+
+    Attributes
+    ----------
+    tangent_vec : array, shape (\*shape,)
+        The vector at the end of the path.
+    tangent_vecs : array, shape (n_times, \*shape)
+        The vector at every point of the path.
+    path : array, shape (n_times, \*shape)
+        The path.
+    n_iterations, n_evaluations : int
+        Iterations and evaluations of the rungs' equations; 0 where closed forms served.
+    converged : bool
+        Whether all equations were solved within the tolerance.
+    message : str
+        How it was found.
+    """
+
+    tangent_vec: ndarray
+    tangent_vecs: ndarray
+    path: ndarray
+    n_iterations: int
+    n_evaluations: int
+    converged: bool
+    message: str
+
+
+class _Geometry(Protocol):
+    """What a rung is built from."""
+
+    def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
+        """Return the points at minus and plus a displacement of a point."""
+
+    def halfway(self, start: ndarray, end: ndarray) -> ndarray:
+        """Return the point halfway between two points."""
+
+    def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
+        """Return the point that lies as far behind the middle."""
+
+    def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+        """Return half the difference of two points as seen from the one between them."""
+
+
+@dataclass(frozen=True)
+class _Ladder:
+    """What pole and Schild ladders share."""
+
+    n_rungs: int = 10
+    basis: DeformationBasis | None = None
+    geodesic_solver: GeodesicSolver | None = None
+    exact: bool = True
+    scale: float = 1.0
+    tolerance: float = 1e-10
+    max_iterations: int = 50
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_rungs, "n_rungs", minimum=1)
+        real_number(self.scale, "scale", minimum=0.0, strict=True)
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iterations, "max_iterations", minimum=1)
+
+    def solve(
+        self,
+        metric: RiemannianMetric,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        end_point: ndarray | None = None,
+        path: ndarray | None = None,
+    ) -> TransportResult:
+        r"""Carry a tangent vector along a geodesic, or along a path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        tangent_vec : array, shape (\*shape,)
+            Tangent vector at the base point.
+        base_point : array, shape (\*shape,)
+            Where the path starts.
+        end_point : array, shape (\*shape,), optional
+            End of the geodesic.
+        path : array, shape (n_times, \*shape), optional
+            Path from the base point, with one rung a segment; exactly one of the two is given.
+
+        Returns
+        -------
+        TransportResult
+
+        Raises
+        ------
+        ArgumentError
+            If a point, the path, the vector or the basis does not fit the metric's space.
+        NotDefinedError
+            If there is neither a path, nor a closed form nor a solver for geodesics.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If an equation was not solved within its tolerance.
+        """
+        if (end_point is None) == (path is None):
+            raise ArgumentError("solve needs end_point or path, and not both")
+        vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
+        if end_point is None:
+            return self._climb(metric, vector, _checked_path(metric, base_point, path))
+        start, end = check_end_points(metric, base_point, end_point)
+        if self.exact and hasattr(metric, "parallel_transport"):
+            return self._by_closed_form(metric, vector, start, end)
+        return self._climb(metric, vector, self._geodesic(metric, start, end))
+
+    def _by_closed_form(
+        self, metric: RiemannianMetric, vector: ndarray, start: ndarray, end: ndarray
+    ) -> TransportResult:
+        path = np.stack([start, end])
+        carried = metric.parallel_transport(  # type: ignore[attr-defined]
+            vector, start, end_point=end
+        )
+        return TransportResult(
+            carried, np.stack([vector, carried]), path, 0, 0, True, "closed form"
+        )
+
+    def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
+        if metric.has_closed_form_geodesic:
+            return metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_rungs + 1))
+        solver = self.geodesic_solver or metric.geodesic_solver
+        if solver is None:
+            raise NotDefinedError(
+                f"{type(metric).__name__} has no closed form for geodesics; pass path=, or a "
+                f"strategy such as {type(self).__name__}(geodesic_solver=BasisPath(basis))"
+            )
+        return np.asarray(solver.solve(metric, start, end).path)
+
+    def _climb(self, metric: RiemannianMetric, vector: ndarray, path: ndarray) -> TransportResult:
+        geometry: _ClosedForms | _SingleSegments
+        if metric.has_closed_form_geodesic:
+            geometry = _ClosedForms(metric)
+        else:
+            basis = self.basis
+            if basis is not None:
+                basis = basis_with(basis_with(basis, path[-1] - path[0]), vector)
+            geometry = _SingleSegments(
+                MiddleEquation(metric, basis, self.tolerance, self.max_iterations)
+            )
+        vectors = [vector]
+        for start, end in pairwise(path):
+            length = float(metric.norm(vectors[-1], start))
+            rung = float(metric.length(np.stack([start, end])))
+            if length * rung == 0.0:
+                vectors.append(vectors[-1])
+                continue
+            share = self.scale * rung / length
+            vectors.append(self._rung(geometry, start, end, share * vectors[-1]) / share)
+        converged = geometry.error <= self.tolerance
+        unsolved = "" if converged else f"; an equation is solved to {geometry.error:.1e} only"
+        result = TransportResult(
+            vectors[-1],
+            np.stack(vectors),
+            path,
+            geometry.n_iterations,
+            geometry.n_evaluations,
+            converged,
+            f"{len(path) - 1} rungs{unsolved}",
+        )
+        warn_unless_converged(self, result)
+        return result
+
+    def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
+        raise NotImplementedError
+
+
+class PoleLadder(_Ladder):
+    r"""Transport along geodesics that are the diagonals of parallelograms.
+
+    Of each segment (p, q) with midpoint m, the ends exp_p(±w) are reflected in m; the results lie
+    at ∓w' of q. Exact on symmetric spaces, as spheres and their products; else the result is of
+    second order in the length of the segments (Guigui and Pennec, "Numerical accuracy of ladder
+    schemes for parallel transport on manifolds", Foundations of Computational Mathematics 22,
+    2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
+    see `riemhuman.solvers.middle_equation`.
+
+    Parameters
+    ----------
+    n_rungs : int
+        Segments of a geodesic in closed form; a solver's path has its own.
+    basis : DeformationBasis, optional
+        Deformations, joined by those of the path and the vector, within which discrete segments
+        are sought; by default all coordinates. Inner products of two vectors are kept if both
+        are in the basis.
+    geodesic_solver : object, optional
+        Solver for the geodesic, by default the metric's own.
+    exact : bool
+        Whether the metric's `parallel_transport` is used where it has one.
+    scale : float
+        Length of the sides exp_p(±w) in units of the segment.
+    tolerance : float
+        Error of each equation, as a share of the length of its two segments.
+    max_iterations : int
+        Most iterations of each equation.
+    """
+
+    def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
+        middle = geometry.halfway(start, end)
+        behind, ahead = geometry.sides(start, vector)
+        return geometry.displacement(
+            geometry.reflected(ahead, middle), end, geometry.reflected(behind, middle)
+        )
+
+
+class SchildLadder(_Ladder):
+    r"""Transport along the sides of parallelograms.
+
+    Of each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
+    lie at ±w' of q. Of first order in the length of the segments in general, and second with the
+    two signs averaged, as here; see `PoleLadder` for the parameters and the source.
+
+    Parameters
+    ----------
+    n_rungs : int
+        Segments of a geodesic in closed form; a solver's path has its own.
+    basis : DeformationBasis, optional
+        Deformations within which discrete segments are sought.
+    geodesic_solver : object, optional
+        Solver for the geodesic, by default the metric's own.
+    exact : bool
+        Whether the metric's `parallel_transport` is used where it has one.
+    scale : float
+        Length of the sides exp_p(±w) in units of the segment.
+    tolerance : float
+        Error of each equation, as a share of the length of its two segments.
+    max_iterations : int
+        Most iterations of each equation.
+    """
+
+    def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
+        behind, ahead = (
+            geometry.reflected(start, geometry.halfway(side, end))
+            for side in geometry.sides(start, vector)
+        )
+        return geometry.displacement(behind, end, ahead)
+
+
+class _ClosedForms:
+    """Geodesics by the metric's own exponential and logarithm."""
+
+    n_iterations = n_evaluations = 0
+    error = 0.0
+
+    def __init__(self, metric: RiemannianMetric) -> None:
+        self._metric = metric
+
+    def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
+        return self._metric.exp(-displacement, middle), self._metric.exp(displacement, middle)
+
+    def halfway(self, start: ndarray, end: ndarray) -> ndarray:
+        return self._metric.exp(0.5 * self._metric.log(end, start), start)
+
+    def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
+        return self._metric.exp(-self._metric.log(point, middle), middle)
+
+    def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+        return 0.5 * (self._metric.log(after, middle) - self._metric.log(before, middle))
+
+
+class _SingleSegments:
+    """Geodesics of one discrete segment."""
+
+    def __init__(self, equation: MiddleEquation) -> None:
+        self._equation = equation
+        self.n_iterations = self.n_evaluations = 0
+        self.error = 0.0
+
+    def sides(self, middle: ndarray, displacement: ndarray) -> tuple[ndarray, ndarray]:
+        points = self._solved(self._equation.both_sides, middle, displacement)
+        return points[0], points[2]
+
+    def halfway(self, start: ndarray, end: ndarray) -> ndarray:
+        return self._solved(self._equation.middle_point, start, end)[1]
+
+    def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
+        return self._solved(self._equation.next_point, point, middle)[2]
+
+    def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
+        return self._equation.metric.space.to_tangent(0.5 * (after - before), middle)
+
+    def _solved(
+        self, equation: Callable[[ndarray, ndarray], Triple], one: ndarray, other: ndarray
+    ) -> ndarray:
+        found = equation(one, other)
+        self.n_iterations += found.n_iterations
+        self.n_evaluations += found.n_evaluations
+        self.error = max(self.error, found.error)
+        return found.points
+
+
+def _checked_path(metric: RiemannianMetric, base_point: ndarray, path: Any) -> ndarray:
+    path = metric.check_points(path, "path")
+    base_point, _ = check_end_points(metric, base_point, base_point)
+    if len(path) < 2:
+        raise ArgumentError(f"path must have at least two times; found {len(path)}")
+    gap = np.abs(path[0] - base_point).max()
+    if gap > 1e-9 * np.abs(base_point).max():
+        raise ArgumentError(f"path must start at base_point; it is off by {gap:.3g}")
+    return path

@@ -1,0 +1,135 @@
+"""Motion transfer and disentangling against the body model's own answers.
+
+    pytest tests/benchmarks/test_transfer.py --benchmark-enable -s
+
+prints, for the fourteen open motions replayed between four pairs of people, the mean vertex error
+against the model's own motion, of vertex offsets and of deformation gradients, nothing aligned; and
+for twenty seeded pairs of open bodies the mean vertex errors of both inputs and of the body with
+the first one's shape and the second one's pose, by the metrics and a basis of other people's
+motions, after the translation that no metric sees. Where
+benchmarks are disabled, a few of both run at coarse resolution.
+"""
+
+import numpy as np
+from performances import basis, bodies, timed
+
+from riemhuman.datasets import load_open_motions
+from riemhuman.datasets.open_motions import OpenMotion
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
+from riemhuman.surfaces.procrustes import procrustes
+
+PEOPLE = [(0, 5), (1, 6), (3, 8), (6, 1)]
+N_FRAMES = 9
+
+
+class PerformedByAnother(OpenMotion):
+    """The same performance by somebody else, who stands on their own feet."""
+
+    def __init__(self, motion, betas):
+        super().__init__(motion.subject, motion.sequence, motion.model, motion.frames_per_second)
+        self._betas = betas
+
+    @property
+    def betas(self):
+        """Shape coefficients of the other person."""
+        return self._betas
+
+
+def frames_of(motion):
+    """Return some frames of a motion, evenly spaced."""
+    numbers = np.linspace(0, len(motion) - 1, N_FRAMES).astype(int)
+    return np.stack([motion[int(k)] for k in numbers])
+
+
+def mean_distance(surfaces, others):
+    """Return the mean distance of vertices in millimetres."""
+    return 1000.0 * np.linalg.norm(surfaces - others, axis=-1).mean()
+
+
+def centred(surface):
+    """Return a surface with its centroid at the origin."""
+    return surface - surface.mean(axis=-2, keepdims=True)
+
+
+def test_motion_transfer(benchmark):
+    full = not benchmark.disabled
+    resolution = "full" if full else "coarse"
+    motions = load_open_motions(resolution)
+    space = AlignedSurfaces(motions[0].template, equip=False)
+    n_sequences = len(motions) // 10
+    rows = []
+    for one, other in PEOPLE if full else PEOPLE[1:3]:
+        for k in range(0, n_sequences, 1 if full else 3):
+            source = motions[n_sequences * one + k]
+            own = frames_of(PerformedByAnother(source, motions[n_sequences * other].betas))
+            seen = frames_of(source)
+            moved = MotionTransfer().solve(space, seen, own[0])
+            reshaped = ShapeTransfer().solve(space, seen[0], own[0], seen[4])
+            row = [
+                mean_distance(own[0] + seen - seen[0], own),
+                mean_distance(moved, own),
+                mean_distance(centred(seen[4] + own[0] - seen[0]), centred(own[4])),
+                mean_distance(centred(reshaped), centred(own[4])),
+            ]
+            rows.append(row)
+            print(
+                f"\n{source.subject:>26} {source.sequence:20} motion: offsets {row[0]:5.1f} mm, "
+                f"transfer {row[1]:5.1f} mm; shape: {row[2]:5.1f} and {row[3]:5.1f} mm",
+                end="",
+            )
+    rows = np.array(rows)
+    means = rows.mean(axis=0)
+    ratios = rows[:, 1::2] / rows[:, ::2]
+    print(
+        f"\nmotion: {means[1] / means[0]:.2f} of the offsets' error in the mean, "
+        f"{np.median(ratios[:, 0]):.2f} in the median, {ratios[:, 0].max():.2f} at most; "
+        f"shape: {means[3] / means[2]:.2f}, {np.median(ratios[:, 1]):.2f}, "
+        f"{ratios[:, 1].max():.2f}"
+    )
+    benchmark.pedantic(lambda: MotionTransfer().solve(space, seen, own[0]), rounds=1)
+    assert means[1] < 0.5 * means[0]
+    assert means[3] < 0.5 * means[2]
+    assert np.median(ratios[:, 0]) < 0.5
+
+
+def test_disentangling(benchmark):
+    full = not benchmark.disabled
+    resolution, n_pairs = ("full", 20) if full else ("coarse", 8)
+    data = bodies(resolution)
+    space = AlignedSurfaces(data.template, equip=False)
+    metrics = ElasticMetric(space, 1.0, 1.0, 0.0), ElasticMetric(space, 0.0, 0.0, 1.0)
+    solver = Disentangling(basis(resolution))
+    rng = np.random.default_rng(0)
+    rows, aligned_rows = [], []
+    for _ in range(n_pairs):
+        people = rng.choice(10, 2, replace=False)
+        poses = rng.choice(10, 2, replace=False)
+        one, other = (int(k) for k in 10 * people + poses)
+        truth = data.model(data.betas[one], data.pose_vectors[other])
+        arguments = (metrics[1], data.points[one], data.points[other])
+        found, seconds = timed(solver, metrics[0], *arguments)
+        surfaces = (data.points[one], data.points[other], found.surface)
+        row = [mean_distance(centred(surface), centred(truth)) for surface in surfaces]
+        rows.append((min(row[:2]), row[2]))
+        aligned = [mean_distance(procrustes(surface, truth), truth) for surface in surfaces]
+        aligned_rows.append((min(aligned[:2]), aligned[2]))
+        print(
+            f"\n{data.subject_names[people[0]]:>24} as {data.pose_names[poses[1]]:14} "
+            f"(from {data.pose_names[poses[0]]}, {data.subject_names[people[1]]}): inputs "
+            f"{row[0]:5.1f} and {row[1]:5.1f} mm, both {row[2]:4.1f} mm; {seconds:.2f} s",
+            end="",
+        )
+    for name, pairs in (("translation", rows), ("rigid motion", aligned_rows)):
+        better, ours = np.array(pairs).T
+        ratios = ours / better
+        print(
+            f"\nafter a {name}: {ours.mean():.1f} mm, {ours.mean() / better.mean():.2f} of the "
+            f"better input's {better.mean():.1f} mm in the mean, {np.median(ratios):.2f} in the "
+            f"median, {ratios.max():.2f} at most",
+            end="",
+        )
+    print()
+    benchmark.pedantic(lambda: timed(solver, metrics[0], *arguments), rounds=1)
+    better, ours = np.array(rows).mean(axis=0)
+    assert ours < better / 3

@@ -1,0 +1,45 @@
+"""Frames of triangles, what takes one to another, and the rotation in it."""
+
+import numpy as np
+import pytest
+from cases import sphere_template
+from scipy.spatial.transform import Rotation
+
+from riemhuman.kernels.triangle_frames import (
+    deformation_gradients,
+    nearest_rotations,
+    stacked_derivatives,
+    triangle_frames,
+)
+
+
+def test_frames_hold_derivatives_and_unit_normals():
+    template = sphere_template()
+    frames = triangle_frames(template.vertices, template.differential_operator)
+    # On the template itself f_u, f_v and n are orthonormal.
+    gram = np.swapaxes(frames, -1, -2) @ frames
+    np.testing.assert_allclose(gram, np.eye(3) + np.zeros_like(gram), atol=1e-12)
+    np.testing.assert_array_equal(
+        stacked_derivatives(frames), template.differential_operator @ template.vertices
+    )
+
+
+def test_gradients_of_a_linear_map_are_the_map_along_the_surface():
+    template = sphere_template()
+    matrix = np.eye(3) + 0.3 * np.random.default_rng(0).standard_normal((3, 3))
+    before, after = (
+        triangle_frames(points, template.differential_operator)
+        for points in (template.vertices, template.vertices @ matrix.T)
+    )
+    gradients = deformation_gradients(before, after)
+    np.testing.assert_allclose((gradients @ before)[..., :2], (matrix @ before)[..., :2])
+    np.testing.assert_allclose(gradients @ before, after, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rotations_of_polar_decompositions(seed):
+    rng = np.random.default_rng(seed)
+    rotations = Rotation.random(20, rng=rng).as_matrix()
+    roots = np.eye(3) + 0.3 * rng.standard_normal((20, 3, 3))
+    stretches = roots @ np.swapaxes(roots, -1, -2) + 0.1 * np.eye(3)
+    np.testing.assert_allclose(nearest_rotations(rotations @ stretches), rotations, atol=1e-9)

@@ -1,0 +1,311 @@
+"""The discrete exponential: its order, what it conserves, how it stops."""
+
+import bodies_in_motion as bodies
+import numpy as np
+import pytest
+from cases import (
+    CASES,
+    HalfPlane,
+    HyperbolicInnerProduct,
+    cases_that,
+    name_of,
+    sphere_template,
+)
+
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    ConvergenceWarning,
+    NotDefinedError,
+    OutsideManifoldError,
+)
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm
+from riemhuman.solvers.discrete_exponential import basis_with
+from riemhuman.surfaces import DeformationBasis
+
+# The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
+# velocities without effect; flat space is exact at any step.
+CLOSED_FORM = [
+    case
+    for case in cases_that("dist", "exp", "log")
+    if case.name not in ("product", "product of one", "flat")
+]
+SURFACES = [
+    CASES[name]
+    for name in ("stretch sphere", "mixed sphere", "mixed open", "all triangle", "srnf open")
+]
+PLANES = [CASES[name] for name in CASES if name.startswith("half-plane")]
+
+
+def orders(errors):
+    """Return the orders at which errors fall where the step is halved."""
+    errors = np.asarray(errors)
+    return np.log2(errors[:-1] / errors[1:])
+
+
+@pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
+def test_second_order_against_closed_forms(case):
+    start, end = case.points[:2]
+    velocity = case.metric.log(end, start)
+    errors = []
+    for n_steps in (4, 8, 16):
+        result = DiscreteExponential(n_steps=n_steps).solve(case.metric, start, velocity)
+        assert result.converged
+        assert len(result.path) == n_steps + 1
+        assert np.all(case.space.belongs(result.path))
+        errors.append(np.abs(result.end - end).max())
+    assert np.all(orders(errors) > 1.85)
+
+
+def test_exact_in_flat_space():
+    case = CASES["flat"]
+    start, velocity = case.points[0], case.tangent_vecs[0]
+    result = DiscreteExponential(n_steps=3).solve(case.metric, start, velocity)
+    np.testing.assert_allclose(result.end, start + velocity, atol=1e-12)
+
+
+@pytest.mark.parametrize("case", SURFACES + PLANES, ids=name_of)
+def test_second_order_without_closed_forms(case):
+    start = case.points[0]
+    velocity = 0.25 * (case.points[1] - start)
+    results = [
+        DiscreteExponential(n_steps=n_steps, tolerance=1e-10).solve(case.metric, start, velocity)
+        for n_steps in (4, 8, 16, 32)
+    ]
+    ends = np.stack([result.end for result in results])
+    assert np.all(orders(np.abs(np.diff(ends, axis=0)).reshape(3, -1).max(axis=1)) > 1.85)
+    squared_speed = float(case.metric.squared_norm(velocity, start))
+    drifts = [np.ptp(result.energies) / squared_speed for result in results]
+    assert drifts[-1] < 1e-4
+    errors = [abs(result.energy - squared_speed) for result in results]
+    assert np.all(orders(errors)[:2] > 1.7) or max(errors) < 1e-8 * squared_speed
+
+
+def test_a_first_order_start_would_be_seen():
+    """The one-sided start x₀ + v/n of the literature is of first order only."""
+    case = CASES["normals triangle"]
+    start, end = case.points[:2]
+    velocity = case.metric.log(end, start)
+    errors = []
+    for n_steps in (8, 16, 32):
+        first = case.space.regularize(start + 1.3 * velocity / n_steps**2 + velocity / n_steps)
+        path = np.stack([start, first])
+        walked = DiscreteExponential().extend(case.metric, path, n_steps - 1)
+        errors.append(np.abs(walked.end - end).max())
+    assert np.all(orders(errors) < 1.5)
+
+
+def test_energy_is_conserved_on_symmetric_spaces():
+    case = CASES["normals sphere"]
+    result = DiscreteExponential().solve(case.metric, case.points[0], case.tangent_vecs[0])
+    np.testing.assert_allclose(result.energies, result.energies[0], rtol=1e-7)
+
+
+@pytest.fixture(scope="module")
+def elbow():
+    """Return a metric, a body and the initial velocity of a geodesic that bends its elbow."""
+    metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
+    start, end = bodies.body("resting"), bodies.body("elbow bent")
+    found = DiscreteLogarithm(bodies.basis(30)).solve(metric, start, end)
+    return metric, start, found.tangent_vec
+
+
+def test_energy_along_bodies_is_conserved_to_second_order(elbow):
+    metric, start, velocity = elbow
+    drifts, errors = [], []
+    for n_steps in (8, 16):
+        solver = DiscreteExponential(bodies.basis(30), n_steps=n_steps)
+        energies = solver.solve(metric, start, velocity).energies
+        drifts.append(np.ptp(energies) / energies.mean())
+        errors.append(abs(energies.mean() / metric.squared_norm(velocity, start) - 1))
+    assert np.all(orders(drifts) > 1.5)
+    assert np.all(orders(errors) > 1.5)
+    assert drifts[-1] < 0.1
+
+
+def test_path_stays_in_the_basis_and_the_velocity(elbow):
+    metric, start, velocity = elbow
+    result = DiscreteExponential(bodies.basis(30), n_steps=5).solve(metric, start, 0.3 * velocity)
+    joined = basis_with(bodies.basis(30), velocity)
+    difference = result.path - start
+    np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
+    assert np.abs(bodies.basis(30).project(difference) - difference).max() > 1e-5
+
+
+def test_extension_continues_what_solve_began(elbow):
+    metric, start, velocity = elbow
+    solver = DiscreteExponential(bodies.basis(30), n_steps=5)
+    half = solver.solve(metric, start, 0.5 * velocity)
+    twice = DiscreteExponential(basis_with(bodies.basis(30), velocity), n_steps=10)
+    whole = twice.extend(metric, half.path, 5)
+    assert len(whole.path) == 11
+    assert whole.n_steps == 5
+    np.testing.assert_array_equal(whole.path[:6], half.path)
+    reference = twice.solve(metric, start, velocity)
+    np.testing.assert_allclose(whole.path, reference.path, atol=1e-5)
+    np.testing.assert_allclose(whole.energies, 0.25 * reference.energies, rtol=1e-4)
+
+
+def test_extension_beyond_the_end_of_a_geodesic():
+    case = CASES["ebin 1 sphere"]
+    start, end = case.points[:2]
+    curve = case.metric.geodesic(start, end_point=end)
+    path = curve(np.linspace(0, 1, 6))
+    result = DiscreteExponential().extend(case.metric, path, 2)
+    beyond = case.metric.exp(1.4 * case.metric.log(end, start), start)
+    np.testing.assert_allclose(result.end, beyond, rtol=1e-5)
+
+
+def test_no_velocity_stays_where_it_is():
+    case = CASES["mixed open"]
+    result = DiscreteExponential(n_steps=3).solve(
+        case.metric, case.points[0], np.zeros(case.space.shape)
+    )
+    assert result.converged
+    np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], atol=1e-12)
+    assert result.energy == 0
+
+
+@pytest.mark.parametrize("name", ["all sphere", "mixed open", "all triangle", "stretch triangle"])
+def test_stops_where_triangles_vanish(name):
+    """A surface that shrinks at one and a half times its size a unit of time is gone at 2/3."""
+    case = CASES[name]
+    start = case.points[0]
+    solver = DiscreteExponential(n_steps=30)
+    with pytest.warns(ConvergenceWarning, match="triangle [0-9]+ degenerates"):
+        result = solver.solve(case.metric, start, -1.5 * (start - start.mean(axis=0)))
+    assert not result.complete
+    assert not result.converged
+    assert result.message.startswith(f"step {len(result.path)} of 30: triangle")
+    assert 17 <= len(result.path) <= 21
+    assert np.all(case.space.belongs(result.path))
+    assert len(result.energies) == len(result.path) - 1
+
+
+def test_stops_where_fields_leave_the_manifold():
+    case = CASES["ebin 1 sphere"]
+    with pytest.warns(ConvergenceWarning, match="stopped without converging"):
+        result = DiscreteExponential(n_steps=20).solve(
+            case.metric, case.points[0], -6.0 * case.points[0]
+        )
+    assert not result.complete
+    assert np.all(case.space.belongs(result.path))
+
+
+def test_says_when_an_equation_was_not_solved():
+    case = CASES["mixed sphere"]
+    solver = DiscreteExponential(n_steps=4, max_iterations=3)
+    with pytest.warns(ConvergenceWarning, match="step 4 of 4: the equation is solved to .* only"):
+        result = solver.solve(case.metric, case.points[0], 0.3 * case.tangent_vecs[0])
+    assert result.complete
+    assert not result.converged
+
+
+def test_interruption_keeps_the_path(monkeypatch):
+    case = CASES["mixed triangle"]
+    calls = []
+    energy_and_gradient = case.metric.energy_and_gradient
+
+    def interrupted(path):
+        calls.append(1)
+        if len(calls) == 25:
+            raise KeyboardInterrupt
+        return energy_and_gradient(path)
+
+    monkeypatch.setattr(case.metric, "energy_and_gradient", interrupted)
+    with pytest.warns(ConvergenceWarning, match="interrupted from the keyboard"):
+        result = DiscreteExponential(n_steps=20).solve(
+            case.metric, case.points[0], 0.3 * case.tangent_vecs[0]
+        )
+    assert 1 < len(result.path) < 20
+    assert not result.complete
+
+
+def test_arguments_are_left_alone():
+    case = CASES["mixed triangle"]
+    start, velocity = case.points[0].copy(), 0.2 * case.tangent_vecs[0]
+    copies = start.copy(), velocity.copy()
+    DiscreteExponential(n_steps=3).solve(case.metric, start, velocity)
+    np.testing.assert_array_equal([start, velocity], copies)
+
+
+def test_joined_basis():
+    basis = bodies.basis(20)
+    inside = 3.0 * basis.vectors[2] - basis.vectors[5]
+    assert basis_with(basis, inside) is basis
+    joined = basis_with(basis, bodies.body("other build") - bodies.body("resting"))
+    assert len(joined) == 21
+    assert basis_with(basis, np.zeros_like(inside)) is basis
+    weighted = DeformationBasis(
+        basis.vectors, orthonormalize=True, vertex_weights=bodies.model().template.vertex_areas
+    )
+    np.testing.assert_array_equal(
+        basis_with(weighted, inside + 1.0).vertex_weights, weighted.vertex_weights
+    )
+
+
+def test_metrics_take_it_as_exp_solver():
+    template = sphere_template()
+    solver = DiscreteExponential(n_steps=4)
+    space = AlignedSurfaces(template)
+    metrics = [
+        ElasticMetric(space, 1.0, 0.1, 0.1, exp_solver=solver),
+        SRNFMetric(space, exp_solver=solver),
+        HyperbolicInnerProduct(HalfPlane(), exp_solver=solver),
+    ]
+    for metric, name in zip(
+        metrics, ("mixed sphere", "srnf sphere", "half-plane, inner product"), strict=True
+    ):
+        start, velocity = CASES[name].points[0], 0.2 * CASES[name].tangent_vecs[0]
+        end = metric.exp(velocity, start)
+        np.testing.assert_array_equal(end, solver.solve(metric, start, velocity).end)
+        several = metric.exp(np.stack([velocity, 0.5 * velocity]), start)
+        assert several.shape == (2, *start.shape)
+        np.testing.assert_array_equal(several[0], end)
+        curve = metric.geodesic(start, initial_tangent_vec=velocity)
+        np.testing.assert_allclose(curve([0.0, 0.5, 1.0])[1:], several[::-1], atol=1e-12)
+
+
+def test_an_exponential_that_does_not_exist_is_refused():
+    case = CASES["all sphere"]
+    metric = ElasticMetric(case.space, 1.0, 1.0, 1.0, exp_solver=DiscreteExponential())
+    with (
+        pytest.raises(OutsideManifoldError, match="DiscreteExponential .* stopped at step 7 of 10"),
+        pytest.warns(ConvergenceWarning),
+    ):
+        metric.exp(-1.5 * case.points[0], case.points[0])
+    with pytest.raises(NotDefinedError, match="exp_solver=riemhuman.solvers.DiscreteExponential"):
+        case.metric.exp(case.points[0], case.points[0])
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"n_steps": 0}, ArgumentError),
+        ({"n_steps": 2.5}, ArgumentTypeError),
+        ({"tolerance": 0.0}, ArgumentError),
+        ({"max_iterations": 0}, ArgumentError),
+    ],
+)
+def test_settings_are_checked(settings, error):
+    with pytest.raises(error, match=next(iter(settings))):
+        DiscreteExponential(**settings)
+
+
+def test_bad_input():
+    metric, start = CASES["mixed triangle"].metric, CASES["mixed triangle"].points[0]
+    solver = DiscreteExponential()
+    with pytest.raises(ArgumentError, match="base_point must have shape"):
+        solver.solve(metric, start[:2], start)
+    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
+        solver.solve(metric, start, start[None])
+    with pytest.raises(ArgumentError, match="tangent_vec holds 9 NaN"):
+        solver.solve(metric, start, np.nan * start)
+    with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
+        solver.extend(metric, start[None], 3)
+    with pytest.raises(ArgumentError, match="n_steps must be a whole number of at least 1"):
+        solver.extend(metric, np.stack([start, start]), 0)
+    with pytest.raises(ArgumentError, match="the basis belongs to another template"):
+        DiscreteExponential(bodies.basis(20)).solve(metric, start, start)

@@ -1,0 +1,157 @@
+"""The discrete logarithm, and that it is the inverse of the discrete exponential."""
+
+import bodies_in_motion as bodies
+import numpy as np
+import pytest
+from cases import CASES, cases_that, name_of
+
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    ConvergenceWarning,
+    NotDefinedError,
+)
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.solvers import BasisPath, ClosedFormGeodesic, DiscreteExponential, DiscreteLogarithm
+
+CLOSED_FORM = [
+    case
+    for case in cases_that("dist", "exp", "log", "geodesic")
+    if case.name not in ("product", "product of one", "flat")
+]
+OTHERS = [
+    CASES[name] for name in ("mixed sphere", "all open", "srnf triangle", "half-plane, distance")
+]
+
+
+def orders(errors):
+    """Return the orders at which errors fall where the step is halved."""
+    errors = np.asarray(errors)
+    return np.log2(errors[:-1] / errors[1:])
+
+
+@pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
+def test_second_order_against_closed_forms(case):
+    start, end = case.points[:2]
+    exact = case.metric.log(end, start)
+    errors = []
+    for n_steps in (8, 16, 32):
+        solver = DiscreteLogarithm(geodesic_solver=ClosedFormGeodesic(n_steps + 1))
+        result = solver.solve(case.metric, start, end)
+        assert result.converged
+        errors.append(np.abs(result.tangent_vec - exact).max())
+    assert np.all(orders(errors) > 1.85)
+    assert result.energy == pytest.approx(float(case.metric.squared_dist(start, end)), rel=1e-8)
+
+
+@pytest.mark.parametrize("case", OTHERS, ids=name_of)
+def test_inverse_of_the_exponential_in_all_coordinates(case):
+    start = case.points[0]
+    velocity = 0.25 * (case.points[1] - start)
+    forward = DiscreteExponential(n_steps=6, tolerance=1e-10).solve(case.metric, start, velocity)
+    back = DiscreteLogarithm(n_steps=6).solve(case.metric, start, forward.end)
+    size = float(case.metric.norm(velocity, start))
+    error = float(case.metric.norm(back.tangent_vec - velocity, start))
+    assert back.converged
+    assert error < 1e-4 * size
+    assert back.energy == pytest.approx(forward.energy, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("weights", "end"),
+    [
+        ((1.0, 1.0, 0.0), "arm raised"),
+        ((0.0, 0.0, 1.0), "elbow bent"),
+        ((1.0, 0.1, 0.1), "other build"),
+    ],
+)
+def test_inverse_of_the_exponential_on_bodies(weights, end):
+    """With one time step exp∘log is the identity; with another it is to the second order."""
+    metric = ElasticMetric(bodies.space(), *weights)
+    basis = bodies.basis(30)
+    start, end = bodies.body("resting"), bodies.body(end)
+    gaps = []
+    for n_steps in (5, 10):
+        log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, start, end)
+        assert log.converged
+        forward = DiscreteExponential(basis, n_steps=n_steps).solve(metric, start, log.tangent_vec)
+        # A tenth of a millimetre, of displacements of decimetres.
+        assert np.abs(forward.end - end).max() < 1e-4
+        finer = DiscreteExponential(basis, n_steps=2 * n_steps)
+        gaps.append(np.abs(finer.solve(metric, start, log.tangent_vec).end - end).max())
+    again = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, start, forward.end)
+    assert np.abs(again.tangent_vec - log.tangent_vec).max() < 1e-4
+    assert orders(gaps) > 1.4
+
+
+def test_energy_is_the_squared_norm_to_second_order():
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
+    start, end = bodies.body("resting"), bodies.body("arm raised")
+    errors = []
+    for n_steps in (5, 10):
+        found = DiscreteLogarithm(bodies.basis(30), n_steps=n_steps).solve(metric, start, end)
+        errors.append(abs(found.energy / metric.squared_norm(found.tangent_vec, start) - 1))
+    assert orders(errors) > 1.7
+    assert found.energy >= metric.squared_dist(start, end)
+
+
+def test_a_solver_may_be_given():
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
+    start, end = bodies.body("resting"), bodies.body("arm raised")
+    solver = BasisPath(bodies.basis(30), n_times=4)
+    found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(metric, start, end)
+    path = solver.solve(metric, start, end).path
+    np.testing.assert_array_equal(found.path, path)
+    first = 3.0 * (path[1] - path[0])
+    assert metric.norm(found.tangent_vec - first, start) < 0.5 * metric.norm(first, start)
+
+
+def test_metrics_take_it_as_log_solver():
+    case = CASES["mixed triangle"]
+    solver = DiscreteLogarithm(n_steps=4)
+    metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, log_solver=solver)
+    velocities = metric.log(case.points[1:3], case.points[0])
+    assert velocities.shape == (2, 3, 3)
+    found = solver.solve(metric, case.points[0], case.points[1])
+    np.testing.assert_array_equal(velocities[0], found.tangent_vec)
+    with pytest.raises(NotDefinedError, match="log_solver=riemhuman.solvers.DiscreteLogarithm"):
+        case.metric.log(*case.points[:2])
+
+
+def test_of_the_point_itself_is_zero():
+    case = CASES["mixed open"]
+    found = DiscreteLogarithm(n_steps=3).solve(case.metric, case.points[0], case.points[0])
+    np.testing.assert_allclose(found.tangent_vec, 0.0, atol=1e-9)
+
+
+def test_says_when_it_has_not_converged():
+    case = CASES["mixed sphere"]
+    solver = DiscreteLogarithm(n_steps=3, max_iterations=1)
+    with pytest.warns(ConvergenceWarning, match="the step before the start: error"):
+        found = solver.solve(case.metric, *case.points[:2])
+    assert not found.converged
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"n_steps": 0}, ArgumentError),
+        ({"n_steps": "many"}, ArgumentTypeError),
+        ({"tolerance": -1.0}, ArgumentError),
+        ({"max_iterations": 0}, ArgumentError),
+    ],
+)
+def test_settings_are_checked(settings, error):
+    with pytest.raises(error, match=next(iter(settings))):
+        DiscreteLogarithm(**settings)
+
+
+def test_bad_input():
+    case = CASES["mixed triangle"]
+    start, end = case.points[:2]
+    with pytest.raises(ArgumentError, match="start must have shape"):
+        DiscreteLogarithm().solve(case.metric, start[:2], end)
+    with pytest.raises(ArgumentError, match="end holds 9 NaN"):
+        DiscreteLogarithm().solve(case.metric, start, np.nan * end)
+    with pytest.raises(ArgumentError, match="the basis belongs to another template"):
+        DiscreteLogarithm(bodies.basis(20)).solve(case.metric, start, end)

@@ -1,0 +1,217 @@
+"""One body's shape with another's pose: against the model's truth and its own definition."""
+
+import bodies_in_motion as bodies
+import numpy as np
+import pytest
+from cases import CASES, deformations, sphere_template
+from scipy.spatial.transform import Rotation
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers import Disentangling
+from riemhuman.solvers.disentangling import turned_as
+from riemhuman.surfaces import DeformationBasis
+
+
+def metrics(space):
+    """Return the metric of shape and that of pose."""
+    return ElasticMetric(space, 1.0, 1.0, 0.0), ElasticMetric(space, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """Return the body of another build with a raised knee, of its own start."""
+    shape, pose = bodies.body("other build"), bodies.body("knee raised")
+    return Disentangling(tolerance=1e-5).solve(*metrics(bodies.space()), shape, pose)
+
+
+def centred(surface):
+    """Return a surface with its centroid at the origin."""
+    return surface - surface.mean(axis=0)
+
+
+def error(surface, truth):
+    """Return the mean distance of vertices, translations aside."""
+    return np.linalg.norm(centred(surface - truth), axis=-1).mean()
+
+
+def test_a_third_of_the_better_inputs_error():
+    """Mean over pairs of two people in two poses of the open bodies."""
+    data = load_open_bodies("coarse")
+    solver = Disentangling()
+    rng = np.random.default_rng(0)
+    errors = []
+    for _ in range(8):
+        one, other = rng.choice(10, 2, replace=False)
+        a, b = 10 * one + rng.integers(10), 10 * other + rng.integers(10)
+        truth = data.model(data.betas[a], data.pose_vectors[b])
+        found = solver.solve(*metrics(bodies.space()), data.points[a], data.points[b])
+        better = min(error(data.points[k], truth) for k in (a, b))
+        errors.append((error(found.surface, truth), better))
+    ours, theirs = np.mean(errors, axis=0)
+    assert ours < theirs / 3
+
+
+def test_result_is_of_the_definition(solved):
+    shape_metric, pose_metric = metrics(bodies.space())
+    shape, pose = bodies.body("other build"), bodies.body("knee raised")
+    assert solved.converged
+    assert solved.shape_dist == pytest.approx(shape_metric.dist(shape, solved.surface))
+    assert solved.pose_dist == pytest.approx(pose_metric.dist(pose, solved.surface))
+    assert solved.value == pytest.approx(solved.shape_dist**2 + 50.0 * solved.pose_dist**2)
+    assert solved.values[-1] == pytest.approx(solved.value)
+    assert np.all(np.diff(solved.values) <= 1e-12)
+    assert len(solved.values) == solved.n_iterations + 1
+    assert solved.shape_dist < 0.5 * shape_metric.dist(shape, pose)
+    assert solved.pose_dist < 0.3 * pose_metric.dist(shape, pose)
+    np.testing.assert_allclose(solved.surface.mean(axis=0), pose.mean(axis=0), atol=1e-12)
+
+
+def test_no_surface_near_is_better(solved):
+    shape_metric, pose_metric = metrics(bodies.space())
+    shape, pose = bodies.body("other build"), bodies.body("knee raised")
+
+    def value(surface):
+        return shape_metric.squared_dist(shape, surface) + 50.0 * pose_metric.squared_dist(
+            pose, surface
+        )
+
+    for direction in bodies.basis().vectors[:5]:
+        for size in (-0.05, 0.05):
+            assert value(solved.surface + size * direction) > solved.value
+
+
+def test_in_a_basis(solved):
+    """The result differs from the shape body by the basis and a translation alone."""
+    shape, pose = bodies.body("other build"), bodies.body("knee raised")
+    basis = bodies.basis()
+    found = Disentangling(basis, tolerance=1e-5).solve(*metrics(bodies.space()), shape, pose)
+    difference = found.surface - shape
+    shifts = np.tile(np.eye(3)[:, None], (1, len(shape), 1)).reshape(3, -1)
+    span = np.concatenate([basis.flat, shifts])
+    weights = np.linalg.lstsq(span.T, difference.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(span.T @ weights, difference.ravel(), atol=1e-10)
+    np.testing.assert_array_equal(found.values, solved.values)
+    assert found.value == pytest.approx(found.shape_dist**2 + 50.0 * found.pose_dist**2)
+    assert found.value > solved.value
+    np.testing.assert_allclose(found.surface.mean(axis=0), pose.mean(axis=0), atol=1e-12)
+
+
+def test_a_basis_keeps_the_build():
+    """In shape it is nearer to the model's truth than without, and no farther in place."""
+    betas = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))
+    pose = bodies.pose(left_shoulder=(0, 0, 50), left_elbow=(0, -30, 0))
+    truth = bodies.model()(betas=betas[1], pose=pose)
+    # How three other people raise an arm.
+    turns = np.linspace(0, 1, 11)[:, None, None] * pose
+    motions = [bodies.model()(betas=betas[k], pose=turns) for k in (2, 3, 4)]
+    basis = DeformationBasis.from_motions(motions, n_components=8, step=2)
+    pair = metrics(bodies.space())
+    free, kept = (
+        Disentangling(allowed)
+        .solve(*pair, bodies.body("other build"), bodies.body("arm raised"))
+        .surface
+        for allowed in (None, basis)
+    )
+    assert pair[0].dist(kept, truth) < pair[0].dist(free, truth)
+    assert error(kept, truth) < error(free, truth)
+
+
+def test_weights_pull_either_way():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    shape, pose = space.template.vertices + deformations(space.template, 2, rng=1, size=0.3)
+    found = [
+        Disentangling(pose_weight=weight, tolerance=1e-6).solve(*metrics(space), shape, pose)
+        for weight in (0.1, 1.0, 10.0)
+    ]
+    assert np.all(np.diff([result.shape_dist for result in found]) > 0)
+    assert np.all(np.diff([result.pose_dist for result in found]) < 0)
+
+
+@pytest.mark.parametrize("weight", [1.0, 50.0])
+def test_a_body_with_itself_is_itself(weight):
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    body = space.template.vertices + deformations(space.template, 1, rng=2, size=0.3)[0]
+    found = Disentangling(pose_weight=weight).solve(*metrics(space), body, body)
+    np.testing.assert_allclose(found.surface, body, atol=1e-9)
+
+
+def test_the_shape_of_a_turned_body_is_its_shape():
+    """Where the two differ by a rotation the result is the second, exactly: both terms vanish."""
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
+    turned = body @ Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix() + [1.0, 0.0, 2.0]
+    np.testing.assert_allclose(turned_as(space, body, turned), turned, atol=1e-10)
+    found = Disentangling().solve(*metrics(space), body, turned)
+    np.testing.assert_allclose(found.surface, turned, atol=1e-7)
+
+
+def test_triangles_keep_their_metric_where_bodies_differ_by_a_stretch():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
+    np.testing.assert_allclose(
+        centred(turned_as(space, body, 1.3 * body)), centred(body), atol=1e-10
+    )
+    pose = body * [1.0, 1.2, 1.0]
+    turned = turned_as(space, body, pose)
+    metric = metrics(space)[0]
+    assert metric.dist(turned, body) < 0.5 * metric.dist(pose, body)
+
+
+def test_other_metrics_and_starts():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    shape, pose = space.template.vertices + deformations(space.template, 2, rng=6, size=0.2)
+    shape_metric, pose_metric = metrics(space)[0], SRNFMetric(space)
+    found = [
+        Disentangling(pose_weight=1.0, tolerance=1e-9).solve(
+            shape_metric, pose_metric, shape, pose, initial=initial
+        )
+        for initial in (None, pose)
+    ]
+    assert found[0].value == pytest.approx(found[1].value, rel=1e-5)
+
+
+def test_callback_and_iterations():
+    seen = []
+    shape, pose = bodies.body("other build"), bodies.body("knee raised")
+    solver = Disentangling(max_iterations=2, tolerance=1e-9, callback=lambda *s: seen.append(s))
+    with pytest.warns(ConvergenceWarning, match="Disentangling stopped without converging"):
+        found = solver.solve(*metrics(bodies.space()), shape, pose)
+    assert [iteration for iteration, _, _ in seen] == [1, 2]
+    assert seen[-1][1] == pytest.approx(found.values[-1])
+    assert seen[-1][2].shape == shape.shape
+
+
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"shape_weight": 0.0}, ArgumentError),
+        ({"pose_weight": -1.0}, ArgumentError),
+        ({"tolerance": 0.0}, ArgumentError),
+        ({"max_iterations": 1.5}, ArgumentTypeError),
+    ],
+)
+def test_settings_are_checked(settings, error):
+    with pytest.raises(error, match=next(iter(settings))):
+        Disentangling(**settings)
+
+
+def test_bad_input():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    body = space.template.vertices
+    pair = metrics(space)
+    with pytest.raises(ArgumentError, match="shape must have shape"):
+        Disentangling().solve(*pair, body[:4], body)
+    with pytest.raises(ArgumentError, match="pose must be one surface"):
+        Disentangling().solve(*pair, body, np.stack([body, body]))
+    with pytest.raises(ArgumentError, match="every triangle of pose must have an area"):
+        Disentangling().solve(*pair, body, 0.0 * body)
+    with pytest.raises(ArgumentError, match="the basis belongs to another template"):
+        Disentangling(bodies.basis(20)).solve(*pair, body, body)
+    with pytest.raises(ArgumentError, match="metrics on surfaces over one template"):
+        Disentangling().solve(pair[0], metrics(bodies.space())[1], body, body)
+    plane = CASES["half-plane, distance"].metric
+    with pytest.raises(ArgumentError, match="metrics on surfaces over one template"):
+        Disentangling().solve(plane, plane, body, body)

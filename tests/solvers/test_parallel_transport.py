@@ -1,0 +1,219 @@
+"""Ladders: exact where closed forms are, of second order elsewhere."""
+
+import bodies_in_motion as bodies
+import numpy as np
+import pytest
+from cases import CASES, cases_that, name_of
+
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    ConvergenceWarning,
+    NotDefinedError,
+    OutsideManifoldError,
+)
+from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.solvers import (
+    BasisPath,
+    DiscreteExponential,
+    PathStraightening,
+    PoleLadder,
+    SchildLadder,
+)
+
+LADDERS = [PoleLadder, SchildLadder]
+FIELDS = cases_that("exp", "log", "geodesic")
+CURVED = [case for case in FIELDS if case.name.startswith(("ebin", "product"))]
+SPHERES = [case for case in FIELDS if case.name.startswith("normals")]
+OTHERS = [
+    CASES[name]
+    for name in ("mixed triangle", "all open", "half-plane, distance", "half-plane, inner product")
+]
+
+
+def orders(errors):
+    """Return the orders at which errors fall where the segments are halved."""
+    errors = np.asarray(errors)
+    return np.log2(errors[:-1] / errors[1:])
+
+
+def vectors_at(case, rng=1):
+    """Return two tangent vectors at the first point."""
+    return case.space.random_tangent_vec(case.points[0], 2, rng=rng)
+
+
+@pytest.mark.parametrize("ladder", LADDERS)
+@pytest.mark.parametrize("case", FIELDS, ids=name_of)
+def test_inner_products_are_kept_on_fields(case, ladder):
+    start, end = case.points[:2]
+    u, v = vectors_at(case)
+    results = [ladder(n_rungs=2).solve(case.metric, w, start, end) for w in (u, v)]
+    carried = [result.tangent_vec for result in results]
+    assert all(result.converged for result in results)
+    assert np.all(case.space.is_tangent(np.stack(carried), end, atol=1e-8))
+    inner = case.metric.inner_product
+    size = np.sqrt(inner(u, u, start) * inner(v, v, start))
+    assert abs(inner(*carried, end) - inner(u, v, start)) < 1e-8 * size
+    np.testing.assert_array_equal(results[0].tangent_vecs[[0, -1]], [u, carried[0]])
+
+
+@pytest.mark.parametrize("case", SPHERES + CURVED, ids=name_of)
+def test_closed_forms_carry_velocities_along(case):
+    start, end = case.points[:2]
+    metric = case.metric
+    velocity = metric.log(end, start)
+    np.testing.assert_allclose(
+        metric.parallel_transport(velocity, start, end_point=end),
+        -metric.log(start, end),
+        atol=1e-7,
+    )
+    u, _ = vectors_at(case)
+    np.testing.assert_allclose(
+        metric.parallel_transport(u, start, direction=velocity),
+        metric.parallel_transport(u, start, end_point=end),
+        atol=1e-7,
+    )
+
+
+@pytest.mark.parametrize("ladder", LADDERS)
+@pytest.mark.parametrize("case", CURVED, ids=name_of)
+def test_ladders_come_to_the_closed_form_at_second_order(case, ladder):
+    start, end = case.points[:2]
+    u, _ = vectors_at(case)
+    exact = case.metric.parallel_transport(u, start, end_point=end)
+    errors = []
+    for n_rungs in (4, 8, 16):
+        result = ladder(n_rungs=n_rungs, exact=False).solve(case.metric, u, start, end)
+        assert len(result.path) == len(result.tangent_vecs) == n_rungs + 1
+        errors.append(np.abs(result.tangent_vec - exact).max())
+    assert orders(errors)[-1] > 1.85
+
+
+@pytest.mark.parametrize("case", SPHERES, ids=name_of)
+def test_pole_ladders_are_exact_on_symmetric_spaces(case):
+    start, end = case.points[:2]
+    u, _ = vectors_at(case)
+    exact = case.metric.parallel_transport(u, start, end_point=end)
+    one_rung = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end)
+    np.testing.assert_allclose(one_rung.tangent_vec, exact, atol=1e-12)
+    schild = SchildLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end)
+    assert np.abs(schild.tangent_vec - exact).max() > 1e-4
+
+
+@pytest.mark.parametrize("ladder", LADDERS)
+@pytest.mark.parametrize("case", OTHERS, ids=name_of)
+def test_second_order_without_closed_forms(case, ladder):
+    start = case.points[0]
+    velocity = 0.25 * (case.points[1] - start)
+    u, v = case.tangent_vecs[:2]
+    inner = case.metric.inner_product
+    size = np.sqrt(inner(u, u, start) * inner(v, v, start))
+    carried, gaps = [], []
+    for n_rungs in (3, 6, 12):
+        path = DiscreteExponential(n_steps=n_rungs).solve(case.metric, start, velocity).path
+        ends = [ladder().solve(case.metric, w, start, path=path) for w in (u, v)]
+        assert all(end.converged for end in ends)
+        carried.append(ends[0].tangent_vec)
+        products = inner(ends[0].tangent_vec, ends[1].tangent_vec, path[-1])
+        gaps.append(abs(products - inner(u, v, start)) / size)
+    assert orders(gaps)[-1] > 1.8
+    assert gaps[-1] < 1e-3
+    changes = np.abs(np.diff(np.stack(carried), axis=0)).reshape(2, -1).max(axis=1)
+    assert orders(changes) > 1.8
+
+
+def test_half_plane_against_the_known_transport():
+    """Along the vertical line x = const from y₀ to y₁ vectors grow by y₁/y₀."""
+    case = CASES["half-plane, distance"]
+    start, end = np.array([0.2, 1.0]), np.array([0.2, 2.0])
+    path = np.stack([np.full(17, 0.2), 2.0 ** np.linspace(0, 1, 17)], axis=1)
+    vector = np.array([0.3, -0.7])
+    for ladder in LADDERS:
+        result = ladder(tolerance=1e-9).solve(case.metric, vector, start, path=path)
+        np.testing.assert_allclose(result.tangent_vec, 2.0 * vector, rtol=2e-3)
+        assert result.n_evaluations > 0
+    solver = PathStraightening(n_times=9)
+    found = PoleLadder(geodesic_solver=solver, tolerance=1e-9).solve(
+        case.metric, vector, start, end
+    )
+    assert len(found.path) == 9
+    np.testing.assert_allclose(found.tangent_vec, 2.0 * vector, rtol=2e-2)
+
+
+def test_on_bodies_in_a_basis():
+    metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
+    basis = bodies.basis(30)
+    start, end = bodies.body("resting"), bodies.body("arm raised")
+    u, v = basis.vectors[0] + 0.5 * basis.vectors[3], basis.vectors[1]
+    norm = metric.norm(u, start)
+    gaps, products = [], []
+    for n_times in (5, 9):
+        path = BasisPath(basis, n_times=n_times, tolerance=1e-8).solve(metric, start, end).path
+        ladder = PoleLadder(basis=basis)
+        one, other = (ladder.solve(metric, w, start, path=path).tangent_vec for w in (u, v))
+        gaps.append(abs(metric.norm(one, end) / norm - 1))
+        products.append(
+            abs(metric.inner_product(one, other, end) - metric.inner_product(u, v, start))
+        )
+    assert gaps[1] < 0.45 * gaps[0]
+    assert gaps[1] < 5e-3
+    assert products[1] < 5e-3 * norm * metric.norm(v, start)
+
+
+def test_nothing_to_carry_and_nowhere_to_go():
+    case = CASES["mixed open"]
+    start = case.points[0]
+    path = np.stack([start, start])
+    for vector in (np.zeros_like(start), case.tangent_vecs[0]):
+        result = PoleLadder().solve(case.metric, vector, start, path=path)
+        np.testing.assert_array_equal(result.tangent_vec, vector)
+
+
+def test_says_when_an_equation_was_not_solved():
+    case = CASES["mixed sphere"]
+    path = np.stack([case.points[0], 0.8 * case.points[0] + 0.2 * case.points[1]])
+    ladder = PoleLadder(max_iterations=2)
+    with pytest.warns(ConvergenceWarning, match="1 rungs; an equation is solved to"):
+        result = ladder.solve(case.metric, case.tangent_vecs[0], path[0], path=path)
+    assert not result.converged
+
+
+@pytest.mark.parametrize("ladder", LADDERS)
+@pytest.mark.parametrize(
+    ("settings", "error"),
+    [
+        ({"n_rungs": 0}, ArgumentError),
+        ({"n_rungs": 1.5}, ArgumentTypeError),
+        ({"scale": 0.0}, ArgumentError),
+        ({"tolerance": 0.0}, ArgumentError),
+        ({"max_iterations": 0}, ArgumentError),
+    ],
+)
+def test_settings_are_checked(ladder, settings, error):
+    with pytest.raises(error, match=next(iter(settings))):
+        ladder(**settings)
+
+
+def test_bad_input():
+    case = CASES["mixed triangle"]
+    start, end = case.points[:2]
+    vector = case.tangent_vecs[0]
+    ladder = PoleLadder()
+    for arguments in ({}, {"end_point": end, "path": case.points}):
+        with pytest.raises(ArgumentError, match="end_point or path, and not both"):
+            ladder.solve(case.metric, vector, start, **arguments)
+    with pytest.raises(NotDefinedError, match="geodesic_solver=BasisPath"):
+        ladder.solve(case.metric, vector, start, end)
+    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
+        ladder.solve(case.metric, vector[:2], start, path=case.points)
+    with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
+        ladder.solve(case.metric, vector, start, path=case.points[:1])
+    with pytest.raises(ArgumentError, match="path must start at base_point; it is off by"):
+        ladder.solve(case.metric, vector, end, path=case.points)
+    ebin = CASES["ebin 1 sphere"]
+    with pytest.raises(ArgumentError, match="direction or end_point, and not both"):
+        ebin.metric.parallel_transport(ebin.tangent_vecs[0], ebin.points[0])
+    with pytest.raises(OutsideManifoldError, match="stays clear of g = 0"):
+        ebin.metric.parallel_transport(
+            ebin.tangent_vecs[0], ebin.points[0], direction=-3.0 * ebin.points[0]
+        )

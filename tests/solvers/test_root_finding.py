@@ -1,0 +1,60 @@
+"""Roots of systems near the identity."""
+
+import numpy as np
+
+from riemhuman.solvers.root_finding import find_root
+
+
+def system(size=12, strength=0.6):
+    """Return F(x) = x + strength · sin(Ax) − b with its root, and a count of evaluations."""
+    rng = np.random.default_rng(0)
+    matrix = rng.standard_normal((size, size)) / size
+    root = rng.standard_normal(size)
+    right = root + strength * np.sin(matrix @ root)
+    calls = []
+
+    def function(x):
+        calls.append(x)
+        return x + strength * np.sin(matrix @ x) - right
+
+    return function, root, calls
+
+
+def test_finds_the_root():
+    function, root, calls = system()
+    found = find_root(function, np.zeros(12), tolerance=1e-12, max_iterations=50)
+    np.testing.assert_allclose(found.x, root, atol=1e-11)
+    assert found.residual <= 1e-12
+    assert found.n_evaluations == len(calls)
+    assert found.n_iterations <= 15
+
+
+def test_linear_systems_need_no_more_steps_than_unknowns():
+    rng = np.random.default_rng(1)
+    matrix = np.eye(6) + 0.8 * rng.standard_normal((6, 6))
+    right = rng.standard_normal(6)
+    found = find_root(lambda x: matrix @ x - right, np.zeros(6), tolerance=1e-9, max_iterations=50)
+    np.testing.assert_allclose(found.x, np.linalg.solve(matrix, right), rtol=1e-6)
+    assert found.n_iterations <= 8
+
+
+def test_a_root_at_the_start_takes_one_evaluation():
+    found = find_root(lambda x: x, np.zeros(3), tolerance=1e-12, max_iterations=5)
+    assert (found.n_iterations, found.n_evaluations, found.residual) == (0, 1, 0.0)
+
+
+def test_steps_that_leave_the_domain_are_halved():
+    def function(x):
+        return None if abs(x[0]) > 1.0 else 3.0 * (x - 0.9)
+
+    found = find_root(function, np.zeros(1), tolerance=1e-9, max_iterations=50)
+    np.testing.assert_allclose(found.x, 0.9, rtol=1e-8)
+    assert find_root(function, np.ones(1) * 2, tolerance=1e-9, max_iterations=5).residual == np.inf
+
+
+def test_stops_at_the_most_iterations_with_the_best_point():
+    function, _, _ = system(strength=3.0)
+    found = find_root(function, np.zeros(12), tolerance=1e-12, max_iterations=2)
+    assert found.n_iterations <= 2
+    assert found.residual == np.linalg.norm(function(found.x))
+    assert found.residual <= np.linalg.norm(function(np.zeros(12)))
