@@ -26,7 +26,7 @@ from riemhuman.bodies.fitting_equations import (
 from riemhuman.bodies.joint_motions import Posture, Skeleton
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.kernels.threads import single_threaded_blas
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers.model_path import ModelParameters
 
 if TYPE_CHECKING:
@@ -180,7 +180,7 @@ def fit_model(
         max_iterations=whole_number(max_iterations, "max_iterations", minimum=1),
     )
     lead = surfaces.shape[:-2]
-    with single_threaded_blas():  # the patches are too small to be shared between threads
+    with single_threaded_libraries():  # the patches are too small to be shared between threads
         fits = [fitter.fit(surfaces[index]) for index in np.ndindex(lead)]
     failed = [number for number, fit in enumerate(fits) if not fit.converged]
     if failed:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.errors import FileFormatError
+from riemhuman.surfaces.array_files import check_text
 
 # Real numbers and text; not objects ("O") or structures ("V").
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
@@ -388,5 +389,6 @@ def array_of(data: Any, dtype: Any, shape: Any, order: Any, budget: Budget) -> A
             f"with {len(raw)} bytes of data"
         )
     array = np.ndarray(shape, dtype.dtype, raw, order="F" if order == "F" else "C")
+    check_text(array)
     array.flags.writeable = False
     return array

@@ -13,13 +13,14 @@ import codecs
 import io
 import os
 import pickletools
+import warnings
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 from typing import Any
 
 from riemhuman.bodies.pickle_allow_list import Global
 from riemhuman.bodies.pickled_objects import Budget, Record, plain_value, shortened
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import FileFormatError
+from riemhuman.surfaces.file_content import file_content, file_path
 
 # A body model takes some hundreds of opcodes.
 _MOST_OPCODES = 50_000
@@ -86,13 +87,8 @@ def load_pickled_arrays(
         If it is no pickle of a dictionary, asks for anything but arrays, sparse matrices and
         chumpy arrays, which it names, or lacks a field.
     """
-    try:
-        file = Path(path).expanduser()
-        content = file.read_bytes()
-    except TypeError as error:
-        raise ArgumentTypeError(f"path must be the path of a file; found {path!r}") from error
-    except OSError as error:
-        raise FileError(f"{path} cannot be read: {error.strerror}") from error
+    file = file_path(path)
+    content = file_content(file)
     try:
         fields = _Machine(content).run()
         if not isinstance(fields, dict):
@@ -228,10 +224,13 @@ def _opcodes(content: bytes) -> Iterator[tuple[str, Any, int]]:
             if opcode.name == "STRING":
                 # Data of arrays: the reader of pickletools takes ASCII alone.
                 text: Any = pickletools.read_stringnl(stream, decode=False)
-                argument = codecs.escape_decode(text)[0].decode("latin-1")
+                with warnings.catch_warnings():
+                    # An escape that there is none of: later releases of Python refuse it.
+                    warnings.simplefilter("error", DeprecationWarning)
+                    argument = codecs.escape_decode(text)[0].decode("latin-1")
             elif opcode.arg is not None:
                 argument = opcode.arg.reader(stream)
-        except (ArithmeticError, ValueError) as error:
+        except (ArithmeticError, DeprecationWarning, ValueError) as error:
             raise FileFormatError(
                 f"is not a whole pickle: the argument of {opcode.name} at byte {position} "
                 "is malformed or cut off"

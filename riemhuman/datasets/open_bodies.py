@@ -12,7 +12,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.open_poses import OPEN_POSES, joint_turns, pose_vectors
-from riemhuman.kernels.threads import single_threaded_blas
+from riemhuman.kernels.threads import single_threaded_libraries
 
 _FOLDER = Path(__file__).parent / "data"
 _RESOLUTIONS = ("full", "coarse")
@@ -119,7 +119,7 @@ def load_open_bodies(resolution: str = "full") -> Bodies:
     places[..., 1] = _height_above_ground(model, betas, poses)
 
     points = np.empty((n_subjects, n_poses, model.n_vertices, 3))
-    with single_threaded_blas():  # products are small: threads would wait for each other
+    with single_threaded_libraries():  # products are small: threads would wait for each other
         for subject in range(n_subjects):  # one at a time: blended motions fill much memory
             surfaces = model(betas[subject], poses[subject], places[subject])
             noise = np.stack([_noise(model.template.vertices, rng) for _ in range(n_poses)])

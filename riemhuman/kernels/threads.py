@@ -42,16 +42,16 @@ def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) 
 
 
 @contextmanager
-def single_threaded_blas() -> Iterator[None]:
-    """Keep linear algebra in the calling thread, for code that alternates it with own threads.
+def single_threaded_libraries() -> Iterator[None]:
+    """Keep libraries in the calling thread, for code that alternates them with threads of its own.
 
-    The threads of OpenBLAS wait for work in a busy loop, on the cores that the others need.
+    The threads of OpenBLAS and OpenMP wait for work in a busy loop, on cores that others need.
 
     Yields
     ------
     None
     """
-    with ThreadpoolController().limit(limits=1, user_api="blas"):
+    with ThreadpoolController().limit(limits=1):
         yield
 
 
@@ -123,7 +123,7 @@ def quadratic_form(matrix: sparse.csr_array, rows: ndarray) -> ndarray:
         return rows[:, first:last] @ (matrix[first:last] @ columns)
 
     in_chunks(transpose, len(columns), threaded=threaded)
-    with single_threaded_blas():
+    with single_threaded_libraries():
         return np.add.reduce(in_chunks(task, len(columns), threaded=threaded))
 
 

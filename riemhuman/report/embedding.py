@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import Rng, generator, one_of, real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.optional import import_optional
 
 METHODS = ("t-sne", "mds")
@@ -61,16 +62,15 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     # The scale at which t-SNE is advised to start from given positions.
     start = start / max(float(start[:, 0].std()), 1e-30) * 1e-4
     seed = int(generator(rng).integers(2**31))
-    return np.asarray(
-        manifold.TSNE(
-            metric="precomputed",
-            init=start,
-            perplexity=min(_PERPLEXITY, (n_items - 1) / 3),
-            learning_rate="auto",
-            random_state=seed,
-        ).fit_transform(matrix),
-        dtype=np.float64,
+    estimator = manifold.TSNE(
+        metric="precomputed",
+        init=start,
+        perplexity=min(_PERPLEXITY, (n_items - 1) / 3),
+        learning_rate="auto",
+        random_state=seed,
     )
+    with single_threaded_libraries():  # so few points are not worth threads that wait
+        return np.asarray(estimator.fit_transform(matrix), dtype=np.float64)
 
 
 def classical_scaling(distances: ndarray) -> ndarray:

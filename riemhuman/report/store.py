@@ -107,7 +107,12 @@ class ResultStore:
                 began = time.perf_counter()
                 arrays, record = compute()
                 seconds = time.perf_counter() - began
-            header = {"fingerprint": wanted, "seconds": seconds, "record": dict(record)}
+            header = {
+                "fingerprint": wanted,
+                "seconds": seconds,
+                "record": dict(record),
+                "arrays": sorted(arrays),
+            }
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))}, compressed=True)
             step = Step(name, dict(arrays), dict(record), wanted, seconds, reused=False)
         self.steps.append(step)
@@ -147,6 +152,9 @@ def _read(file: Path, name: str, wanted: str) -> Step | None:
         arrays = load_arrays(file, ["about"])
         header = json.loads(str(arrays.pop("about")))
         found, seconds, record = (header[key] for key in ("fingerprint", "seconds", "record"))
-    except (FileError, FileFormatError, ValueError, KeyError, TypeError):
+        complete = sorted(arrays) == header["arrays"]
+    except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):
         return None
-    return Step(name, arrays, record, found, seconds, reused=True) if found == wanted else None
+    if found != wanted or not complete:
+        return None
+    return Step(name, arrays, record, found, seconds, reused=True)

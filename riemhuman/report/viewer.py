@@ -81,6 +81,9 @@ class Viewer:
     view: View = field(default_factory=View)
     max_vertices: int = MAX_VERTICES
 
+    def __repr__(self) -> str:
+        return f"Viewer({self.title!r}, choices={list(self.choices)})"
+
     def fragment(self, identifier: str) -> str:
         """Return the viewer as part of a page that also holds `styles` and `scripts`.
 

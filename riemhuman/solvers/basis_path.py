@@ -12,7 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
-from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_blas
+from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
 from riemhuman.solvers.poisson_path import PoissonPath
@@ -141,7 +141,7 @@ class BasisPath:
         if self.n_times == 2:
             return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
 
-        with single_threaded_blas():
+        with single_threaded_libraries():
             minimum = self._minimize(metric, line, energy)
         path = self._path(line, minimum.x)
         result = PathResult(

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import single_threaded_blas
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
     nearest_rotations,
@@ -190,7 +190,7 @@ class Disentangling:
         if value <= rounding:
             message = "the start is at no distance from either"
             return Minimum(shift, value, np.array([value]), 0, 1, True, False, message)
-        with single_threaded_blas():
+        with single_threaded_libraries():
             return minimize_in_rounds(
                 lambda shift: self._local_problem(sum_, start, shift),
                 shift,

@@ -22,7 +22,7 @@ from scipy.sparse.csgraph import (
 from scipy.sparse.linalg import splu
 from scipy.spatial.transform import Rotation
 
-from riemhuman.kernels.threads import single_threaded_blas
+from riemhuman.kernels.threads import single_threaded_libraries
 
 
 class PoissonInterpolator:
@@ -182,7 +182,7 @@ class PoissonInterpolator:
     def _solve(self, source: ndarray, centroids: ndarray) -> ndarray:
         """Return the surfaces, shape (n, V, 3), of divergences (V, n, 3) and centroids."""
         points = np.zeros((len(source), source[0].size))
-        with single_threaded_blas():
+        with single_threaded_libraries():
             points[self._free] = self._factor.solve(source.reshape(points.shape)[self._free])
         averages = self._average @ points
         points += (centroids.reshape(averages.shape) - averages)[self._component]

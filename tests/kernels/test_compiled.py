@@ -188,7 +188,8 @@ def test_half_angle(lam):
 def test_squared_arc():
     squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
     for p in squared_chords:
-        np.testing.assert_allclose(SQUARED_ARC(p), exact_squared_arc(p), rtol=5e-14)
-    assert SQUARED_ARC(0.0) == (0.0, 1.0)
-    assert SQUARED_ARC(4.0) == (pytest.approx(np.pi**2), 0.0)
-    assert SQUARED_ARC(4.0 + 1e-12)[1] == 0.0
+        np.testing.assert_allclose(SQUARED_ARC(p, 4.0 - p), exact_squared_arc(p), rtol=5e-14)
+    assert SQUARED_ARC(0.0, 4.0) == (0.0, 1.0)
+    assert SQUARED_ARC(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
+    # Near π the digits are in the sum of the vectors, not in their difference.
+    np.testing.assert_allclose(SQUARED_ARC(4.0, 1e-20)[0], (np.pi - 1e-10) ** 2, rtol=1e-15)

@@ -51,7 +51,7 @@ def test_blas_runs_in_one_thread_and_gets_its_threads_back():
         return [entry["num_threads"] for entry in threadpool_info() if entry["user_api"] == "blas"]
 
     before = blas_threads()
-    with threads.single_threaded_blas():
+    with threads.single_threaded_libraries():
         assert set(blas_threads()) == {1}
     assert blas_threads() == before
 
