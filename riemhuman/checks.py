@@ -15,6 +15,7 @@ from autograd.tracer import getval
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 Rng = int | np.random.Generator
+_LONGEST = 200
 
 
 def values_of(array: Any) -> np.ndarray:
@@ -140,7 +141,7 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
     ArgumentTypeError
         If an entry is not a whole number.
     ArgumentError
-        If the shape is another.
+        If the shape is another, or a number needs more than 64 bits.
     """
     values = np.asarray(array)
     if values.dtype.kind not in "iu" and not (
@@ -150,6 +151,11 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
             f"{name} must be an array of whole numbers; found {_describe(array, values)}"
         )
     check_shape(values, name, shape, batched=False)
+    if values.size and not -(2.0**63) <= float(values.min()) <= float(values.max()) < 2.0**63:
+        raise ArgumentError(
+            f"{name} must be an array of numbers of at most 64 bits; found "
+            f"{values.min()} to {values.max()}"
+        )
     return values.astype(np.int64)
 
 
@@ -181,7 +187,7 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
     try:
         number = float(value)
     except (TypeError, ValueError) as error:
-        raise ArgumentTypeError(f"{name} must be a real number; found {value!r}") from error
+        raise ArgumentTypeError(f"{name} must be a real number; found {_shown(value)}") from error
     if not np.isfinite(number) or number < minimum or (strict and number == minimum):
         bound = "" if minimum == -np.inf else f" {'above' if strict else 'of at least'} {minimum:g}"
         raise ArgumentError(f"{name} must be a finite number{bound}; found {number!r}")
@@ -214,7 +220,7 @@ def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
     try:
         number = operator.index(value)
     except TypeError as error:
-        raise ArgumentTypeError(f"{name} must be a whole number; found {value!r}") from error
+        raise ArgumentTypeError(f"{name} must be a whole number; found {_shown(value)}") from error
     if minimum is not None and number < minimum:
         raise ArgumentError(f"{name} must be a whole number of at least {minimum}; found {number}")
     return number
@@ -244,7 +250,7 @@ def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
     """
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)
-        raise ArgumentError(f"{name} must be one of {listed}; found {value!r}")
+        raise ArgumentError(f"{name} must be one of {listed}; found {_shown(value)}")
     return value
 
 
@@ -293,6 +299,12 @@ def refuse_triangles(bad: np.ndarray, message: str, error: type[Exception]) -> N
     raise error(f"{message}; found otherwise at triangle {triangle}{where}{others}")
 
 
+def _shown(value: Any) -> str:
+    """Return what an argument looks like; one from a file may be of any length."""
+    text = repr(value)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
 def _describe(array: Any, values: np.ndarray) -> str:
     kind = type(array).__name__
-    return f"{kind} of dtype {values.dtype}" if values.ndim else f"{kind} {array!r}"
+    return f"{kind} of dtype {values.dtype}" if values.ndim else f"{kind} {_shown(array)}"

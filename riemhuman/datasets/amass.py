@@ -20,7 +20,7 @@ from riemhuman.errors import (
     FileError,
     FileFormatError,
 )
-from riemhuman.surfaces.array_files import load_arrays
+from riemhuman.surfaces.array_files import load_arrays, opened_archive
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 # The joints of SMPL's body, which all its family begin with: the parent of each.
@@ -43,6 +43,9 @@ _ENDINGS = ("_poses", "_stageii")
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _FRAMES_AT_A_TIME = 16
 _FILES_KEPT = 4
+# Of larger angles double precision keeps no digit of the turn.
+_LARGEST_ANGLE = 1e12
+_LARGEST = 1e50
 
 
 class AmassMotion(Motion):
@@ -157,7 +160,13 @@ class AmassMotion(Motion):
         frames = np.empty((len(numbers), self._model.n_vertices, 3))
         for first in range(0, len(numbers), _FRAMES_AT_A_TIME):
             some = numbers[first : first + _FRAMES_AT_A_TIME]
-            frames[first : first + len(some)] = self._model(self.betas, *self._parameters(some))
+            # Numbers too large for any body are seen by what they lead to.
+            with np.errstate(over="ignore", invalid="ignore"):
+                frames[first : first + len(some)] = self._model(self.betas, *self._parameters(some))
+        if not np.abs(frames).max(initial=0.0) <= _LARGEST:
+            raise FileFormatError(
+                f"{self._path}: its numbers lead to coordinates beyond {_LARGEST:g}"
+            )
         return frames
 
 
@@ -349,25 +358,10 @@ def _read_header(file: Path) -> _Header:
 
 def _look_into(file: Path) -> tuple[dict[str, tuple[int, ...]], dict[str, np.ndarray]]:
     """Return the shapes of the arrays of an archive, and frame rate and gender themselves."""
-    try:
-        with file.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
-            shapes = {name: _shape(archive.zip, name) for name in archive.files}
-            fields = {name: archive[name] for name in (*_RATES, "gender") if name in shapes}
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error.strerror}") from error
-    except Exception as error:  # whatever a damaged archive makes a parser stumble over
-        raise FileFormatError(f"{file} is not an .npz archive of plain arrays: {error}") from error
+    with opened_archive(file) as archive:
+        shapes = {name: archive.shape(name) for name in archive.names}
+        fields = archive.arrays([name for name in (*_RATES, "gender") if name in shapes])
     return shapes, fields
-
-
-def _shape(archive: Any, name: str) -> tuple[int, ...]:
-    """Return the shape of an array, of which no more than the header is read."""
-    with archive.open(f"{name}.npy") as stream:
-        is_old = np.lib.format.read_magic(stream) == (1, 0)
-        read = (
-            np.lib.format.read_array_header_1_0 if is_old else np.lib.format.read_array_header_2_0
-        )
-        return read(stream)[0]
 
 
 def _gender(value: np.ndarray | None, file: Path) -> str:
@@ -402,4 +396,8 @@ def _read(file: Path, changed: int) -> _Recording:
             )
     except (ArgumentError, ArgumentTypeError) as error:
         raise FileFormatError(f"{file}: {error}") from error
+    if np.abs(poses).max(initial=0.0) > _LARGEST_ANGLE:
+        raise FileFormatError(
+            f"{file}: poses must be angles in radians; found {np.abs(poses).max():g}"
+        )
     return _Recording(betas, poses.reshape(n_frames, -1, 3), translations)

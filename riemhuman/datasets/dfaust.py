@@ -18,8 +18,10 @@ from riemhuman.errors import (
     ArgumentTypeError,
     FileError,
     FileFormatError,
+    RiemhumanError,
 )
 from riemhuman.optional import import_optional
+from riemhuman.surfaces.file_content import brief, check_file
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
@@ -27,6 +29,8 @@ _FACES = "faces"
 _FRAMES_PER_SECOND = 60.0
 # Frames that lie together in the file are read together, as far as this.
 _SPAN = 64
+# Numbers do not compress further than this, and what is left out of a file is small.
+_MOST_COMPRESSED, _ROOM = 64, 2**26
 
 
 class DynamicFaustMotion(Motion):
@@ -78,17 +82,21 @@ class DynamicFaustMotion(Motion):
         frames = np.empty((len(numbers), n_vertices, 3))
         run = max(1, _SPAN // abs(numbers.step))
         with _opened(self._path) as file:
-            if key not in file or file[key].shape != (n_vertices, 3, self._n_recorded):
+            if key not in file or _Entry.of(file, key, self._path).shape != (
+                n_vertices,
+                3,
+                self._n_recorded,
+            ):
                 raise FileError(f"{self._path} has changed: {key} is not what it was")
             for start in range(0, len(numbers), run):
                 some = np.asarray(numbers[start : start + run])
                 first, end = int(some.min()), int(some.max()) + 1
                 try:
                     read = file[key][:, :, first:end]
-                except OSError as error:
+                except (OSError, RuntimeError) as error:
                     raise FileError(
                         f"{self._path}: frames {first} to {end - 1} of {key} cannot be read: "
-                        f"{error}"
+                        f"{brief(error)}"
                     ) from error
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
         bad = [
@@ -161,10 +169,10 @@ def load_dfaust(
     for file in files:
         with _opened(file) as contents:
             faces = _read_faces(contents, file, faces)
-            for key in contents:
+            for key in _names(contents, file):
                 match = re.fullmatch(r"(\d+)_(\w+)", key)
                 if match:
-                    entry = _Entry.of(contents[key], file)
+                    entry = _Entry.of(contents, key, file)
                     found.setdefault(match[1], {})[match[2]] = entry
     if faces is None or not found:
         raise FileFormatError(f"{_listed(files)} holds no sequence, such as 50002_hips")
@@ -183,19 +191,57 @@ class _Entry(NamedTuple):
     file: Path
     shape: tuple[int, ...]
     kind: str
+    elsewhere: bool = False
 
     @classmethod
-    def of(cls, dataset: Any, file: Path) -> _Entry:
-        kind = dataset.dtype.kind if hasattr(dataset, "dtype") else ""
-        return cls(file, tuple(getattr(dataset, "shape", None) or ()), kind)
+    def of(cls, contents: Any, key: str, file: Path) -> _Entry:
+        with _damage_named(file, key):
+            if not _lies_here(contents, key):
+                return cls(file, (), "", elsewhere=True)
+            dataset = contents[key]
+            kind = dataset.dtype.kind if hasattr(dataset, "dtype") else ""
+            return cls(file, tuple(getattr(dataset, "shape", None) or ()), kind)
 
     def problem(self, n_vertices: int) -> str | None:
         """Say what is wrong with the dataset, if anything."""
+        if self.elsewhere:
+            return "lies outside the file, or is larger than it can hold"
         if self.kind not in ("f", "i", "u"):
             return "does not hold numbers"
         if len(self.shape) != 3 or self.shape[:2] != (n_vertices, 3) or self.shape[2] == 0:
             return f"has shape {self.shape}"
         return None
+
+
+def _lies_here(contents: Any, key: str) -> bool:
+    """Tell whether data are in the file itself, and take no more room than it may hold."""
+    h5py = import_optional("h5py", "data")
+    if not isinstance(contents.get(key, getlink=True), h5py.HardLink):
+        return False
+    found = contents[key]
+    if not isinstance(found, h5py.Dataset):
+        return True
+    room = _ROOM + _MOST_COMPRESSED * found.id.get_storage_size()
+    return not found.external and not found.is_virtual and found.nbytes <= room
+
+
+@contextmanager
+def _damage_named(file: Path, what: str) -> Iterator[None]:
+    """Say what a damaged file makes the HDF5 library stumble over."""
+    try:
+        yield
+    except RiemhumanError:
+        raise
+    except Exception as error:
+        raise FileFormatError(f"{file} is damaged: {what} cannot be read: {brief(error)}") from (
+            error
+        )
+
+
+def _names(contents: Any, file: Path) -> list[str]:
+    with _damage_named(file, "its table of contents"):
+        # A name that is no text in UTF-8 comes as bytes; no sequence is called so.
+        return [name for name in contents if isinstance(name, str)]
 
 
 def _step(frames_per_second: float) -> int:
@@ -239,25 +285,33 @@ def _find_files(path: str | os.PathLike[str]) -> list[Path]:
 def _opened(path: Path) -> Iterator[Any]:
     """Open an HDF5 file for reading and close it afterwards, whatever happens."""
     h5py = import_optional("h5py", "data")
+    check_file(path)
     try:
-        if path.is_file() and not h5py.is_hdf5(path):
+        if not h5py.is_hdf5(path):
             raise FileFormatError(f"{path} is not an HDF5 file")
         file = h5py.File(path, "r")
-    except OSError as error:
-        raise FileError(f"cannot read {path}: {error}") from error
+    except (OSError, RuntimeError) as error:
+        raise FileError(f"cannot read {path}: {brief(error)}") from error
     with file:
         yield file
 
 
 def _read_faces(contents: Any, file: Path, expected: np.ndarray | None) -> np.ndarray:
     """Return the triangles of a file, which must be those of the file before."""
-    if _FACES not in contents:
+    names = _names(contents, file)
+    if _FACES not in names:
         raise FileFormatError(
             f"{file} holds no dataset {_FACES!r} of triangles; found "
-            f"{_shortened(sorted(contents)) or 'nothing'}"
+            f"{_shortened(sorted(names)) or 'nothing'}"
         )
+    with _damage_named(file, _FACES):
+        if not _lies_here(contents, _FACES):
+            raise FileFormatError(
+                f"{_FACES} of {file} lies outside the file, or is larger than it can hold"
+            )
+        found = np.asarray(contents[_FACES])
     try:
-        faces = integer_array(contents[_FACES], f"{_FACES} of {file}", ("n_faces", 3))
+        faces = integer_array(found, f"{_FACES} of {file}", ("n_faces", 3))
     except (ArgumentError, ArgumentTypeError) as error:
         raise FileFormatError(str(error)) from error
     if not faces.size or faces.min() < 0:

@@ -19,6 +19,7 @@ from riemhuman.datasets.registered_meshes import (
     natural_key,
 )
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.surfaces.file_content import file_content
 from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
 from riemhuman.surfaces.template import Template
 
@@ -122,13 +123,12 @@ def _read_rows(table: Path) -> list[_Row]:
     """Read the table, naming the line where something is wrong with it."""
     if table.is_dir():
         raise FileError(f"{table} is a folder; a table of labels was expected")
+    if not table.exists():
+        raise FileError(f"there is no table of labels {table}")
+    content = file_content(table)
     try:
         # Spreadsheet programs put a byte order mark first.
-        text = table.read_text(encoding="utf-8-sig")
-    except FileNotFoundError as error:
-        raise FileError(f"there is no table of labels {table}") from error
-    except OSError as error:
-        raise FileError(f"{table} cannot be read: {error.strerror}") from error
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{table} is not text in UTF-8: {error}") from error
     heading = text.partition("\n")[0]
@@ -170,7 +170,7 @@ def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_
         candidates = [names[row.file]] if row.file in names else stems.get(row.file, [])
         if len(candidates) > 1:
             raise FileFormatError(
-                f"{table}, line {row.line}: {row.file} may be {_listed(candidates)}; name one"
+                f"{table}, line {row.line}: {row.file[:60]} may be {_listed(candidates)}; name one"
             )
         if not candidates:
             unknown.append(row.file)
@@ -178,7 +178,7 @@ def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_
         file = candidates[0]
         if file in found:
             raise FileFormatError(
-                f"{table}, line {row.line}: {row.file} has a label already, on line "
+                f"{table}, line {row.line}: {row.file[:60]} has a label already, on line "
                 f"{found[file].line}"
             )
         found[file] = row
@@ -197,7 +197,7 @@ def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_
 
 def _listed(files: Sequence[Path | str]) -> str:
     """Return at most five names as a list."""
-    names = [file if isinstance(file, str) else file.name for file in files]
+    names = [file[:60] if isinstance(file, str) else file.name for file in files]
     more = f" and {len(names) - 5} more" if len(names) > 5 else ""
     return ", ".join(names[:5]) + more
 

@@ -241,5 +241,7 @@ def natural_key(name: str) -> tuple[object, ...]:
     """
     # Splitting at the digits alternates text and numbers, so that like is compared with like.
     texts = re.split(r"[0-9]+", name.casefold())
-    numbers = [int(digits) for digits in re.findall(r"[0-9]+", name)]
-    return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=-1)),), name
+    digits = [found.lstrip("0") for found in re.findall(r"[0-9]+", name)]
+    # Of two numbers the one with more digits is larger; Python reads no number of thousands.
+    numbers = [(len(found), found) for found in digits]
+    return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=(-1, ""))),), name

@@ -13,6 +13,7 @@ import numpy as np
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
+from riemhuman.surfaces.file_content import file_content
 from riemhuman.surfaces.mesh_files import load_mesh
 
 
@@ -135,7 +136,7 @@ def load_shrec14(
     found = {name: _file_of(name, names, class_file) for name in ids}
     missing = tuple(name for name in ids if found[name] is None)
     if missing and (not allow_missing or len(missing) == len(ids)):
-        listed = ", ".join(missing[:20]) + (
+        listed = ", ".join(name[:60] for name in missing[:20]) + (
             f" and {len(missing) - 20} more" if len(missing) > 20 else ""
         )
         rest = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
@@ -184,10 +185,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
         If it is damaged; the message names the line.
     """
     file = _as_path(path)
-    try:
-        text = file.read_bytes().decode("utf-8-sig", errors="replace")
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error.strerror}") from error
+    text = file_content(file).decode("utf-8-sig", errors="replace")
     words = _Words(file, text)
     if words.next("the word PSB").upper() != "PSB":
         words.refuse("a class file begins with PSB")
@@ -200,12 +198,13 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
         name = words.next(f"the name of class {number + 1} of {n_classes}")
         if name in members:
             words.refuse("this class is there already")
-        parent = words.next(f"the parent of class {name}")
+        label = name[:60]
+        parent = words.next(f"the parent of class {label}")
         if parent not in ("0", "-1") and parent not in members:
-            words.refuse(f"the parent of class {name} must be 0 or a class defined before")
+            words.refuse(f"the parent of class {label} must be 0 or a class defined before")
         ids = []
-        for _ in range(words.next_count(f"the number of meshes of class {name}")):
-            ids.append(words.next(f"the id of a mesh of class {name}"))
+        for _ in range(words.next_count(f"the number of meshes of class {label}")):
+            ids.append(words.next(f"the id of a mesh of class {label}"))
             if ids[-1] in seen:
                 words.refuse("this mesh is in a class already")
             seen.add(ids[-1])
@@ -289,7 +288,7 @@ def _find_meshes(root: Path) -> tuple[dict[str, list[str]], dict[str, Path]]:
     for key in files:
         stem = Path(key).name
         numbers = re.findall(r"[0-9]+", stem)
-        for name in {stem, f"#{int(numbers[-1])}"} if numbers else {stem}:
+        for name in {stem, _number(numbers[-1])} if numbers else {stem}:
             names.setdefault(name, []).append(key)
     return names, files
 
@@ -299,12 +298,18 @@ def _file_of(name: str, names: Mapping[str, list[str]], class_file: Path) -> str
     stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
     keys = names.get(stem, [])
     if not keys and re.fullmatch(r"[0-9]+", stem):
-        keys = names.get(f"#{int(stem)}", [])
+        keys = names.get(_number(stem), [])
     if len(keys) > 1:
         raise FileFormatError(
-            f"{class_file}: the id {name} fits several meshes, {', '.join(sorted(keys))}; keep one"
+            f"{class_file}: the id {name[:60]} fits several meshes, "
+            f"{', '.join(sorted(keys))}; keep one"
         )
     return keys[0] if keys else None
+
+
+def _number(digits: str) -> str:
+    """Return a number as a key that no name of a file begins like."""
+    return f"/{digits.lstrip('0')}"
 
 
 def _is_visible(file: Path, endings: tuple[str, ...]) -> bool:

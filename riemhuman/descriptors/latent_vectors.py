@@ -19,12 +19,12 @@ from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
-    FileError,
     FileFormatError,
     NotDefinedError,
     RiemhumanError,
 )
-from riemhuman.surfaces.array_files import load_arrays
+from riemhuman.surfaces.array_files import load_array, load_arrays
+from riemhuman.surfaces.file_content import file_content
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ def _is_array(ids: Any) -> bool:
 
 def _listed(names: Sequence[str], limit: int = 20) -> str:
     more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(names[:limit]) + more
+    return ", ".join(name[:60] for name in names[:limit]) + more
 
 
 def _read_npz(file: Path) -> tuple[Any, Any]:
@@ -256,11 +256,7 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
 
 
 def _read_npy(file: Path) -> tuple[Any, Any]:
-    content = _content(file)
-    try:
-        vectors = np.load(io.BytesIO(content), allow_pickle=False)
-    except (ValueError, EOFError, OSError) as error:
-        raise FileFormatError(f"{file} is not an .npy file of a plain array: {error}") from error
+    vectors = load_array(file)
     if vectors.ndim != 2:
         raise FileFormatError(
             f"{file}: the array must have shape (n_vectors, n_numbers); found {vectors.shape}"
@@ -269,7 +265,7 @@ def _read_npy(file: Path) -> tuple[Any, Any]:
 
 
 def _read_csv(file: Path) -> tuple[Any, Any]:
-    text = _content(file).decode("utf-8-sig", errors="replace")
+    text = file_content(file).decode("utf-8-sig", errors="replace")
     vectors: dict[str, list[float]] = {}
     length = 0
     rows = csv.reader(io.StringIO(text, newline=""), strict=True)
@@ -282,10 +278,10 @@ def _read_csv(file: Path) -> tuple[Any, Any]:
             if not name:
                 raise FileFormatError(f"{where}: the id is missing")
             if name in vectors:
-                raise FileFormatError(f"{where}: the id {name!r} is there already")
+                raise FileFormatError(f"{where}: the id {name[:60]!r} is there already")
             bad = [field for field in fields if not _is_number(field)]
             if bad:
-                raise FileFormatError(f"{where}: {bad[0]!r} is not a number")
+                raise FileFormatError(f"{where}: {bad[0][:60]!r} is not a number")
             if not fields or (vectors and len(fields) != length):
                 expected = f"{length} expected" if vectors else "at least one expected"
                 raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")
@@ -304,10 +300,3 @@ def _is_number(field: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _content(file: Path) -> bytes:
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error.strerror}") from error

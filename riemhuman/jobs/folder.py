@@ -20,10 +20,13 @@ from typing import IO, Any
 import numpy as np
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.surfaces.array_files import load_array
+from riemhuman.surfaces.file_content import brief, file_content
 
 MANIFEST = "manifest.json"
 LOCK = "job.lock"
 _UNFINISHED = ".part"
+_LONGEST = 200
 
 
 class JobFolder:
@@ -128,6 +131,11 @@ class JobFolder:
                 os.replace(unfinished, file)
         found = self._manifest()
         kept = found.pop("layout")
+        if kept.keys() != layout.keys() or not all(map(_is_count, kept.values())):
+            raise FileFormatError(
+                f"{file} is not the manifest of this job: its layout must give {', '.join(layout)} "
+                "as whole numbers of at least 1"
+            )
         difference = _first_difference(dict(described), found)
         if difference:
             raise ArgumentError(
@@ -275,23 +283,20 @@ class JobFolder:
 
     def _manifest(self) -> dict[str, Any]:
         file = self.path / MANIFEST
-        with self._system_errors("cannot be read"):
-            content = file.read_bytes()
+        content = file_content(file)
         try:
             found = json.loads(content)
-        except ValueError as error:
-            raise FileFormatError(f"{file} is not the manifest of a job: {error}") from error
+        except (ValueError, RecursionError) as error:
+            raise FileFormatError(f"{file} is not the manifest of a job: {brief(error)}") from error
         if not isinstance(found, dict) or not isinstance(found.get("layout"), dict):
             raise FileFormatError(f"{file} is not the manifest of a job: it holds no layout")
         return found
 
-    def _open(self, name: str, mode: Any) -> np.memmap:
+    def _open(self, name: str, mode: Any) -> Any:
         file = self.path / name
         try:
-            return np.load(file, mmap_mode=mode, allow_pickle=False)
-        except OSError as error:
-            raise FileError(f"{file} cannot be read: {error.strerror or error}") from error
-        except (ValueError, EOFError) as error:
+            return load_array(file, mode=mode)
+        except FileFormatError as error:
             raise FileFormatError(f"{file} is not a table of a job: {error}") from error
 
     @contextmanager
@@ -345,7 +350,16 @@ def _first_difference(wanted: Any, found: Any, where: str = "") -> str:
         return ""
     if type(wanted) is type(found) and wanted == found:
         return ""
-    return f"{where} is {found!r} there, {wanted!r} here"
+    return f"{where} is {_shown(found)} there, {_shown(wanted)} here"
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+def _is_count(value: Any) -> bool:
+    return type(value) is int and value >= 1
 
 
 if sys.platform == "win32":

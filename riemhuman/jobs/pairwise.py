@@ -11,7 +11,12 @@ from numpy import ndarray
 from tqdm import tqdm
 
 from riemhuman.checks import one_of, whole_number
-from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    DegenerateSurfaceError,
+    FileFormatError,
+)
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, thread_count
 from riemhuman.jobs.cluster import tiles_on_cluster
@@ -32,6 +37,8 @@ RESULT = "D.npy"
 
 _UNFINISHED_RESULT = "D.unfinished.npy"
 _DIGESTS, _DONE = "digests.npy", "done.npy"
+# A mark that no flipped bit makes.
+_TILE_DONE = 0xA5
 _FORMAT = "riemhuman pairwise job 1"
 # A job is cut into no fewer tiles than make some progress before it is interrupted, and no smaller
 # ones than are worth the overhead.
@@ -129,7 +136,9 @@ def pairwise_job(
             arrays[POINTS] = first
         tables: dict[str, tuple[tuple[int, ...], Any]] = {_DIGESTS: ((len(blocks), 32), np.uint8)}
         complete = room.exists(RESULT)
-        if not complete:
+        if complete:
+            tables[RESULT] = ((n_points, n_points), np.float64)
+        else:
             for name, array in arrays.items():
                 tables[name] = ((n_points, *array.shape[1:]), array.dtype)
             tables[_DONE] = ((len(tiles),), np.uint8)
@@ -219,6 +228,8 @@ def _compute_tiles(
     progress: bool,
 ) -> None:
     done = np.array(room.read(_DONE))
+    if not np.isin(done, (0, _TILE_DONE)).all():
+        raise FileFormatError(f"{room.path / _DONE} is damaged: it marks tiles as neither")
     todo = [(number, tile) for number, tile in enumerate(tiles) if not done[number]]
     computed: Iterator[tuple[int, ndarray]]
     if client is None:
@@ -241,5 +252,5 @@ def _compute_tiles(
                 ((tile.rows, tile.columns), block),
                 ((tile.columns, tile.rows), block.T),
             )
-            room.write(_DONE, (number, 1))
+            room.write(_DONE, (number, _TILE_DONE))
             bar.update(tile.n_pairs)

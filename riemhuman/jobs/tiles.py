@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -13,6 +14,7 @@ from numpy import ndarray
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
+from riemhuman.surfaces.array_files import load_array
 
 POINTS = "points.npy"
 """Name of the file of points, where a job keeps them."""
@@ -165,12 +167,17 @@ class TileReader:
         squared = squared_dist_rectangle(
             metric, rows, columns, points[tile.rows], points[tile.columns], self.n_jobs
         )
+        if not np.isfinite(squared).all():
+            raise FileFormatError(f"{self.folder} is damaged: distances in it are not finite")
         return np.sqrt(squared)
 
     def _features(self, part: slice) -> tuple[ndarray, ...]:
         # Copied: compiled loops take no memory-mapped arrays, and pages of these need not stay.
         names = map(feature_file, range(self.n_features))
-        return tuple(np.array(self._open(name)[part]) for name in names)
+        features = tuple(np.array(self._open(name)[part], order="C") for name in names)
+        if not all(np.isfinite(feature).all() for feature in features):
+            raise FileFormatError(f"{self.folder} is damaged: features of points are not finite")
+        return features
 
     def _points(self) -> ndarray:
         """Return the points, where they are kept; nobody looks at them where they are not."""
@@ -178,14 +185,13 @@ class TileReader:
             return self._open(POINTS)
         return np.empty(0)
 
-    def _open(self, name: str) -> np.memmap:
+    def _open(self, name: str) -> Any:
         file = Path(self.folder) / name
         try:
-            return np.load(file, mmap_mode="r", allow_pickle=False)
-        except OSError as error:
+            return load_array(file, mode="r")
+        except FileError as error:
             raise FileError(
-                f"{file} cannot be read: {error.strerror or error}; the folder of a job must be on "
-                "a file system that all workers share"
+                f"{error}; the folder of a job must be on a file system that all workers share"
             ) from error
-        except (ValueError, EOFError) as error:
+        except FileFormatError as error:
             raise FileFormatError(f"{file} is not a table of a job: {error}") from error

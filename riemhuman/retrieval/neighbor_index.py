@@ -18,6 +18,8 @@ _BLOCK = 64
 _SAMPLE, _SAMPLE_SIZE = 1024, 2**26
 # Points that tell the metric from others.
 _PROBES = 3
+# Larger numbers have squares that overflow, in single and in double precision.
+_LARGEST = (1e18, 1e50)
 
 
 class NeighborIndex:
@@ -118,9 +120,10 @@ class NeighborIndex:
         FileFormatError
             If the arrays do not fit each other.
         """
+        _check_tables(arrays)
         index = cls(metric, n_patches, n_jobs)
         index._n_points = len(arrays["points"])
-        index.pivots = arrays["pivots"]
+        index.pivots = arrays["pivots"].astype(np.int64)
         index._points = GrowingRows(arrays["points"])
         index._coordinates = GrowingRows(arrays["coordinates"])
         index._to_pivots = GrowingRows(arrays["to_pivots"])
@@ -336,6 +339,35 @@ def blocks(n: int, size: int) -> Iterator[tuple[int, int]]:
         yield start, min(start + size, n)
 
 
+def _check_tables(arrays: Mapping[str, ndarray]) -> None:
+    """Refuse arrays of a file that cannot be those of an index, whatever the metric."""
+    pivots, n_points = arrays["pivots"], len(np.atleast_1d(arrays["points"]))
+    n_pivots, n_dims = pivots.size, {"pivots": 1, "to_pivots": 2, "coordinates": 2}
+    n_dims |= {"probe_distances": 2, "mean": 1, "components": 2}
+    for name, array in arrays.items():
+        kinds = "iu" if name == "pivots" else "f"
+        if array.dtype.kind not in kinds or array.ndim != n_dims.get(name, max(1, array.ndim)):
+            raise FileFormatError(f"{name} cannot be {array.dtype} of shape {array.shape}")
+        if not float(np.abs(array).max(initial=0)) <= _LARGEST[array.dtype.itemsize > 4]:
+            raise FileFormatError(f"{name} holds NaN, infinite or huge entries")
+        if (name == "points" or name.startswith("features_")) and len(array) != n_points:
+            raise FileFormatError(f"{name} must have a row for each of the {n_points} points")
+    if n_pivots == 0 or pivots.min() < 0 or pivots.max() >= n_points:
+        raise FileFormatError(f"pivots must be some of the {n_points} points")
+    n_probes = min(n_pivots, _PROBES)
+    shapes: dict[str, tuple[int, ...]]
+    shapes = {"to_pivots": (n_points, n_pivots), "probe_distances": (n_probes, n_probes)}
+    n_components, n_numbers = arrays["components"].shape if "components" in arrays else (-1, 0)
+    shapes |= {"coordinates": (n_points, n_components + 1), "mean": (n_numbers,)}
+    for name, shape in shapes.items():
+        if name in arrays and arrays[name].shape != shape:
+            raise FileFormatError(f"{name} must have shape {shape}; found {arrays[name].shape}")
+    if len(np.unique(pivots)) != n_pivots or (arrays["to_pivots"] < 0).any():
+        raise FileFormatError("pivots must differ, and distances from them must not be negative")
+
+
 def _near(found: ndarray, kept: ndarray) -> bool:
+    if found.shape != kept.shape or found.dtype != kept.dtype:
+        return False
     rounding = 100 * np.finfo(kept.dtype).eps * np.max(np.abs(kept), initial=0.0)
-    return found.shape == kept.shape and bool(np.all(np.abs(found - kept) <= rounding))
+    return bool(np.all(np.abs(found - kept) <= rounding))

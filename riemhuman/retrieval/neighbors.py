@@ -260,14 +260,20 @@ class NearestNeighbors:
         if "components" in arrays:
             arrays = load_arrays(path, [*_FIELDS, *_FIELDS_OF_PROJECTION])
         thread_count(n_jobs)
-        n_patches = int(arrays["n_patches"]) or None
+        options = {name: arrays.pop(name) for name in ("n_neighbors", "n_patches")}
+        for name, option in options.items():
+            if option.shape != () or option.dtype.kind not in "iu" or option < 0:
+                raise FileFormatError(f"{os.fspath(path)}: {name} must be a whole number")
+        n_patches = int(options["n_patches"]) or None
         try:
+            if int(options["n_neighbors"]) < 1:
+                raise FileFormatError("n_neighbors must be at least 1; found 0")
             index = NeighborIndex.from_arrays(arrays, metric, n_patches, n_jobs)
         except (ArgumentError, FileFormatError) as error:
             raise type(error)(f"{os.fspath(path)}: {error}") from error
         neighbors = cls(
             metric,
-            int(arrays["n_neighbors"]),
+            int(options["n_neighbors"]),
             n_pivots=len(index.pivots),
             n_components=0 if index.projection is None else len(index.projection.components),
             n_patches=n_patches,

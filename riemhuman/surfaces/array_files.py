@@ -1,16 +1,28 @@
-"""Named arrays in .npz files: written whole or not at all, read without unpickling."""
+"""Named arrays in .npz files: written whole or not at all, read without unpickling.
+
+What a file says of the size of an array is compared with the data that are there before any memory
+is set aside for it.
+"""
 
 from __future__ import annotations
 
-import io
+import math
 import os
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import IO, Any
 
 import numpy as np
 
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import FileError, FileFormatError
+from riemhuman.surfaces.file_content import brief, check_file, file_path
+
+# Numbers do not compress further than this; zeros do, and a quarter of a gigabyte of them may.
+_MOST_COMPRESSED, _ROOM = 64, 2**28
+_COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_ENDING = ".npy"
+_LAST_CHARACTER = 0x10FFFF
 
 
 def save_arrays(
@@ -34,7 +46,7 @@ def save_arrays(
     FileError
         If the file cannot be written.
     """
-    file = _as_path(path)
+    file = file_path(path)
     temporary = file.parent / f".{file.name}.{os.getpid()}.part"
     try:
         try:
@@ -75,31 +87,221 @@ def load_arrays(
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is not an .npz archive of plain arrays, or lacks a field.
+        If it is not an .npz archive of plain arrays, lacks a field, or claims more data than a
+        file of its size may hold.
     """
-    file = _as_path(path)
-    try:
-        content = file.read_bytes()
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error.strerror}") from error
-    try:
-        archive = np.load(io.BytesIO(content), allow_pickle=False)
-        found = archive.files if isinstance(archive, np.lib.npyio.NpzFile) else []
+    with opened_archive(path) as archive:
+        found = archive.names
         wanted = found if optional is None else [*required, *optional]
-        arrays = {name: archive[name] for name in found if name in wanted}
-    except Exception as error:  # whatever a damaged archive makes a parser stumble over
-        raise FileFormatError(f"{file} is not an .npz archive of plain arrays: {error}") from error
+        arrays = archive.arrays([name for name in found if name in wanted])
     missing = [name for name in required if name not in found]
     if missing:
+        listed = ", ".join(name[:60] for name in sorted(found)[:20])
         raise FileFormatError(
-            f"{file} lacks the fields {', '.join(missing)}; "
-            f"found {', '.join(sorted(found)) or 'none'}"
+            f"{path} lacks the fields {', '.join(missing)}; found {listed or 'none'}"
         )
     return arrays
 
 
-def _as_path(path: str | os.PathLike[str]) -> Path:
+class ArrayArchive:
+    """The arrays of an .npz file that is open for reading.
+
+    Parameters
+    ----------
+    archive : zipfile.ZipFile
+        The archive.
+    size : int
+        Bytes of the file.
+    """
+
+    def __init__(self, archive: zipfile.ZipFile, size: int) -> None:
+        self._archive = archive
+        self._left = _ROOM + _MOST_COMPRESSED * size
+        self._members = {
+            member.filename.removesuffix(_ENDING): member
+            for member in archive.infolist()
+            if member.filename.endswith(_ENDING)
+        }
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the arrays, in the order of the file."""
+        return list(self._members)
+
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array, whose data are left unread.
+
+        Parameters
+        ----------
+        name : str
+            Name of the array.
+
+        Returns
+        -------
+        tuple of int
+        """
+        member = self._members[name]
+        if member.compress_type not in _COMPRESSIONS:
+            raise FileFormatError(f"{name[:60]} is compressed by another method than deflate")
+        with self._archive.open(member) as stream:
+            return read_array_header(stream, member.file_size)[0]
+
+    def arrays(self, names: Sequence[str]) -> dict[str, np.ndarray]:
+        """Read arrays.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Names of the arrays.
+
+        Returns
+        -------
+        dict of str to array
+        """
+        found = {}
+        for name in names:
+            self.shape(name)
+            member = self._members[name]
+            self._left -= member.file_size
+            if self._left < 0:
+                raise FileFormatError("its arrays take far more room than a file of its size may")
+            with self._archive.open(member) as stream:
+                found[name] = np.lib.format.read_array(stream, allow_pickle=False)
+            check_text(found[name])
+        return found
+
+
+@contextmanager
+def opened_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
+    """Open an .npz file for reading.
+
+    Parameters
+    ----------
+    path : path_like
+        The file.
+
+    Yields
+    ------
+    ArrayArchive
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If it is not an .npz archive of plain arrays, on opening or when an array is read.
+    """
+    file = file_path(path)
+    size = check_file(file)
     try:
-        return Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"path must be the path of a file; found {path!r}") from error
+        with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+            yield ArrayArchive(archive, size)
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {brief(error)}") from error
+    except Exception as error:  # whatever a damaged archive makes a parser stumble over
+        raise FileFormatError(
+            f"{file} is not an .npz archive of plain arrays: {brief(error)}"
+        ) from error
+
+
+def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
+    """Read or map the array of an .npy file; pickled objects are refused.
+
+    Parameters
+    ----------
+    path : path_like
+        The file.
+    mode : {"r", "r+"}, optional
+        Mode of a memory map; by default the array is read.
+
+    Returns
+    -------
+    array or memmap
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If it is not an .npy file of a plain array.
+    """
+    file = file_path(path)
+    size = check_file(file)
+    try:
+        with file.open("rb") as stream:
+            read_array_header(stream, size)
+        array = np.load(file, mmap_mode=mode, allow_pickle=False)
+        check_text(array)
+        return array
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {brief(error)}") from error
+    except Exception as error:  # whatever a damaged file makes a parser stumble over
+        raise FileFormatError(
+            f"{file} is not an .npy file of a plain array: {brief(error)}"
+        ) from error
+
+
+def check_text(array: np.ndarray) -> None:
+    """Refuse an array of text whose numbers stand for no characters.
+
+    Parameters
+    ----------
+    array : array
+        Any array.
+
+    Raises
+    ------
+    FileFormatError
+        If it is such an array.
+    """
+    if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
+        return
+    plain = np.ascontiguousarray(array).reshape(-1)
+    codes = plain.view(np.dtype(np.uint32).newbyteorder(array.dtype.byteorder))
+    if codes.max() > _LAST_CHARACTER:
+        raise FileFormatError(f"its text holds characters that do not exist, as {codes.max():#x}")
+
+
+def read_array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
+    """Read the header of an .npy file, and see that it says the truth about the size.
+
+    Parameters
+    ----------
+    stream : file object
+        The file, at its beginning; afterwards, at the data.
+    size : int
+        Bytes of the file.
+
+    Returns
+    -------
+    shape : tuple of int
+    in_columns : bool
+        Whether the first index runs fastest.
+    dtype : dtype
+
+    Raises
+    ------
+    FileFormatError
+        If the array is one of objects, or there are not as many data as it takes.
+    """
+    is_old = np.lib.format.read_magic(stream) == (1, 0)
+    start = stream.tell()
+    length = int.from_bytes(stream.read(2 if is_old else 4), "little")
+    if length > size:
+        raise FileFormatError(f"its header claims {length} bytes")
+    stream.seek(start)
+    read = np.lib.format.read_array_header_1_0 if is_old else np.lib.format.read_array_header_2_0
+    shape, in_columns, dtype = read(stream)
+    if dtype.hasobject:
+        raise FileFormatError("it holds objects of Python")
+    needed, found = math.prod(shape) * dtype.itemsize, size - stream.tell()
+    # Entries without a size need no data: of these, a few bytes could claim any number.
+    if min(shape, default=0) < 0 or needed != found or math.prod(shape) > size:
+        raise FileFormatError(
+            f"an array of shape {shape} and type {dtype} takes {needed} bytes; found {found}"
+        )
+    return shape, in_columns, dtype

@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
+# Areas are roots of fourth powers of coordinates, which must not overflow.
+_LARGEST = 1e50
+
 
 def mesh_arrays(
     vertices: ArrayLike, faces: ArrayLike, *, names: tuple[str, str] = ("vertices", "faces")
@@ -36,13 +39,18 @@ def mesh_arrays(
     ArgumentTypeError
         If an array does not hold numbers of the right kind.
     ArgumentError
-        If a shape is wrong, a position is not finite, there is no triangle, or a triangle
-        refers to a vertex that does not exist.
+        If a shape is wrong, a position is not finite or beyond 1e50, there is no triangle, or a
+        triangle refers to a vertex that does not exist.
     """
     vertices_name, faces_name = names
     points = np.asarray(
         real_array(vertices, vertices_name, ("n_vertices", 3), batched=False), dtype=np.float64
     )
+    if points.size and np.abs(points).max() > _LARGEST:
+        raise ArgumentError(
+            f"{vertices_name} holds coordinates beyond {_LARGEST:g}, with which areas cannot be "
+            f"computed; found {np.abs(points).max():g}"
+        )
     triangles = integer_array(faces, faces_name, ("n_faces", 3))
     if len(triangles) == 0:
         raise ArgumentError(f"{faces_name} is empty; a mesh needs at least one triangle")

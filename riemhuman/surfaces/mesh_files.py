@@ -17,7 +17,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
+from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.surfaces.file_content import brief, file_content, file_path
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
 
 _Mesh = tuple[ArrayLike, ArrayLike]
@@ -50,16 +51,13 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
         If the ending names no known format, the file is damaged or holds no faces, a face is not
         a triangle or refers to a vertex that does not exist, or a position is not finite.
     """
-    file = _as_path(path)
+    file = file_path(path)
     if file.is_dir():
         raise FileError(f"{file} is a folder; a mesh file was expected")
     read = _format_of(file, _READERS)
-    try:
-        content = file.read_bytes()
-    except FileNotFoundError as error:
-        raise FileError(f"there is no file {file}") from error
-    except OSError as error:
-        raise FileError(f"{file} cannot be read: {error.strerror}") from error
+    if not file.exists():
+        raise FileError(f"there is no file {file}")
+    content = file_content(file)
     try:
         vertices, faces = read(content)
         return mesh_arrays(vertices, faces)
@@ -93,7 +91,7 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
     FileFormatError
         If the ending names no known format.
     """
-    file = _as_path(path)
+    file = file_path(path)
     content = _format_of(file, _WRITERS)(*mesh_arrays(vertices, faces))
     if file.is_dir():
         raise FileError(f"{file} is a folder; a mesh file cannot take its place")
@@ -113,13 +111,6 @@ class _DamagedError(ValueError):
     """The content of a file is not what its format asks for."""
 
 
-def _as_path(path: str | os.PathLike[str]) -> Path:
-    try:
-        return Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"path must be the path of a file; found {path!r}") from error
-
-
 def _format_of(file: Path, table: dict[str, _Format]) -> _Format:
     try:
         return table[file.suffix.lower()]
@@ -136,7 +127,7 @@ def _read_ply(content: bytes) -> _Mesh:
         raise _DamagedError("not a PLY file, for it does not begin with 'ply'")
     if not body:
         raise _DamagedError("the PLY header has no end")
-    declared = dict(re.findall(rb"^element\s+(\w+)\s+(\d+)", header, re.MULTILINE))
+    declared = dict(re.findall(rb"^element\s+(\w+)\s+(\d{1,18})\b", header, re.MULTILINE))
     n_vertices, n_faces = (int(declared.get(name, 0)) for name in (b"vertex", b"face"))
     if n_vertices == 0 or n_faces == 0:
         raise _DamagedError(
@@ -153,7 +144,7 @@ def _read_ply(content: bytes) -> _Mesh:
         vertices, faces = np.asarray(mesh["vertices"]), np.asarray(mesh["faces"])
     except Exception as error:  # whatever a damaged file makes a parser stumble over
         raise _DamagedError(
-            f"truncated or damaged PLY file ({type(error).__name__}: {error})"
+            f"truncated or damaged PLY file ({type(error).__name__}: {brief(error)})"
         ) from error
     if len(vertices) != n_vertices:
         raise _DamagedError(f"{len(vertices)} vertices found, the PLY header declares {n_vertices}")

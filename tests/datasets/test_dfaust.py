@@ -352,7 +352,7 @@ def test_a_file_that_changes_or_goes(folder):
     with pytest.raises(FileError, match=rf"{MEN} has changed: 50009_hips"):
         motion[0]
     (folder / MEN).unlink()
-    with pytest.raises(FileError, match=f"cannot read .*{MEN}"):
+    with pytest.raises(FileError, match=f"{MEN} cannot be read"):
         motion[0]
 
 

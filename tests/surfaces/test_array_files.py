@@ -55,7 +55,7 @@ def test_missing_fields_are_named(tmp_path):
     with pytest.raises(FileFormatError, match=r"lacks the fields c, d; found a, b"):
         load_arrays(tmp_path / "x.npz", ["a", "c", "d"])
     np.save(tmp_path / "x.npy", ARRAYS["a"])
-    with pytest.raises(FileFormatError, match=r"lacks the fields a; found none"):
+    with pytest.raises(FileFormatError, match="not an .npz archive"):
         load_arrays(tmp_path / "x.npy", ["a"])
 
 

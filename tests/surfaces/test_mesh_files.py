@@ -204,6 +204,7 @@ def test_files_that_cannot_be_read(tmp_path, monkeypatch):
     def denied(self):
         raise PermissionError(13, "Permission denied")
 
+    (tmp_path / "body.off").touch()
     monkeypatch.setattr(Path, "read_bytes", denied)
     with pytest.raises(FileError, match=r"body\.off cannot be read: Permission denied"):
         load_mesh(tmp_path / "body.off")

@@ -1,0 +1,105 @@
+"""What a file holds, if it is a file: devices and pipes have no end, and may never begin."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from riemhuman.errors import ArgumentTypeError, FileError
+
+_LONGEST = 300
+
+
+def file_path(path: str | os.PathLike[str], name: str = "path") -> Path:
+    """Return a path as `Path`; ``~`` stands for the user's home.
+
+    Parameters
+    ----------
+    path : path_like
+        The path.
+    name : str
+        What to call it in messages.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is not a path.
+    """
+    try:
+        return Path(path).expanduser()
+    except TypeError as error:
+        raise ArgumentTypeError(f"{name} must be the path of a file; found {path!r}") from error
+
+
+def check_file(file: Path) -> int:
+    """Refuse what is not a regular file, or a link to one.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+
+    Returns
+    -------
+    size : int
+        Its size in bytes.
+
+    Raises
+    ------
+    FileError
+        If it is missing, a folder, a device or a pipe.
+    """
+    try:
+        found = file.stat()
+    except (OSError, ValueError) as error:
+        raise FileError(f"{file} cannot be read: {brief(error)}") from error
+    if not stat.S_ISREG(found.st_mode):
+        kind = "a folder" if stat.S_ISDIR(found.st_mode) else "a device or a pipe"
+        raise FileError(f"{file} cannot be read: it is {kind}; a file was expected")
+    return found.st_size
+
+
+def file_content(file: Path) -> bytes:
+    """Read a file.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+
+    Returns
+    -------
+    bytes
+
+    Raises
+    ------
+    FileError
+        If it is missing, a folder, a device or a pipe, or cannot be read.
+    """
+    check_file(file)
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {brief(error)}") from error
+
+
+def brief(error: BaseException) -> str:
+    """Return what an error says, for a message; errors about a file may quote all of it.
+
+    Parameters
+    ----------
+    error : Exception
+        The error.
+
+    Returns
+    -------
+    text : str
+        At most 300 characters.
+    """
+    text = getattr(error, "strerror", None) or str(error) or type(error).__name__
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."

@@ -1,0 +1,442 @@
+"""Every reader of the library with a small valid file, and what holds of all it may return."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import pickle
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import h5py
+import numpy as np
+from model_pickles import smpl_fields, smpl_pickle
+from trust.fuzzing import ARCHIVES, BYTES, HDF5, PICKLES, Mutation, archive, array_file
+
+import riemhuman as rh
+from riemhuman.bodies import BodyModel
+from riemhuman.bodies.conversion import convert_model
+from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
+from riemhuman.datasets.shrec import load_shrec14
+from riemhuman.descriptors.latent_vectors import LatentVectors
+from riemhuman.jobs.folder import JobFolder
+from riemhuman.jobs.pairwise import pairwise_job
+from riemhuman.report.store import ResultStore
+from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.surfaces.array_files import load_arrays
+from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
+
+Files = dict[str, bytes]
+
+
+@dataclass(frozen=True)
+class Reader:
+    """A reader: its valid files, which of them are damaged, how, and how it is called."""
+
+    files: Callable[[], Files]
+    targets: tuple[str, ...]
+    read: Callable[[Path], None]
+    mutations: tuple[Mutation, ...] = BYTES
+
+
+def finite(array: Any, shape: tuple[int | None, ...]) -> None:
+    """Assert that an array holds finite numbers in this shape, None standing for any length."""
+    values = np.asarray(array)
+    assert values.dtype.kind in "fiu", values.dtype
+    assert values.ndim == len(shape), values.shape
+    assert all(e in (None, n) for e, n in zip(shape, values.shape, strict=True)), values.shape
+    assert np.isfinite(values).all(), "not finite"
+
+
+def check_mesh(vertices: Any, faces: Any) -> None:
+    finite(vertices, (None, 3))
+    finite(faces, (None, 3))
+    assert faces.size
+    assert faces.min() >= 0
+    assert faces.max() < len(vertices)
+
+
+@cache
+def template() -> rh.Template:
+    """Return an octahedron, its corners moved a little."""
+    corners = np.concatenate([np.eye(3), -np.eye(3)])
+    corners += np.random.default_rng(1).uniform(-0.1, 0.1, (6, 3))
+    faces = [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
+    return rh.Template(corners, faces)
+
+
+def surfaces(n_surfaces: int) -> np.ndarray:
+    noise = np.random.default_rng(2).uniform(-0.2, 0.2, (n_surfaces, 6, 3))
+    return template().vertices + noise
+
+
+@cache
+def metric() -> rh.ElasticMetric:
+    return rh.ElasticMetric(rh.AlignedSurfaces(template(), equip=False), a=1.0, lam=0.1, c=0.5)
+
+
+def written(folder: Path) -> Files:
+    """Return the content of every file in a folder."""
+    return {
+        str(file.relative_to(folder)): file.read_bytes()
+        for file in sorted(folder.rglob("*"))
+        if file.is_file()
+    }
+
+
+def mesh_file(name: str) -> Files:
+    vertices, faces = template().vertices, template().faces
+    file = Path(name)
+    save_mesh(file, vertices, faces)
+    content = {name: file.read_bytes()}
+    file.unlink()
+    return content
+
+
+def ply(order: str) -> Files:
+    """Return a PLY file with normals and colours, as text or of either byte order."""
+    vertices, faces = template().vertices, template().faces
+    header = (
+        f"ply\nformat {order} 1.0\ncomment made up\nelement vertex 6\nproperty float x\n"
+        "property float y\nproperty float z\nproperty uchar red\nelement face 8\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    if order == "ascii":
+        lines = [" ".join(f"{x:.6f}" for x in row) + " 7" for row in vertices]
+        lines += ["3 " + " ".join(map(str, face)) for face in faces]
+        return {"a.ply": header.encode() + "\n".join(lines).encode() + b"\n"}
+    byte = "<" if "little" in order else ">"
+    rows = np.zeros(6, [("x", f"{byte}f4", 3), ("red", "u1")])
+    rows["x"] = vertices
+    triangles = np.zeros(8, [("n", "u1"), ("i", f"{byte}i4", 3)])
+    triangles["n"], triangles["i"] = 3, faces
+    return {"a.ply": header.encode() + rows.tobytes() + triangles.tobytes()}
+
+
+def obj() -> Files:
+    content = mesh_file("a.obj")["a.obj"].decode().replace("f 1 2 3", "f 1/1/1 2//2 -4/3")
+    return {"a.obj": ("# made up\nmtllib x.mtl\nvt 0 0\no body\n" + content).encode()}
+
+
+def read_mesh(name: str) -> Callable[[Path], None]:
+    return lambda folder: check_mesh(*load_mesh(folder / name))
+
+
+def basis_file() -> Files:
+    basis = rh.DeformationBasis.from_laplacian(
+        template(), 4, vertex_weights=template().vertex_areas
+    )
+    basis.save("basis.npz")
+    content = Path("basis.npz").read_bytes()
+    arrays = load_arrays("basis.npz", [])
+    Path("basis.npz").unlink()
+    extra = {"explained_variance": np.ones(4), "explained_variance_ratio": np.full(4, 0.2)}
+    assert content
+    return {"basis.npz": archive(arrays | extra | {"mean": np.zeros((6, 3))})}
+
+
+def read_basis(folder: Path) -> None:
+    basis = rh.DeformationBasis.load(folder / "basis.npz")
+    finite(basis.vectors, (len(basis), basis.n_vertices, 3))
+    weights = np.ones(basis.n_vertices) if basis.vertex_weights is None else basis.vertex_weights
+    finite(weights, (basis.n_vertices,))
+    gram = np.einsum("kvx,v,lvx->kl", basis.vectors, weights, basis.vectors)
+    assert np.abs(gram - np.eye(len(basis))).max() < 1e-6
+    for name, shape in (
+        ("explained_variance", (len(basis),)),
+        ("explained_variance_ratio", (len(basis),)),
+        ("mean", (basis.n_vertices, 3)),
+    ):
+        if getattr(basis, name) is not None:
+            finite(getattr(basis, name), shape)
+
+
+@cache
+def model_fields() -> dict[str, Any]:
+    """Return a model of three joints in a row."""
+    fields = smpl_fields(22, n_vertices=8, n_betas=2)
+    weights, regressor = fields["weights"][:, :3], fields["J_regressor"][:3]
+    return fields | {
+        "weights": weights / weights.sum(axis=1, keepdims=True),
+        "J_regressor": regressor,
+        "kintree_table": np.array([[2**32 - 1, 0, 1], [0, 1, 2]], dtype=np.uint32),
+        "posedirs": fields["posedirs"][..., :18],
+    }
+
+
+def check_model(model: BodyModel) -> None:
+    n_vertices, n_joints = model.n_vertices, model.n_joints
+    finite(model.faces, (None, 3))
+    assert model.faces.max() < n_vertices
+    finite(model.weights, (n_vertices, n_joints))
+    finite(model.template.vertices, (n_vertices, 3))
+    finite(model.shapedirs, (n_vertices, 3, model.n_betas))
+
+
+def read_model(name: str) -> Callable[[Path], None]:
+    return lambda folder: check_model(BodyModel.from_file(folder / name))
+
+
+def read_and_convert(folder: Path) -> None:
+    check_model(convert_model(folder / "model.pkl", folder / "converted.npz"))
+    check_model(BodyModel.from_file(folder / "converted.npz"))
+
+
+def hdf5_file() -> Files:
+    stream = io.BytesIO()
+    frames = surfaces(5).transpose(1, 2, 0)
+    with h5py.File(stream, "w") as file:
+        file["faces"] = template().faces
+        file["50002_hips"] = frames
+        file.create_dataset("50002_knees", data=frames, chunks=(6, 3, 2), compression="gzip")
+    return {"a.hdf5": stream.getvalue()}
+
+
+def read_hdf5(folder: Path) -> None:
+    for motion in load_dfaust(folder / "a.hdf5"):
+        last = len(motion)
+        finite(motion[: min(last, 5)], (min(last, 5), int(motion.faces.max()) + 1, 3))
+        finite(motion[last - 1], (None, 3))
+
+
+@cache
+def amass_model() -> BodyModel:
+    fields = smpl_fields(22, n_vertices=8, n_betas=3)
+    fields["faces"], fields["joint_regressor"] = fields.pop("f"), fields.pop("J_regressor")
+    return BodyModel(**fields)
+
+
+def amass_file(smpl_x: bool = False) -> Files:
+    rng = np.random.default_rng(3)
+    fields = {
+        "trans": rng.normal(size=(4, 3)),
+        "gender": np.array("female"),
+        "mocap_framerate": np.array(60.0),
+        "betas": rng.normal(size=5),
+    }
+    names = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3} if smpl_x else {"poses": 156}
+    fields |= {name: 0.3 * rng.normal(size=(4, width)) for name, width in names.items()}
+    return {"a/b_poses.npz": archive(fields, compressed=smpl_x)}
+
+
+def read_amass(folder: Path) -> None:
+    (motion,) = load_amass(folder / "a" / "b_poses.npz", amass_model())
+    n_frames = min(len(motion), 10)
+    finite(motion.betas, (3,))
+    finite(motion[:n_frames], (n_frames, 8, 3))
+
+
+def labelled_files() -> Files:
+    files = {}
+    for number, vertices in enumerate(surfaces(3)):
+        save_mesh("a.off", vertices, template().faces)
+        files[f"b_{number}.off"] = Path("a.off").read_bytes()
+        Path("a.off").unlink()
+    rows = "file,subject,pose\nb_0.off,Ann,a\nb_1,Bob,b\nb_2.off,Ann,a\n"
+    return files | {"labels.csv": rows.encode()}
+
+
+def read_labelled(folder: Path) -> None:
+    bodies = load_bodies(folder)
+    finite(bodies.points, (3, 6, 3))
+    finite(bodies.subject, (3,))
+    assert bodies.subject.max() < len(bodies.subject_names)
+
+
+def faust_files() -> Files:
+    names = ("tr_reg_003.ply", "tr_reg_014.ply")
+    return {name: ply("binary_little_endian")["a.ply"] for name in names}
+
+
+def read_faust(folder: Path) -> None:
+    bodies = load_faust(folder, allow_missing=True)
+    finite(bodies.points, (len(bodies.points), None, 3))
+
+
+def shrec_files() -> Files:
+    classes = "PSB 1\n3 3\n\nAnn 0 2\n0\n1\n\nMen 0 0\n\nBob Men 1\n2\n"
+    meshes = {f"{i}.off": mesh_file("a.off")["a.off"] for i in range(3)}
+    return meshes | {"test.cla": classes.encode()}
+
+
+def read_shrec(folder: Path) -> None:
+    meshes = load_shrec14(folder)
+    assert len(meshes) == len(meshes.ids) == len(meshes.subject)
+    finite(meshes.subject, (len(meshes),))
+    for mesh in meshes:
+        check_mesh(*mesh)
+
+
+def latent(ending: str) -> Files:
+    vectors = np.random.default_rng(4).normal(size=(5, 3)).round(6)
+    ids = ["a", "b", "c", "d", "e"]
+    if ending == "npz":
+        return {"v.npz": archive({"ids": np.array(ids), "vectors": vectors}, compressed=True)}
+    if ending == "npy":
+        return {"v.npy": array_file(vectors)}
+    rows = ["id,x,y,z"] + [
+        f'"{name}",' + ",".join(map(str, row)) for name, row in zip(ids, vectors, strict=True)
+    ]
+    return {"v.csv": "\n".join(rows).encode()}
+
+
+def read_latent(ending: str) -> Callable[[Path], None]:
+    def read(folder: Path) -> None:
+        found = LatentVectors.from_file(folder / f"v.{ending}")
+        finite(found.vectors, (len(found.ids), None))
+        assert len(set(found.ids)) == len(found.ids)
+
+    return read
+
+
+def index_file(n_components: int = 2) -> Files:
+    neighbors = NearestNeighbors(metric(), 2, n_pivots=2, n_components=n_components)
+    neighbors.fit(surfaces(6)).save("index.npz")
+    content = Path("index.npz").read_bytes()
+    Path("index.npz").unlink()
+    return {"index.npz": content}
+
+
+def read_index(folder: Path) -> None:
+    neighbors = NearestNeighbors.load(folder / "index.npz", metric())
+    n_points = neighbors.n_samples_fit_
+    with contextlib.suppress(rh.RiemhumanError):
+        distances, indices = neighbors.kneighbors(surfaces(2), n_neighbors=1)
+        finite(distances, (2, 1))
+        finite(indices, (2, 1))
+        assert indices.min() >= 0
+        assert indices.max() < n_points
+
+
+class _StoppedError(Exception):
+    pass
+
+
+def job_files(complete: bool) -> Files:
+    """Return the folder of a job that is done, or all but."""
+    folder = Path("job")
+    stop = (
+        contextlib.nullcontext()
+        if complete
+        else mock.patch.object(JobFolder, "rename", side_effect=_StoppedError)
+    )
+    with stop, contextlib.suppress(_StoppedError):
+        pairwise_job(metric(), surfaces(4), folder)
+    files = written(folder)
+    for name in files:
+        (folder / name).unlink()
+    folder.rmdir()
+    if not complete:
+        done = np.load(io.BytesIO(files["done.npy"]))
+        files["done.npy"] = array_file(np.zeros_like(done))
+    files.pop("job.lock", None)
+    return {f"job/{name}": content for name, content in files.items()}
+
+
+def read_job(folder: Path) -> None:
+    was_complete = (folder / "job" / "D.npy").exists()
+    distances = pairwise_job(metric(), surfaces(4), folder / "job")
+    assert distances.shape == (4, 4)
+    assert distances.dtype == np.float64
+    if not was_complete:
+        finite(distances, (4, 4))
+
+
+def store_file() -> Files:
+    Path("store").mkdir()
+    ResultStore(Path("store"), {}).step("step", {"x": 1}, _computed)
+    files = written(Path("store"))
+    for name in files:
+        (Path("store") / name).unlink()
+    Path("store").rmdir()
+    return files
+
+
+def _computed() -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    return {"distances": np.arange(6.0)}, {"nn": 1.0}
+
+
+def read_store(folder: Path) -> None:
+    step = ResultStore(folder, {}).step("step", {"x": 1}, _computed)
+    assert np.array_equal(step.arrays["distances"], np.arange(6.0))
+    json.dumps(step.record)
+
+
+def read_arrays(folder: Path) -> None:
+    for name, array in load_arrays(folder / "basis.npz", []).items():
+        assert isinstance(name, str)
+        assert not array.dtype.hasobject
+
+
+def read_without_care(folder: Path) -> None:
+    """Do what no reader may, so that it is known to be noticed."""
+    file = folder / "model.pkl"
+    content = b"." if file.is_fifo() else file.read_bytes()
+    with contextlib.suppress(Exception):
+        pickle.loads(content)
+
+
+READERS: dict[str, Reader] = {
+    "ply text": Reader(lambda: ply("ascii"), ("a.ply",), read_mesh("a.ply")),
+    "ply little": Reader(lambda: ply("binary_little_endian"), ("a.ply",), read_mesh("a.ply")),
+    "ply big": Reader(lambda: ply("binary_big_endian"), ("a.ply",), read_mesh("a.ply")),
+    "obj": Reader(obj, ("a.obj",), read_mesh("a.obj")),
+    "off": Reader(lambda: mesh_file("a.off"), ("a.off",), read_mesh("a.off")),
+    "arrays": Reader(basis_file, ("basis.npz",), read_arrays, ARCHIVES),
+    "basis": Reader(basis_file, ("basis.npz",), read_basis, ARCHIVES),
+    "model archive": Reader(
+        lambda: {"m.npz": archive(model_fields(), compressed=True)},
+        ("m.npz",),
+        read_model("m.npz"),
+        ARCHIVES,
+    ),
+    "model pickle": Reader(
+        lambda: {"model.pkl": smpl_pickle(model_fields())},
+        ("model.pkl",),
+        read_and_convert,
+        PICKLES,
+    ),
+    "model pickle, text": Reader(
+        lambda: {"model.pkl": smpl_pickle(model_fields(), 0)},
+        ("model.pkl",),
+        read_model("model.pkl"),
+        PICKLES,
+    ),
+    "dynamic faust": Reader(hdf5_file, ("a.hdf5",), read_hdf5, HDF5),
+    "amass, smpl-h": Reader(amass_file, ("a/b_poses.npz",), read_amass, ARCHIVES),
+    "amass, smpl-x": Reader(lambda: amass_file(True), ("a/b_poses.npz",), read_amass, ARCHIVES),
+    "labels": Reader(labelled_files, ("labels.csv", "labels.csv", "b_1.off"), read_labelled),
+    "faust": Reader(faust_files, ("tr_reg_014.ply",), read_faust),
+    "classes": Reader(shrec_files, ("test.cla", "test.cla", "1.off"), read_shrec),
+    "latent npz": Reader(lambda: latent("npz"), ("v.npz",), read_latent("npz"), ARCHIVES),
+    "latent npy": Reader(lambda: latent("npy"), ("v.npy",), read_latent("npy")),
+    "latent csv": Reader(lambda: latent("csv"), ("v.csv",), read_latent("csv")),
+    "index": Reader(index_file, ("index.npz",), read_index, ARCHIVES),
+    "job": Reader(
+        lambda: job_files(False),
+        (
+            "job/manifest.json",
+            "job/digests.npy",
+            "job/done.npy",
+            "job/features_0.npy",
+            "job/points.npy",
+            "job/D.unfinished.npy",
+        ),
+        read_job,
+    ),
+    "job, complete": Reader(
+        lambda: job_files(True), ("job/manifest.json", "job/digests.npy", "job/D.npy"), read_job
+    ),
+    "store": Reader(store_file, ("step.npz",), read_store),
+    "careless": Reader(
+        lambda: {"model.pkl": pickle.dumps([1, "two", {"three": 3.0}], 2)},
+        ("model.pkl",),
+        read_without_care,
+        PICKLES,
+    ),
+}
