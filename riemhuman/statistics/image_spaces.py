@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -12,9 +12,13 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.nearest_surface import NearestSurface
 
 KINDS = ("auto", "fields", "points")
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class ImageSpace(Protocol):
@@ -48,6 +52,19 @@ class ImageSpace(Protocol):
         Returns
         -------
         array, shape (n, \*shape)
+        """
+
+    def is_sound(self, point: ndarray, reference: ndarray) -> bool:
+        r"""Return whether a point is one to be shown, beside one that is.
+
+        Parameters
+        ----------
+        point, reference : array, shape (\*shape,)
+            Points.
+
+        Returns
+        -------
+        bool
         """
 
     def mean(self, points: ndarray) -> ndarray:
@@ -105,6 +122,20 @@ class Points:
         array, shape (n, \*shape)
         """
         return self.metric.space.regularize(images)
+
+    def is_sound(self, point: ndarray, reference: ndarray) -> bool:
+        r"""Return True: every point of a manifold is.
+
+        Parameters
+        ----------
+        point, reference : array, shape (\*shape,)
+            Not used.
+
+        Returns
+        -------
+        bool
+        """
+        return True
 
     def mean(self, points: ndarray) -> ndarray:
         r"""Return the Karcher mean by `GradientDescentMean`.
@@ -172,6 +203,21 @@ class Fields:
             self._nearest.solve(self._pullback, image[None], start).point for image in images
         ]
         return np.array(surfaces).reshape(-1, *self._pullback.space.shape)
+
+    def is_sound(self, point: ndarray, reference: ndarray) -> bool:
+        r"""Return whether a surface has no inverted triangle.
+
+        Parameters
+        ----------
+        point, reference : array, shape (V, 3)
+            The surface, and a sound one.
+
+        Returns
+        -------
+        bool
+        """
+        space: AlignedSurfaces = self._pullback.space  # type: ignore[assignment]
+        return not inverted_triangles(point, reference, space.template.faces).any()
 
     def mean(self, points: ndarray) -> ndarray:
         r"""Return the Karcher mean over all vertices, by a search from the medoid.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -249,8 +250,9 @@ class TangentPCA(Estimator):
         rng : int or numpy.random.Generator
             Seed, or the generator to draw from.
         accept : callable, optional
-            Takes a point to whether it is acceptable; others are drawn anew, as in
-            ``lambda f: not inverted_triangles(f, pca.mean_, faces).any()``.
+            Takes a point to whether it is acceptable; others are drawn anew. By default surfaces
+            with triangles inverted against the mean are, see `inverted_triangles`, and nothing
+            else.
 
         Returns
         -------
@@ -265,6 +267,8 @@ class TangentPCA(Estimator):
         """
         self._require_fit("components_")
         n_samples, rng = sample_count(n_samples), generator(rng)
+        if accept is None:
+            accept = partial(self._image().is_sound, reference=self.mean_)
         deviations = np.sqrt(self.explained_variance_)
         accepted: list[ndarray] = []
         n_drawn = 0
@@ -277,7 +281,7 @@ class TangentPCA(Estimator):
             noise = rng.standard_normal((n_samples - len(accepted), self.n_components_))
             points = self.inverse_transform(noise * deviations)
             n_drawn += len(points)
-            accepted += [point for point in points if accept is None or accept(point)]
+            accepted += [point for point in points if accept(point)]
         return stack_samples(np.stack(accepted), n_samples)
 
     def _image(self) -> ImageSpace:

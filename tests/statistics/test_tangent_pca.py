@@ -248,11 +248,22 @@ def test_generated_bodies_are_bodies():
     def is_sound(surface):
         return not inverted_triangles(surface, pca.mean_, faces).any()
 
-    samples = pca.sample(3, rng=0, accept=is_sound)
+    samples = pca.sample(3, rng=0)
     worst = max(count_self_intersections(point, faces) for point in points[5:7])
     for sample in samples:
         assert is_sound(sample)
         assert count_self_intersections(sample, faces) <= worst
+
+
+def test_surfaces_with_inverted_triangles_are_drawn_anew():
+    points, pca = bodies_and_pca("people")
+    faces = load_open_bodies("coarse").template.faces
+    turned = points[0].copy()
+    one, two, three = faces[7]
+    turned[three] = turned[one] + turned[two] - turned[three]
+    image = pca._image()
+    assert image.is_sound(points[0], pca.mean_)
+    assert not image.is_sound(turned, pca.mean_)
 
 
 def test_samples_that_are_not_accepted_are_drawn_anew():
