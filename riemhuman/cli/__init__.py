@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from riemhuman import __version__
 from riemhuman.cli import (
     bases,
+    components,
     distances,
     information,
     means,
@@ -35,7 +36,18 @@ _BAD_DATA = 2
 _INTERRUPTED = 130
 _BROKEN_PIPE = 141
 
-_VERB_MODULES = (tables, distances, paths, means, transfer, bases, models, information, reports)
+_VERB_MODULES = (
+    tables,
+    distances,
+    paths,
+    means,
+    components,
+    transfer,
+    bases,
+    models,
+    information,
+    reports,
+)
 _MAIN_JOB = "tables"
 
 _DESCRIPTION = """\

@@ -21,6 +21,7 @@ VERBS = (
     "retrieve",
     "geodesic",
     "mean",
+    "components",
     "transfer",
     "disentangle",
     "basis",
@@ -166,7 +167,13 @@ def test_interruption_from_the_keyboard(scans, tmp_path):
     for number in range(600):
         os.link(scans / "body_0.ply", many / f"{number}.ply")
     command = [*COMMAND, "matrix", many, "-o", tmp_path / "D.npz", "--resume", tmp_path / "work"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(
+        command,
+        stderr=subprocess.PIPE,
+        text=True,
+        # Where the tests run in the background, shells have them ignore the signal.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    ) as process:
         while not (tmp_path / "work" / "manifest.json").exists():
             assert process.poll() is None
             time.sleep(0.01)

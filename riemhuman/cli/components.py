@@ -1,0 +1,166 @@
+"""The verb ``components``: the directions in which bodies differ, and new bodies along them."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
+from riemhuman.cli.metrics import (
+    add_align,
+    add_metric_options,
+    check_metric_options,
+    chosen_metric,
+    metric_name,
+    metric_record,
+)
+from riemhuman.cli.outputs import check_folder, whole_folder
+from riemhuman.cli.terminal import Reporter, as_json, say, say_json
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+    from riemhuman.statistics import TangentPCA
+
+_SUMMARY = "summary.json"
+_BUILD = (1.0, 1.0, 0.0)  # where a much smaller λ leaves triangles without a logarithm
+_DEVIATIONS = 2.0
+_SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``components``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "components",
+        _components,
+        "principal components of registered meshes, and new bodies",
+        "Finds the directions in which meshes differ most, by principal component analysis of\n"
+        "their logarithms at the Karcher mean. Into a folder come mean.ply, the mean less and\n"
+        "more two standard deviations along each component (component_1_minus.ply,\n"
+        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...) and summary.json.",
+        "  riemhuman components scans/ -o components/\n"
+        "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
+        "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
+    )
+    parser.add_argument(
+        "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="FOLDER", type=path_argument, help="what to write"
+    )
+    parser.add_argument(
+        "-n", "--n-components", type=int, default=3, metavar="K", help="components (default: 3)"
+    )
+    parser.add_argument(
+        "--samples", type=int, default=0, metavar="N", help="random bodies to draw (default: 0)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="S", help="seed of the random bodies (default: 0)"
+    )
+    add_template(parser, "the first mesh")
+    add_align(parser)
+    add_metric_options(parser, _BUILD)
+    add_json(parser)
+    add_force(parser)
+
+
+def _components(options: argparse.Namespace) -> None:
+    from riemhuman.checks import whole_number
+    from riemhuman.statistics import TangentPCA
+
+    check_metric_options(options)
+    if options.metric == "shape":
+        raise ArgumentError(
+            "--shape has too small a λ for logarithms of people; leave it out: the default, "
+            "-a 1 -l 1 -c 0, is about how they are built, too"
+        )
+    count = whole_number(options.n_components, "-n", minimum=1)
+    n_samples = whole_number(options.samples, "--samples", minimum=0)
+    whole_number(options.seed, "--seed", minimum=0)
+    check_folder(options.output, _is_ours, force=options.force)
+    reporter = Reporter(options.quiet)
+    files = meshes_named(options.meshes)
+    with reporter.task(f"Reading {len(files)} meshes"):
+        surfaces = surfaces_in(files, options)
+        if len(files) <= count:
+            raise ArgumentError(
+                f"-n {count} needs at least {count + 1} meshes, one more than components; "
+                f"found {len(files)}"
+            )
+        points = surfaces[:]
+    metric = chosen_metric(options, surfaces.template)
+    space = metric.space
+    space.metric = metric
+    with reporter.task(f"Components of {len(files)}, {metric_name(metric)}"):
+        pca = TangentPCA(space, count).fit(points)
+    with reporter.task(f"{1 + 2 * count + n_samples} bodies"):
+        bodies = _bodies(pca, n_samples, options.seed)
+
+    record = _record(options, files, metric_record(metric), pca, points)
+    with whole_folder(options.output) as folder:
+        _fill(folder, bodies, surfaces.template.faces, record)
+    if options.json:
+        say_json(record | {"output": options.output})
+        return
+    for k, share in enumerate(pca.explained_variance_ratio_):
+        say(f"component {k + 1}  {100 * share:.1f} % of the variance")
+    say(f"written to   {options.output}")
+
+
+def _bodies(pca: TangentPCA, n_samples: int, seed: int) -> dict[str, ndarray]:
+    """Return the surfaces to write, by the names of their files."""
+    import numpy as np
+
+    deviations = np.sqrt(pca.explained_variance_)
+    names = ["mean.ply"]
+    names += [f"component_{k + 1}_{side}.ply" for k in range(len(deviations)) for side in _SIDES]
+    ends = [times * row for row in np.diag(deviations) for times in _SIDES.values()]
+    surfaces = [pca.mean_, *pca.inverse_transform(np.array(ends))]
+    if n_samples:
+        names += [f"sample_{k:04d}.ply" for k in range(n_samples)]
+        surfaces += [*pca.sample(n_samples, seed).reshape(n_samples, *pca.mean_.shape)]
+    return dict(zip(names, surfaces, strict=True))
+
+
+def _record(
+    options: argparse.Namespace,
+    files: list[Path],
+    metric: dict[str, Any],
+    pca: TangentPCA,
+    points: ndarray,
+) -> dict[str, Any]:
+    return {
+        "files": files,
+        "metric": metric,
+        "n_components": pca.n_components_,
+        "explained_variance": pca.explained_variance_,
+        "explained_variance_ratio": pca.explained_variance_ratio_,
+        "deviations": _DEVIATIONS,
+        "coordinates": pca.transform(points),
+        "samples": options.samples,
+        "seed": options.seed,
+    }
+
+
+def _fill(folder: Path, bodies: dict[str, ndarray], faces: ndarray, record: dict[str, Any]) -> None:
+    from riemhuman.surfaces.mesh_files import save_mesh
+
+    for name, surface in bodies.items():
+        save_mesh(folder / name, surface, faces)
+    (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
+
+
+def _is_ours(name: str) -> bool:
+    ours = r"mean\.ply|component_\d+_(minus|plus)\.ply|sample_\d{4,}\.ply"
+    return bool(re.fullmatch(ours, name)) or name == _SUMMARY
