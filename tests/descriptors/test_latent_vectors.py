@@ -1,6 +1,5 @@
 """Vectors from files: three formats, ids, and every way in which they can be wrong."""
 
-
 import numpy as np
 import pytest
 
