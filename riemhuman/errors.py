@@ -47,3 +47,7 @@ class MissingDependencyError(RiemhumanError, ImportError):
 
 class ConvergenceWarning(UserWarning):
     """A solver stopped before it converged; its result says why."""
+
+
+class ClusterError(RiemhumanError, RuntimeError):
+    """A cluster that cannot go on with its work."""

@@ -17,6 +17,7 @@ EXPECTED = {
     "FileError": OSError,
     "FileFormatError": ValueError,
     "MissingDependencyError": ImportError,
+    "ClusterError": RuntimeError,
 }
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from numpy import ndarray
 
-from riemhuman.errors import ArgumentTypeError, MissingDependencyError
+from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
 
@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 _TILES_A_THREAD = 3
 # How often a tile is tried again after an error, such as a file system that failed for a moment.
 _RETRIES = 3
+# How often, and how many seconds apart, a cluster may be found without a worker.
+_PATIENCE, _SECONDS = 4, 15
 
 
 def tiles_on_cluster(
@@ -53,6 +55,8 @@ def tiles_on_cluster(
         If the client is none.
     MissingDependencyError
         If distributed is not installed, or a worker lacks the library.
+    ClusterError
+        If the cluster has had no worker for a minute.
     """
     distributed = import_optional("distributed", "cluster")
     if not isinstance(client, distributed.Client):
@@ -65,28 +69,43 @@ def tiles_on_cluster(
     waiting = iter(tiles)
     running: dict[Any, int] = {}
 
-    def start_next() -> Any:
+    def start_next() -> None:
         for number, tile in waiting:
             future = client.submit(
                 reader.distances, sent, tile, pure=False, retries=_RETRIES, priority=-number
             )
             running[future] = number
-            return future
-        return None
+            return
 
     n_running = _TILES_A_THREAD * max(1, sum(client.nthreads().values()))
-    started = [start_next() for _ in range(min(n_running, len(tiles)))]
-    finished = distributed.as_completed(started)
+    for _ in range(min(n_running, len(tiles))):
+        start_next()
     try:
-        for future in finished:
+        while running:
+            future = _first_finished(client, distributed, running)
             distances = future.result()
             yield running.pop(future), distances
             future.release()
-            following = start_next()
-            if following is not None:
-                finished.add(following)
+            start_next()
     finally:
         client.cancel([*running, sent])
+
+
+def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> Any:
+    """Return a future that is finished, or give up when the cluster has had no worker for long."""
+    n_without_workers = 0
+    while n_without_workers < _PATIENCE:
+        try:
+            finished = distributed.wait(
+                list(running), timeout=_SECONDS, return_when="FIRST_COMPLETED"
+            )
+            return next(iter(finished.done))
+        except TimeoutError:
+            n_without_workers = 0 if client.nthreads() else n_without_workers + 1
+    raise ClusterError(
+        f"the cluster has had no worker for {_PATIENCE * _SECONDS} seconds; what is done is kept, "
+        "and the same call goes on with it"
+    )
 
 
 def _same(metric: RiemannianMetric) -> RiemannianMetric:

@@ -108,6 +108,8 @@ def pairwise_job(
         If another process is at work in the folder, it cannot be written, or the disk is too small.
     FileFormatError
         If a file of the job is damaged.
+    ClusterError
+        If a cluster has had no worker for a minute.
     MissingDependencyError
         If a client is given and distributed is not installed, or a worker lacks the library.
     """

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
+import riemhuman.jobs.cluster
 import riemhuman.jobs.pairwise
-from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
+from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.vector_space import VectorSpace
@@ -23,9 +24,9 @@ POINTS[5] = POINTS[2] * (1 + 1e-9)
 MEMORY = 60_000
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def client():
-    """Return the client of a cluster of two worker processes."""
+    """Return the client of a cluster of two worker processes, its own for every test."""
     with (
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
@@ -102,6 +103,25 @@ def test_errors_of_a_worker_arrive(client, tmp_path):
     space = VectorSpace((2,))
     with pytest.raises(ArgumentError, match="must be better than this"):
         pairwise_job(Faulty(space), np.eye(2), tmp_path, client=client)
+
+
+class Deserted:
+    """What a cluster's client knows once its workers are gone."""
+
+    def nthreads(self):
+        return {}
+
+
+def test_a_cluster_without_workers_is_given_up(monkeypatch):
+    monkeypatch.setattr(riemhuman.jobs.cluster, "_SECONDS", 0.05)
+
+    class Never:
+        @staticmethod
+        def wait(futures, timeout, return_when):
+            raise TimeoutError
+
+    with pytest.raises(ClusterError, match="no worker for"):
+        riemhuman.jobs.cluster._first_finished(Deserted(), Never, ["future"])
 
 
 def hide():
