@@ -3,7 +3,9 @@
 import os
 import pickle
 import signal
+import sys
 
+import cloudpickle
 import distributed
 import numpy as np
 import pytest
@@ -17,6 +19,9 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.vector_space import VectorSpace
 from riemhuman.jobs import pairwise_job
 from riemhuman.jobs.tiles import Tile, TileReader
+
+# Workers cannot import the tests: what these send goes by value.
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 METRIC = ElasticMetric(AlignedSurfaces(sphere_template(), equip=False), 1.0, 0.1, 0.1)
 POINTS = surfaces(sphere_template(), 40, rng=1)
@@ -92,14 +97,11 @@ def test_begun_here_and_finished_there(client, local, tmp_path, monkeypatch):
     assert (tmp_path / "D.npy").read_bytes() == local
 
 
-class Faulty(RiemannianMetric):
-    """A metric that fails on a worker."""
-
-    def squared_dist(self, point_a, point_b):
-        raise ArgumentError("point_a must be better than this")
-
-
 def test_errors_of_a_worker_arrive(client, tmp_path):
+    class Faulty(RiemannianMetric):
+        def squared_dist(self, point_a, point_b):
+            raise ArgumentError("point_a must be better than this")
+
     space = VectorSpace((2,))
     with pytest.raises(ArgumentError, match="must be better than this"):
         pairwise_job(Faulty(space), np.eye(2), tmp_path, client=client)
