@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
-from riemhuman.errors import ArgumentTypeError, FileError
+from riemhuman.surfaces.file_content import file_path
+from riemhuman.surfaces.whole_files import whole_file
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -45,16 +45,5 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
     FileError
         If the file cannot be written.
     """
-    try:
-        file = Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"path must be the path of a file; found {path!r}") from error
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        try:
-            temporary.write_bytes(content)
-            os.replace(temporary, file)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"{file} cannot be written: {error.strerror}") from error
+    with whole_file(file_path(path)) as neighbour:
+        neighbour.write_bytes(content)

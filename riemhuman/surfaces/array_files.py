@@ -17,6 +17,7 @@ import numpy as np
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.surfaces.file_content import brief, check_file, file_path
+from riemhuman.surfaces.whole_files import whole_file
 
 # Numbers do not compress further than this; zeros do, and a quarter of a gigabyte of them may.
 _MOST_COMPRESSED, _ROOM = 64, 2**28
@@ -46,18 +47,9 @@ def save_arrays(
     FileError
         If the file cannot be written.
     """
-    file = file_path(path)
-    temporary = file.parent / f".{file.name}.{os.getpid()}.part"
-    try:
-        try:
-            with temporary.open("wb") as stream:
-                write = np.savez_compressed if compressed else np.savez
-                write(stream, **arrays)
-            os.replace(temporary, file)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"{file} cannot be written: {error.strerror}") from error
+    write = np.savez_compressed if compressed else np.savez
+    with whole_file(file_path(path)) as neighbour, neighbour.open("wb") as stream:
+        write(stream, **arrays)
 
 
 def load_arrays(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import struct
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +16,10 @@ from numpy.typing import ArrayLike
 from scipy import sparse
 
 from riemhuman.checks import real_array, real_number
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.whole_files import whole_file
 
 _FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
@@ -63,22 +64,12 @@ def save_glb(
     FileFormatError
         If the ending is another.
     """
-    try:
-        file = Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"path must be the path of a file; found {path!r}") from error
+    file = file_path(path)
     if file.suffix.lower() != ".glb":
         raise FileFormatError(f"{file}: the ending must be .glb")
     content = _glb(surfaces, faces, real_number(seconds, "seconds", minimum=0, strict=True), name)
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        try:
-            temporary.write_bytes(content)
-            os.replace(temporary, file)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise FileError(f"{file} cannot be written: {error.strerror}") from error
+    with whole_file(file) as neighbour:
+        neighbour.write_bytes(content)
 
 
 class _Chunk:

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.surfaces.file_content import brief, file_content, file_path
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.whole_files import whole_file
 
 _Mesh = tuple[ArrayLike, ArrayLike]
 _Format = TypeVar("_Format")
@@ -97,14 +98,8 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
         raise FileError(f"{file} is a folder; a mesh file cannot take its place")
     if not file.parent.is_dir():
         raise FileError(f"{file} cannot be written: there is no folder {file.parent}")
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.part")
-    try:
-        temporary.write_bytes(content)
-        os.replace(temporary, file)
-    except OSError as error:
-        raise FileError(f"{file} cannot be written: {error.strerror}") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    with whole_file(file) as neighbour:
+        neighbour.write_bytes(content)
 
 
 class _DamagedError(ValueError):

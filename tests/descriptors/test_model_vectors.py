@@ -86,8 +86,6 @@ def test_surfaces_that_are_not_registered_to_the_model():
 
 def test_open_model():
     model = load_open_model("coarse")
-    if not hasattr(model, "fit"):
-        pytest.skip("this model cannot fit")
     rng = np.random.default_rng(0)
     betas = rng.normal(size=(3, model.n_betas))
     pose = rng.normal(scale=0.2, size=(3, model.n_joints, 3))
