@@ -201,7 +201,9 @@ def main(arguments: list[str]) -> None:
             if problem:
                 problems.append(problem)
     seconds = time.process_time() - began
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+    # Not `ru_maxrss`, which a process inherits from the one that started it.
+    status = Path("/proc/self/status").read_text().split()
+    peak = 1024 * int(status[status.index("VmHWM:") + 1])
     shutil.rmtree(home)
     report = {"seconds": seconds, "slowest": slowest, "peak": peak}
     sys.stdout.write(json.dumps(report | {"ends": ends, "problems": problems}) + "\n")
