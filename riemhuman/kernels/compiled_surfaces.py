@@ -6,6 +6,7 @@ lock, and results do not depend on the number of threads.
 
 from __future__ import annotations
 
+import heapq
 import math
 
 import numpy as np
@@ -144,32 +145,59 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray
     return turns
 
 
+@njit(cache=True, inline="always")
+def _unwrap(turn: ndarray, before: ndarray) -> None:
+    """Add full turns to a rotation vector so that it is close to another."""
+    angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
+    if angle == 0.0:
+        return
+    along = 0.0
+    for k in range(3):
+        along += turn[k] / angle * before[k]
+    factor = 1.0 + 2.0 * math.pi / angle * round((along - angle) / (2.0 * math.pi))
+    for k in range(3):
+        turn[k] *= factor
+
+
 @njit(cache=True)
-def unwrap_turns(turns: ndarray, order: ndarray, predecessors: ndarray) -> None:
-    """Add full turns to rotation vectors so that each is close to that of its predecessor.
+def unwrap_turns(
+    turns: ndarray, quaternions: ndarray, roots: ndarray, ends: ndarray, neighbours: ndarray
+) -> None:
+    """Add full turns to rotation vectors so that each is close to a neighbour's.
+
+    The neighbours are those of the tree of least differences between rotations, which grows from
+    its root by the least difference first (Prim's algorithm).
 
     Parameters
     ----------
     turns : array, shape (F, 3)
         Rotation vectors, changed in place.
-    order : array of int, shape (n,)
-        Triangles in the order to visit them.
-    predecessors : array of int, shape (F,)
-        The triangle visited before, negative where there is none.
+    quaternions : array, shape (F, 4)
+        The same rotations as unit quaternions.
+    roots : array of int, shape (F,)
+        Triangles in the order in which they may be roots; those reached before are not.
+    ends : array of int, shape (F + 1,)
+        Neighbours of triangle t are ``neighbours[ends[t] : ends[t + 1]]``.
+    neighbours : array of int, shape (n,)
+        Triangles.
     """
-    for t in order:
-        before = predecessors[t]
-        if before < 0:
-            continue
-        angle = math.sqrt(turns[t, 0] ** 2 + turns[t, 1] ** 2 + turns[t, 2] ** 2)
-        if angle == 0.0:
-            continue
-        along = 0.0
-        for k in range(3):
-            along += turns[t, k] / angle * turns[before, k]
-        factor = 1.0 + 2.0 * math.pi / angle * round((along - angle) / (2.0 * math.pi))
-        for k in range(3):
-            turns[t, k] *= factor
+    done = np.zeros(len(turns), dtype=np.bool_)
+    for root in roots:
+        queue = [(0.0, root, root)]
+        while len(queue) > 0:
+            _, t, before = heapq.heappop(queue)
+            if done[t]:
+                continue
+            done[t] = True
+            if t != before:
+                _unwrap(turns[t], turns[before])
+            for other in neighbours[ends[t] : ends[t + 1]]:
+                if not done[other]:
+                    near, far = 0.0, 0.0
+                    for k in range(4):
+                        near += (quaternions[t, k] - quaternions[other, k]) ** 2
+                        far += (quaternions[t, k] + quaternions[other, k]) ** 2
+                    heapq.heappush(queue, (min(near, far), other, t))
 
 
 @njit(cache=True, inline="always")

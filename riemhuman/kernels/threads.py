@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from typing import TypeVar
 
@@ -17,6 +18,8 @@ from threadpoolctl import ThreadpoolController
 N_CHUNKS = 4
 
 Result = TypeVar("Result")
+
+_is_single_threaded: ContextVar[bool] = ContextVar("_is_single_threaded", default=False)
 
 
 def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) -> list[Result]:
@@ -51,8 +54,16 @@ def single_threaded_libraries() -> Iterator[None]:
     ------
     None
     """
-    with ThreadpoolController().limit(limits=1):
+    if _is_single_threaded.get():
+        # Looking for the libraries of the process takes a millisecond.
         yield
+        return
+    token = _is_single_threaded.set(True)
+    try:
+        with ThreadpoolController().limit(limits=1):
+            yield
+    finally:
+        _is_single_threaded.reset(token)
 
 
 def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:

@@ -15,18 +15,15 @@ from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
 from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
-from riemhuman.solvers.poisson_path import PoissonPath
+from riemhuman.solvers.poisson_path import best_turns, turned_path
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
-from riemhuman.solvers.simple_paths import LinearPath, check_end_points, check_initial_path
+from riemhuman.solvers.simple_paths import check_end_points, check_initial_path, linear_path
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 METHODS = ("preconditioned", "l-bfgs-b", "bfgs")
-
-# Surfaces of the path over which the Gram matrix is averaged.
-_N_NODES = 2
 
 
 @dataclass(frozen=True)
@@ -38,9 +35,9 @@ class BasisPath:
     for every interior time (corrected: α has one block for each of them). In the paper l is the
     straight path (1 − t) f₀ + t f₁ (corrected) and α is found by a quasi-Newton method; that is
     ``method="l-bfgs-b"`` or ``"bfgs"``. The default method differs twice: l is the path that turns
-    every triangle (`PoissonPath`) where that has less energy, so that limbs bend instead of
-    shrinking, and α is preconditioned by the metric's Gram matrix on the basis, averaged over a
-    few surfaces of the path.
+    every triangle (`PoissonPath`) where that costs less energy, so that limbs bend instead of
+    shrinking, and α is preconditioned by the metric's Gram matrix on the basis, averaged over the
+    first and the last surface between the ends.
 
     Parameters
     ----------
@@ -54,8 +51,8 @@ class BasisPath:
     energy : PathEnergy
         Energy to minimise.
     initial : object, optional
-        Solver that gives l, with as many times. By default the better of `PoissonPath` and
-        `LinearPath` for the preconditioned method and `LinearPath` for the others.
+        Solver that gives l, with as many times. By default that of `PoissonPath` and `LinearPath`
+        whose middle costs less for the preconditioned method and `LinearPath` for the others.
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
         energy, as far as the preconditioned gradient tells.
@@ -127,22 +124,21 @@ class BasisPath:
         self.basis.check_fits(start.shape[0])
         if initial_path is None and self.initial is not None:
             initial_path = self.initial.solve(metric, start, end).path
-        if initial_path is None:
-            initial = self._default_initial_path(metric, start, end)
-            line, energy = initial.path, initial.energy
-        else:
-            line = check_initial_path(metric, start, end, self.n_times, initial_path)
-            energy = self.energy.value(metric, line)
-        if not np.isfinite(energy):
-            raise ArgumentError(
-                "the initial path has no finite energy: a surface on it has a triangle without "
-                "area; pass another initial_path"
-            )
-        if self.n_times == 2:
-            return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
-
         with single_threaded_libraries():
-            minimum = self._minimize(metric, line, energy)
+            if initial_path is None:
+                line = self._default_initial_path(metric, start, end)
+            else:
+                line = check_initial_path(metric, start, end, self.n_times, initial_path)
+            energy, gradient = self.energy.value_and_gradient(metric, line)
+            if not np.isfinite(energy):
+                self.energy.value(metric, line)  # names the triangle, if the metric can
+                raise ArgumentError(
+                    "the initial path has no finite energy: a surface on it has a triangle "
+                    "without area; pass another initial_path"
+                )
+            if self.n_times == 2:
+                return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
+            minimum = self._minimize(metric, line, energy, gradient)
         path = self._path(line, minimum.x)
         result = PathResult(
             metric.remove_drift(path) if self.remove_drift else path,
@@ -158,28 +154,34 @@ class BasisPath:
 
     def _default_initial_path(
         self, metric: RiemannianMetric, start: ndarray, end: ndarray
-    ) -> PathResult:
-        straight = LinearPath(self.n_times, self.energy).solve(metric, start, end)
+    ) -> ndarray:
         if self.method != "preconditioned":
-            return straight
-        turning = PoissonPath(self.n_times, self.energy).solve(metric, start, end)
-        return min(straight, turning, key=lambda result: result.energy)
+            return linear_path(start, end, self.n_times)
+        turns, turned_energy = best_turns(metric, self.energy, start, end)
+        middle = linear_path(start, end, 3)
+        if self.energy.value(metric, middle) <= turned_energy:
+            return linear_path(start, end, self.n_times)
+        return turned_path(metric, start, end, self.n_times, turns)
 
-    def _minimize(self, metric: RiemannianMetric, line: ndarray, line_energy: float) -> Minimum:
+    def _minimize(
+        self, metric: RiemannianMetric, line: ndarray, line_energy: float, line_gradient: ndarray
+    ) -> Minimum:
         """Return the coefficients α of least energy, shape (n_times − 2, K)."""
         start = np.zeros((self.n_times - 2, len(self.basis)))
 
         def energy(coefficients: ndarray) -> tuple[float, ndarray]:
-            path = self._path(line, coefficients)
-            value, gradient = self.energy.value_and_gradient(metric, path)
+            if coefficients.any():
+                path = self._path(line, coefficients)
+                value, gradient = self.energy.value_and_gradient(metric, path)
+            else:
+                value, gradient = line_energy, line_gradient
             return value, pair_with_rows(gradient[1:-1].reshape(len(start), -1), self.basis.flat)
 
         def around(coefficients: ndarray) -> LocalProblem:
             path = self._path(line, coefficients)
             unit = self.energy.value(metric, path) if coefficients.any() else line_energy
             unit = unit or 1.0
-            nodes = path[1 : -1 : max(1, (self.n_times - 2) // _N_NODES)]
-            gram = metric.gram_matrix(self.basis.vectors, nodes)
+            gram = metric.gram_matrix(self.basis.vectors, path[[1, -2]])
             change = PathPreconditioner(CholeskyFactor(gram / unit), self.n_times - 1)
 
             def position(variables: ndarray) -> ndarray:

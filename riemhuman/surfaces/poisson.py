@@ -14,13 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.csgraph import (
-    breadth_first_order,
-    connected_components,
-    minimum_spanning_tree,
-)
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
-from scipy.spatial.transform import Rotation
 
 from riemhuman.kernels.threads import single_threaded_libraries
 
@@ -59,6 +54,11 @@ class PoissonInterpolator:
         _, component = connected_components(links, directed=False)
         _, anchors, sizes = np.unique(component, return_index=True, return_counts=True)
         self._neighbours = _neighbours(faces)
+        both_ways = np.concatenate([self._neighbours, self._neighbours[:, ::-1]])
+        both_ways = both_ways[np.lexsort(both_ways.T[::-1])]
+        self._neighbours_of = np.ascontiguousarray(both_ways[:, 1])
+        counts = np.bincount(both_ways[:, 0], minlength=len(faces))
+        self._neighbour_ends = np.concatenate([[0], np.cumsum(counts)])
         self._free = np.setdiff1d(np.arange(n_vertices), anchors)
         self._factor = splu(laplacian[self._free][:, self._free])
         self._component = component
@@ -118,19 +118,13 @@ class PoissonInterpolator:
         """
         from riemhuman.kernels.compiled_surfaces import unwrap_turns
 
-        one, other = self._neighbours.T
-        rotations = Rotation.from_rotvec(turns)
-        differences = (rotations[one].inv() * rotations[other]).magnitude()
-        # A sparse graph takes an entry of 0 for no edge.
-        entries = (np.maximum(differences, np.finfo(float).tiny), (one, other))
-        graph = sparse.coo_array(entries, shape=(len(turns), len(turns)))
-        tree = minimum_spanning_tree(graph)
-        mended, done = turns.copy(), np.zeros(len(turns), dtype=bool)
-        for t in np.argsort(np.linalg.norm(turns, axis=1), kind="stable"):
-            if not done[t]:
-                order, predecessors = breadth_first_order(tree, t, directed=False)
-                unwrap_turns(mended, order, predecessors)
-                done[order] = True
+        angles = np.linalg.norm(turns, axis=1)
+        # sin(angle / 2) / angle, also where the angle is 0.
+        shares = 0.5 * np.sinc(angles / (2.0 * np.pi))
+        quaternions = np.column_stack([np.cos(0.5 * angles), shares[:, None] * turns])
+        mended = turns.copy()
+        roots = np.argsort(angles, kind="stable")
+        unwrap_turns(mended, quaternions, roots, self._neighbour_ends, self._neighbours_of)
         return mended
 
     def interpolate(
