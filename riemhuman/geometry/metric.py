@@ -3,85 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
-from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances, pair_by_pair
+from riemhuman.geometry.bulk_distances import BulkDistances
+from riemhuman.geometry.pairwise import Points
+from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.kernels.scalars import square_root
 
 if TYPE_CHECKING:
     from riemhuman.geometry.manifold import Manifold
 
 
-class GeodesicSolver(Protocol):
-    """A strategy that finds a path of least energy between two points."""
-
-    def solve(self, metric: Any, start: ndarray, end: ndarray) -> Any:
-        r"""Return a result with attributes `path` and `energy`.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        start, end : array, shape (\*shape,)
-            End points.
-
-        Returns
-        -------
-        object
-            Its `path`, shape (n_times, \*shape), holds both ends; its `energy` is a float.
-        """
-
-
-class ExpSolver(Protocol):
-    """A strategy that follows a geodesic from its start."""
-
-    def solve(self, metric: Any, base_point: ndarray, tangent_vec: ndarray) -> Any:
-        r"""Return a result with attributes `end`, `complete` and `message`.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        base_point : array, shape (\*shape,)
-            Where to start.
-        tangent_vec : array, shape (\*shape,)
-            Initial velocity.
-
-        Returns
-        -------
-        object
-            Its `end`, shape (\*shape,), is the point reached; `complete` tells whether that is
-            the end of the geodesic, and `message` why not.
-        """
-
-
-class LogSolver(Protocol):
-    """A strategy that finds the initial velocity of a geodesic between two points."""
-
-    def solve(self, metric: Any, base_point: ndarray, point: ndarray) -> Any:
-        r"""Return a result with an attribute `tangent_vec`.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        base_point, point : array, shape (\*shape,)
-            Start and end.
-
-        Returns
-        -------
-        object
-            Its `tangent_vec` has shape (\*shape,).
-        """
-
-
-class RiemannianMetric:
+class RiemannianMetric(BulkDistances):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
@@ -119,11 +58,6 @@ class RiemannianMetric:
         self.geodesic_solver = geodesic_solver
         self.exp_solver = exp_solver
         self.log_solver = log_solver
-
-    @property
-    def n_feature_arrays(self) -> int:
-        """The number of arrays in `features`."""
-        return 1
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -290,144 +224,6 @@ class RiemannianMetric:
         array, shape (...)
         """
         return square_root(self.squared_dist(point_a, point_b))
-
-    def dist_pairwise(
-        self,
-        points: Points,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> ndarray:
-        r"""Return all distances within a set of points.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one. It does not change a bit of the
-            result.
-        precision : {"single", "double"}
-            In what precision metrics with compiled loops keep and compare features of the points:
-            relative errors stay below 1e-5, or at rounding errors of double precision. Pairs too
-            close for single precision are noticed and computed in double.
-        memory : int
-            Bytes of features held at once. Where those of all points are more, they are computed
-            anew for every block of rows.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-
-        Raises
-        ------
-        ArgumentError
-            If a point has another shape or an entry that is not finite, or an option is not legal.
-        DegenerateSurfaceError
-            If the metric needs a normal of a triangle without area.
-        """
-        return distances(self, points, None, n_jobs, precision, memory, progress)
-
-    def cdist(
-        self,
-        points_a: Points,
-        points_b: Points,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> ndarray:
-        r"""Return all distances between two sets of points, see `dist_pairwise`.
-
-        Parameters
-        ----------
-        points_a : array or sequence, shape (n_a, \*shape)
-            Points of the first set.
-        points_b : array or sequence, shape (n_b, \*shape)
-            Points of the second set.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
-        precision : {"single", "double"}
-            In what precision metrics with compiled loops work.
-        memory : int
-            Bytes of features held at once.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
-        return distances(self, points_a, points_b, n_jobs, precision, memory, progress)
-
-    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
-        r"""Return what a distance needs to know of each point, computed once a point.
-
-        The first axis of every array is that of the points, so features may be sliced, stored and
-        mapped from memory. The default is the points themselves.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points.
-        precision : {"single", "double"}
-            Precision to keep them in; the default pays no heed to it.
-
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-            C-contiguous.
-        """
-        one_of(precision, "precision", PRECISIONS)
-        return (np.ascontiguousarray(self.check_points(points)),)
-
-    def rounding(self, features: tuple[ndarray, ...]) -> ndarray:
-        """Return how far each point is, at most, from the point its features stand for.
-
-        By the triangle inequality no distance of features is wrong by more than two of these; see
-        `squared_dist_rectangle`. The default, for features that keep all digits, is 0.
-
-        Parameters
-        ----------
-        features : tuple of array
-            Features of n points.
-
-        Returns
-        -------
-        array, shape (n,)
-        """
-        return np.zeros(len(features[0]))
-
-    def squared_dist_of_features(
-        self,
-        features_a: tuple[ndarray, ...],
-        features_b: tuple[ndarray, ...],
-        n_jobs: int | None = None,
-    ) -> ndarray:
-        """Return all squared distances between two sets of points given by their `features`.
-
-        Pairs that are too close for the precision of the features are not put right here:
-        `squared_dist_rectangle` does. The default takes `squared_dist` pair by pair.
-
-        Parameters
-        ----------
-        features_a, features_b : tuple of array
-            Features of n_a and of n_b points; the same object twice for the distances within one
-            set, of which only half are computed.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
-        return pair_by_pair(self.squared_dist, features_a, features_b, n_jobs)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.

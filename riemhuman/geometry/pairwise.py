@@ -15,7 +15,7 @@ from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
+    from riemhuman.geometry.bulk_distances import BulkDistances
 
 Points = Sequence[Any] | ndarray
 Features = tuple[ndarray, ...]
@@ -103,7 +103,7 @@ def pair_by_pair(
 
 
 def squared_dist_rectangle(
-    metric: RiemannianMetric,
+    metric: BulkDistances,
     features_a: Features,
     features_b: Features,
     points_a: Points,
@@ -151,7 +151,7 @@ def squared_dist_rectangle(
 
 
 def distances(
-    metric: RiemannianMetric,
+    metric: BulkDistances,
     points_a: Points,
     points_b: Points | None,
     n_jobs: int | None,
@@ -219,7 +219,7 @@ def distances(
 class _PointSet:
     """Points, and the features of slices of them."""
 
-    def __init__(self, metric: RiemannianMetric, points: Any, name: str, precision: str) -> None:
+    def __init__(self, metric: BulkDistances, points: Any, name: str, precision: str) -> None:
         self.metric, self.name, self.precision = metric, name, precision
         if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
             points = metric.check_points(points, name)

@@ -12,8 +12,9 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, real_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Points
+from riemhuman.geometry.strategies import GeodesicSolver
 
 
 class ProductManifold(Manifold):

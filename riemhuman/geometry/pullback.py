@@ -9,8 +9,9 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import ExpSolver, GeodesicSolver, LogSolver, RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Points
+from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.kernels import linear
 
 

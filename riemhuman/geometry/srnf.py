@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from numpy import ndarray
 
-from riemhuman.geometry.metric import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches

@@ -11,7 +11,8 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
 from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds

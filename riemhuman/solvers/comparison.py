@@ -12,7 +12,8 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.solvers.results import PathResult
 from riemhuman.surfaces.distortion import (
     Distortion,

@@ -8,7 +8,8 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration

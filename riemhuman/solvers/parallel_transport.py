@@ -12,7 +12,8 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import warn_unless_converged
