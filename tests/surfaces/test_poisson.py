@@ -117,3 +117,18 @@ def test_triangles_that_touch_nothing():
     turns = np.array([[3.0, 0.0, 0.0], [0.0, -3.0, 0.0]])
     assert not template.interpolator.is_torn(turns)
     np.testing.assert_array_equal(template.interpolator.mended(turns), turns)
+
+
+@pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
+def test_surface_of_derivatives_is_their_least_squares_fit(template):
+    surface, other = surfaces(template, 2, rng=3)
+    operator = template.differential_operator
+    found = template.interpolator.surface_of(operator @ surface, placed_as=surface)
+    np.testing.assert_allclose(found, surface, atol=1e-12)
+
+    wanted = np.random.default_rng(4).standard_normal((2 * template.n_faces, 3))
+    found = template.interpolator.surface_of(wanted, placed_as=other)
+    weights = np.sqrt(np.tile(template.face_areas, 2))[:, None]
+    expected, *_ = np.linalg.lstsq(weights * operator.toarray(), weights * wanted, rcond=1e-10)
+    expected += other.mean(axis=0) - expected.mean(axis=0)
+    np.testing.assert_allclose(found, expected, atol=1e-9)
