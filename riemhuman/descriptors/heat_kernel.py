@@ -7,21 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import one_of, real_array, whole_number
-from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.checks import real_array
+from riemhuman.descriptors.kernel_signature import KernelSignature
 from riemhuman.descriptors.pooling import area_histograms
-from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.descriptors.spectra import Spectrum
 from riemhuman.errors import ArgumentError
 
 _POOLINGS = ("histogram", "mean", "vertex mean")
-_NORMALIZATIONS = ("none", "area")
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
 # Of log₁₀(4πt h): 0 where the surface is flat within a distance of √t.
 _LOWER, _UPPER = -0.5, 1.5
 
 
 @dataclass(frozen=True)
-class HeatKernelSignature(Descriptor):
+class HeatKernelSignature(KernelSignature):
     r"""How much heat stays at a point after times t, gathered over the surface [1]_.
 
     The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, zero
@@ -62,8 +61,6 @@ class HeatKernelSignature(Descriptor):
        for Invariant Shape Retrieval", ACM Transactions on Graphics 30(1), 2011.
     """
 
-    _in_threads = False
-
     times: tuple[float, ...] = _TIMES
     pooling: str = "histogram"
     normalization: str = "none"
@@ -76,37 +73,7 @@ class HeatKernelSignature(Descriptor):
         if times.size == 0 or times.min() <= 0:
             raise ArgumentError(f"times must be positive numbers; found {times.tolist()}")
         object.__setattr__(self, "times", tuple(times.tolist()))
-        one_of(self.pooling, "pooling", _POOLINGS)
-        one_of(self.normalization, "normalization", _NORMALIZATIONS)
-        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-        whole_number(self.n_bins, "n_bins", minimum=2)
-        one_of(self.laplacian, "laplacian", LAPLACIANS)
-
-    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the heat kernel signature of every vertex.
-
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
-        faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
-
-        Returns
-        -------
-        array, shape (n_times, V)
-            h_t, in 1 / metre², or of the surface scaled to area 1.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the mesh has too few eigenvalues.
-        DegenerateSurfaceError
-            If a triangle has no area, with the cotangent Laplacian.
-        """
-        return self._of(self._spectrum(vertices, faces))
+        self._check_choices(_POOLINGS)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the gathered signatures of one surface.
@@ -139,25 +106,6 @@ class HeatKernelSignature(Descriptor):
             return area_histograms(np.log10(excess), areas, _LOWER, _UPPER, self.n_bins)
         weights = areas if self.pooling == "mean" else None
         return np.log10(np.average(excess, axis=1, weights=weights))
-
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
-        """Return all distances within a set of vectors.
-
-        Parameters
-        ----------
-        vectors : array_like, shape (n, d)
-            Vectors of `describe`, one a row.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-        """
-        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
-
-    def _spectrum(self, vertices: ArrayLike, faces: ArrayLike) -> Spectrum:
-        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
-        return found.of_unit_area() if self.normalization == "area" else found
 
     def _of(self, found: Spectrum) -> np.ndarray:
         decay = np.exp(-np.outer(self.times, found.eigenvalues))

@@ -7,21 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import one_of, real_array, real_number, whole_number
-from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.checks import real_array, real_number
+from riemhuman.descriptors.kernel_signature import KernelSignature
 from riemhuman.descriptors.pooling import area_histograms
-from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.descriptors.spectra import Spectrum
 from riemhuman.errors import ArgumentError
 
 _POOLINGS = ("histogram", "vertex mean")
-_NORMALIZATIONS = ("none", "area")
 _ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
 # Of A w: 1 on average over any surface.
 _LOWER, _UPPER = 0.0, 4.0
 
 
 @dataclass(frozen=True)
-class WaveKernelSignature(Descriptor):
+class WaveKernelSignature(KernelSignature):
     r"""How likely a particle of energy e is found at a point, gathered over the surface [1]_.
 
     The signature of a point x is the average of :math:`\varphi_k(x)^2` over the eigenfunctions
@@ -63,8 +62,6 @@ class WaveKernelSignature(Descriptor):
        to shape analysis", ICCV Workshops 2011.
     """
 
-    _in_threads = False
-
     energies: tuple[float, ...] = _ENERGIES
     sigma: float | None = None
     pooling: str = "histogram"
@@ -85,37 +82,7 @@ class WaveKernelSignature(Descriptor):
                 "energies must hold at least two different numbers, or sigma be given; found "
                 f"{self.energies}"
             )
-        one_of(self.pooling, "pooling", _POOLINGS)
-        one_of(self.normalization, "normalization", _NORMALIZATIONS)
-        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
-        whole_number(self.n_bins, "n_bins", minimum=2)
-        one_of(self.laplacian, "laplacian", LAPLACIANS)
-
-    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the wave kernel signature of every vertex, times the area of the surface.
-
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
-        faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
-
-        Returns
-        -------
-        array, shape (n_energies, V)
-            Without unit, with mean 1 over the surface.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the mesh has too few eigenvalues.
-        DegenerateSurfaceError
-            If a triangle has no area, with the cotangent Laplacian.
-        """
-        return self._of(self._spectrum(vertices, faces))
+        self._check_choices(_POOLINGS)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the gathered signatures of one surface.
@@ -146,25 +113,6 @@ class WaveKernelSignature(Descriptor):
         if self.pooling == "histogram":
             return area_histograms(values, found.areas[used], _LOWER, _UPPER, self.n_bins)
         return values.mean(axis=1)
-
-    def distances(self, vectors: ArrayLike) -> np.ndarray:
-        """Return all distances within a set of vectors.
-
-        Parameters
-        ----------
-        vectors : array_like, shape (n, d)
-            Vectors of `describe`, one a row.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-        """
-        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
-
-    def _spectrum(self, vertices: ArrayLike, faces: ArrayLike) -> Spectrum:
-        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
-        return found.of_unit_area() if self.normalization == "area" else found
 
     def _of(self, found: Spectrum) -> np.ndarray:
         gaps = np.array(self.energies)[:, np.newaxis] - np.log(found.eigenvalues)

@@ -1,0 +1,87 @@
+"""Signatures of the points of a surface by its spectrum, gathered into one vector."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import one_of, whole_number
+from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+
+_NORMALIZATIONS = ("none", "area")
+
+
+class KernelSignature(Descriptor):
+    """Signatures Σ_k w_k φ_k(x)² of all points x, gathered over the surface.
+
+    Subclasses are frozen records of parameters that define `_of`, the signatures by a spectrum.
+    Histograms are compared by the sum of absolute differences, means by the Euclidean distance.
+    """
+
+    _in_threads = False
+
+    pooling: str
+    normalization: str
+    n_eigenvalues: int
+    n_bins: int
+    laplacian: str
+
+    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the signatures of every vertex.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (n_scales, V)
+            One row for each time or energy: of heat in 1 / metre², or of the surface scaled to
+            area 1; of waves times the area, with mean 1 over the surface.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an array does not hold numbers of the right kind.
+        ArgumentError
+            If the arrays are no mesh, or the mesh has too few eigenvalues.
+        DegenerateSurfaceError
+            If a triangle has no area, with the cotangent Laplacian.
+        """
+        return self._of(self._spectrum(vertices, faces))
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        """Return all distances within a set of vectors.
+
+        Parameters
+        ----------
+        vectors : array_like, shape (n, d)
+            Vectors of `describe`, one a row.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+        """
+        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
+
+    @abstractmethod
+    def _of(self, found: Spectrum) -> np.ndarray:
+        """Return the signatures, shape (n_scales, V)."""
+
+    def _spectrum(self, vertices: ArrayLike, faces: ArrayLike) -> Spectrum:
+        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
+        return found.of_unit_area() if self.normalization == "area" else found
+
+    def _check_choices(self, poolings: tuple[str, ...]) -> None:
+        one_of(self.pooling, "pooling", poolings)
+        one_of(self.normalization, "normalization", _NORMALIZATIONS)
+        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
+        whole_number(self.n_bins, "n_bins", minimum=2)
+        one_of(self.laplacian, "laplacian", LAPLACIANS)
