@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 
 _ROOM_OF_NAME = {
     "AlignedSurfaces": "geometry.aligned_surfaces",
-    "ElasticMetric": "geometry.aligned_surfaces",
+    "ElasticMetric": "geometry.elastic_metric",
     "EbinMetric": "geometry.metric_fields",
     "MetricFields": "geometry.metric_fields",
     "NormalFieldMetric": "geometry.normal_fields",

@@ -122,16 +122,17 @@ def ebin_inner_product(a, b, g, lam):
     return (shear + lam * np.trace(a) * np.trace(b)) * np.sqrt(np.linalg.det(g))
 
 
-def taylor_slope(function, x, direction, gradient):
+def taylor_slope(function, x, direction, gradient, rounding=1e-13):
     """Return the order at which f(x + εh) − f(x) − ε⟨∇f, h⟩ tends to 0: 2 for an exact gradient.
 
-    Taken over the four smallest steps ε that rounding leaves alone; infinite if there are fewer.
+    Taken over the four smallest steps ε whose rest is above the relative rounding of the function;
+    infinite if there are fewer.
     """
     steps = np.logspace(-2, -6, 9)
     value = function(x)
     expected = np.sum(gradient * direction)
     remainders = np.array([abs(function(x + e * direction) - value - e * expected) for e in steps])
-    seen = np.flatnonzero(remainders > 1e-13 * (abs(value) + abs(expected)))[-4:]
+    seen = np.flatnonzero(remainders > rounding * (abs(value) + abs(expected)))[-4:]
     if len(seen) < 4:
         return np.inf
     return np.polyfit(np.log(steps[seen]), np.log(remainders[seen]), 1)[0]

@@ -48,6 +48,11 @@ class Manifold(ABC):
         if equip and self.default_metric() is not None:
             self.equip_with_metric()
 
+    @property
+    def point_ndim(self) -> int:
+        """The number of axes of one point."""
+        return len(self.shape)
+
     def default_metric(self) -> type[RiemannianMetric] | None:
         """Return the class of the metric the manifold comes with, if there is one."""
         return None
@@ -211,7 +216,7 @@ class Manifold(ABC):
 
     @property
     def _point_axes(self) -> tuple[int, ...]:
-        return tuple(range(-len(self.shape), 0))
+        return tuple(range(-self.point_ndim, 0))
 
     def _finite_values(self, array: ndarray, name: str) -> tuple[ndarray, ndarray]:
         """Return the arrays, 0 in place of those that are not finite, and which are finite."""

@@ -19,8 +19,9 @@ from riemhuman.checks import (
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
-from riemhuman.geometry.metric import GeodesicSolver, RiemannianMetric
-from riemhuman.kernels import ebin, ebin_transport
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.kernels import ebin, ebin_geodesics, ebin_tangent, ebin_transport
 from riemhuman.kernels.sums import integrate
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class MetricFields(Manifold):
         -------
         array, shape (..., F, 2, 2)
         """
-        return ebin.symmetric_part(vector)
+        return ebin_tangent.symmetric_part(vector)
 
     def regularize(self, point: ndarray) -> ndarray:
         """Return the symmetric part.
@@ -93,7 +94,7 @@ class MetricFields(Manifold):
         -------
         array, shape (..., F, 2, 2)
         """
-        return ebin.symmetric_part(point)
+        return ebin_tangent.symmetric_part(point)
 
     def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
         """Draw fields exp(S) of symmetric normal matrices S, independent between triangles.
@@ -110,10 +111,10 @@ class MetricFields(Manifold):
         array, shape (n_samples, F, 2, 2), or (F, 2, 2) for one sample
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        logarithm = 0.5 * ebin.symmetric_part(noise)
-        size = np.exp(0.5 * ebin.trace(logarithm))[..., None, None]
+        logarithm = 0.5 * ebin_tangent.symmetric_part(noise)
+        size = np.exp(0.5 * ebin_tangent.trace(logarithm))[..., None, None]
         factor = np.ones(logarithm.shape[:-2])
-        points = size * ebin.traceless_exp(ebin.traceless(logarithm), factor)
+        points = size * ebin_geodesics.traceless_exp(ebin_tangent.traceless(logarithm), factor)
         return stack_samples(points, n_samples)
 
     def check_point(
@@ -218,7 +219,7 @@ class EbinMetric(BulkMetric):
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        values = ebin.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
+        values = ebin_tangent.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
         return integrate(values, self.space.template.face_areas)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
@@ -272,7 +273,7 @@ class EbinMetric(BulkMetric):
         """
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        end, met_apex = ebin.exp(tangent_vec, base_point, self.lam)
+        end, met_apex = ebin_geodesics.exp(tangent_vec, base_point, self.lam)
         refuse_triangles(
             values_of(met_apex),
             "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
@@ -308,7 +309,7 @@ class EbinMetric(BulkMetric):
             "g = 0 and there is no logarithm",
             OutsideManifoldError,
         )
-        return ebin.log(base_point, point, self.lam)
+        return ebin_geodesics.log(base_point, point, self.lam)
 
     def parallel_transport(
         self,
@@ -355,7 +356,7 @@ class EbinMetric(BulkMetric):
             start_, end_ = self._with_time_axis(start), self._with_time_axis(end)
             shape = np.broadcast_shapes(start_.shape, end_.shape)[:-2]
             shape = (*shape[:-2], len(times), shape[-1])
-            return ebin.geodesic(start_, end_, np.broadcast_to(times, shape), self.lam)
+            return ebin_geodesics.geodesic(start_, end_, np.broadcast_to(times, shape), self.lam)
 
         return follow
 

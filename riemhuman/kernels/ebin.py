@@ -19,13 +19,12 @@ from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.kernels.scalars import (
-    hyperbolic_sine_cardinal,
     inverse_hyperbolic_sine_cardinal,
     product_minus_square,
     sine_cardinal,
     square_root,
 )
-from riemhuman.kernels.surface import DEGENERATE, symmetric_matrices
+from riemhuman.kernels.surface import DEGENERATE, cross, dot
 
 
 def determinants(g: ndarray) -> ndarray:
@@ -55,11 +54,7 @@ def is_degenerate(g: ndarray) -> ndarray:
     -------
     array of bool, shape (...)
     """
-    return _is_degenerate(g, determinants(g))
-
-
-def _is_degenerate(g: ndarray, determinant: ndarray) -> ndarray:
-    return determinant <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
+    return determinants(g) <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
 
 
 def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -76,12 +71,37 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     -------
     x, y, s : array, shape (...)
     """
-    determinant = determinants(g)
-    degenerate = _is_degenerate(g, determinant)
+    return _coordinates(g[..., 0, 0], g[..., 0, 1], g[..., 1, 1], determinants(g))
+
+
+def coordinates_of_derivatives(f_u: ndarray, f_v: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the `coordinates` of the first fundamental forms of surfaces.
+
+    det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle; once
+    the entries of g are rounded, the square of that ratio counts.
+
+    Parameters
+    ----------
+    f_u, f_v : array, shape (..., 3)
+        Partial derivatives.
+
+    Returns
+    -------
+    x, y, s : array, shape (...)
+    """
+    area_vectors = cross(f_u, f_v)
+    squared_areas = dot(area_vectors, area_vectors)
+    return _coordinates(dot(f_u, f_u), dot(f_u, f_v), dot(f_v, f_v), squared_areas)
+
+
+def _coordinates(
+    e: ndarray, m: ndarray, g: ndarray, determinant: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the coordinates of [[e, m], [m, g]]."""
+    degenerate = determinant <= DEGENERATE * e * g
     root = np.sqrt(np.where(degenerate, 1.0, determinant))
-    e = np.where(degenerate, 1.0, g[..., 0, 0])
-    x = np.where(degenerate, 0.0, g[..., 0, 1] / e)
-    return x, root / e, np.where(degenerate, 0.0, np.sqrt(root))
+    e = np.where(degenerate, 1.0, e)
+    return np.where(degenerate, 0.0, m / e), root / e, np.where(degenerate, 0.0, np.sqrt(root))
 
 
 def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
@@ -163,6 +183,25 @@ defvjp(
 )
 
 
+def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
+    """Return θ, the angle between the two matrices on the cone, not cut off at π.
+
+    Parameters
+    ----------
+    g1, g2 : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    x1, y1, _ = coordinates(g1)
+    x2, y2, _ = coordinates(g2)
+    return angle_per_distance(lam) * hyperbolic_distance(excess(x1, y1, x2, y2))
+
+
 def squared_dist(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
     r"""Return the squared distance of matrices in the completion.
 
@@ -205,336 +244,3 @@ def squared_dist_of_coordinates(
     x2, y2, s2 = coordinates2
     half = half_angle_sine_squared(excess(x1, y1, x2, y2), lam)
     return 16.0 * lam * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
-
-
-def trace(matrices: ndarray) -> ndarray:
-    """Return the traces.
-
-    Parameters
-    ----------
-    matrices : array, shape (..., 2, 2)
-        Matrices.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    return matrices[..., 0, 0] + matrices[..., 1, 1]
-
-
-def traceless(matrices: ndarray) -> ndarray:
-    """Return A − ½ tr(A) I of symmetric matrices.
-
-    Parameters
-    ----------
-    matrices : array, shape (..., 2, 2)
-        Symmetric matrices A.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
-    return symmetric_matrices(half, matrices[..., 0, 1], -half)
-
-
-def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
-    r"""Return the inner product of tangent vectors (equation 2, both terms under the integral).
-
-    .. math:: \left(\operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + \lambda\operatorname{tr}(g^{-1}a)
-              \operatorname{tr}(g^{-1}b)\right)\sqrt{\det g}
-
-    Parameters
-    ----------
-    a, b : array, shape (..., 2, 2)
-        Symmetric matrices, tangent at g.
-    g : array, shape (..., 2, 2)
-        Positive definite matrices.
-    lam : float
-        λ.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    a, b = whiten(a, g), whiten(b, g)
-    shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
-    return (shear + lam * trace(a) * trace(b)) * np.sqrt(determinants(g))
-
-
-def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
-    """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ, shape (..., 2, 2).
-
-    It is symmetric and similar to g⁻¹δg, so that all traces are the same, and keeps the digits
-    that g⁻¹δg loses where g is strongly anisotropic.
-
-    Parameters
-    ----------
-    delta_g : array, shape (..., 2, 2)
-        Symmetric matrices.
-    g : array, shape (..., 2, 2)
-        Positive definite matrices.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
-    x, y, _ = coordinates(g)
-    e = delta_g[..., 0, 0] + np.zeros_like(x)
-    m = 0.5 * (delta_g[..., 0, 1] + delta_g[..., 1, 0])
-    mixed = (m - x * e) / y
-    last = ((delta_g[..., 1, 1] - x * m) / y - x * mixed) / y
-    return symmetric_matrices(e, mixed, last) / g[..., :1, :1]
-
-
-def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
-    """Return L W Lᵀ, where g = L Lᵀ, the inverse of `whiten`, shape (..., 2, 2).
-
-    Parameters
-    ----------
-    matrices : array, shape (..., 2, 2)
-        Symmetric matrices W.
-    g : array, shape (..., 2, 2)
-        Positive definite matrices.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    x, y, _ = coordinates(g)
-    e = matrices[..., 0, 0] + np.zeros_like(x)
-    m, last = matrices[..., 0, 1], matrices[..., 1, 1]
-    mixed = x * e + y * m
-    return g[..., :1, :1] * symmetric_matrices(e, mixed, x * mixed + y * (x * m + y * last))
-
-
-def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
-    """Return g₁L₀, whitened, and ℓ = √(½ tr L₀²), L₀ the traceless part of log(g₁⁻¹g₂).
-
-    L₀ is a multiple of the traceless part of ĝ₁⁻¹ĝ₂, because the exponential of a traceless
-    2 × 2 matrix is cosh ℓ I + (sinh ℓ/ℓ) L₀.
-
-    Parameters
-    ----------
-    g1, g2 : array, shape (..., 2, 2)
-        Positive definite matrices.
-
-    Returns
-    -------
-    shear : array, shape (..., 2, 2)
-    length : array, shape (...)
-    """
-    x1, y1, _ = coordinates(g1)
-    x2, y2, _ = coordinates(g2)
-    length = hyperbolic_distance(excess(x1, y1, x2, y2))
-    # Moving g₁ to the identity takes ĝ₂ to [[1, x], [x, x² + y²]]/y; in terms of differences
-    # nothing cancels for near-equal matrices.
-    x, y = (x2 - x1) / y1, y2 / y1
-    diagonal = 0.5 * ((y1 - y2) / y1 * (1.0 + y) - x**2)
-    scale = inverse_hyperbolic_sine_cardinal(length) / y
-    return scale[..., None, None] * symmetric_matrices(diagonal, x, -diagonal), length
-
-
-def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
-    """Return exp(factor · v) of symmetric traceless v, shape (..., 2, 2).
-
-    Parameters
-    ----------
-    v : array, shape (..., 2, 2)
-        Symmetric traceless matrices.
-    factor : array, shape (...)
-        Real factors.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    length = factor * size(v)
-    linear = (factor * hyperbolic_sine_cardinal(length))[..., None, None] * v
-    return np.cosh(length)[..., None, None] * np.eye(2) + linear
-
-
-def size(v: ndarray) -> ndarray:
-    """Return √(½ tr v²) of symmetric traceless v.
-
-    Parameters
-    ----------
-    v : array, shape (..., 2, 2)
-        Symmetric traceless matrices.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
-
-
-def symmetric_part(matrices: ndarray) -> ndarray:
-    """Return ½(A + Aᵀ).
-
-    Parameters
-    ----------
-    matrices : array, shape (..., 2, 2)
-        Matrices A.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
-
-
-def log(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
-    r"""Return the initial velocity of the minimal geodesic from g₁ to g₂, where θ < π.
-
-    .. math:: \delta g = g_1\left(\frac{s_2\sin\theta}{s_1\theta} L_0
-              + 2\,\frac{s_2\cos\theta - s_1}{s_1} I\right)
-
-    Parameters
-    ----------
-    g1, g2 : array, shape (..., 2, 2)
-        Positive definite matrices.
-    lam : float
-        λ > 0.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
-    shear, length = traceless_log(g1, g2)
-    theta = angle_per_distance(lam) * length
-    stretch = 2.0 * ((s2 - s1) - 2.0 * s2 * np.sin(0.5 * theta) ** 2) / s1
-    velocity = (s2 / s1 * sine_cardinal(theta))[..., None, None] * shear
-    return unwhiten(velocity + stretch[..., None, None] * np.eye(2), g1)
-
-
-def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
-    """Return θ, the angle between the two matrices on the cone, not cut off at π.
-
-    Parameters
-    ----------
-    g1, g2 : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
-    lam : float
-        λ > 0.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    x1, y1, _ = coordinates(g1)
-    x2, y2, _ = coordinates(g2)
-    return angle_per_distance(lam) * hyperbolic_distance(excess(x1, y1, x2, y2))
-
-
-def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:
-    r"""Follow the geodesic from g with initial velocity δg for unit time.
-
-    With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν = √(tr v²/λ)/4, the cone unrolls
-    to the straight line (s + δs, sν) = r(cos φ, sin φ) and
-
-    .. math:: g(1) = \frac{r^2}{s^2}\, g \exp\left(\tfrac{\varphi}{\nu} v\right).
-
-    Parameters
-    ----------
-    delta_g : array, shape (..., 2, 2)
-        Symmetric matrices, tangent at g.
-    g : array, shape (..., 2, 2)
-        Positive definite matrices.
-    lam : float
-        λ > 0.
-
-    Returns
-    -------
-    g_end : array, shape (..., 2, 2)
-        End points; meaningless where the geodesic has met the apex.
-    met_apex : array of bool, shape (...)
-        Where, to working precision, the geodesic has left the manifold through the apex g = 0.
-    """
-    velocity = whiten(delta_g, g)
-    shear = traceless(velocity)
-    along = 1.0 + 0.25 * trace(velocity)
-    across = angle_per_distance(lam) * size(shear)
-    rounding = 8.0 * np.finfo(float).eps * angle_per_distance(lam) * _whitened_size(delta_g, g)
-    met_apex = (along <= rounding) & (across <= rounding)
-    end = traceless_exp(shear, angle_per_unit(along, across))
-    radius_squared = along**2 + across**2
-    return unwhiten(radius_squared[..., None, None] * end, g), met_apex
-
-
-def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
-    """Return the sum of the sizes of all terms of the whitened δg, a scale for its rounding."""
-    x, y, _ = coordinates(g)
-    skew = np.abs(x) / y
-    e, m, last = (np.abs(delta_g[..., i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
-    return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / g[..., 0, 0]
-
-
-def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
-    """Return φ/ν, φ = atan2(ν, along), in its limit 1/along at ν = across = 0.
-
-    Parameters
-    ----------
-    along, across : array, shape (...)
-        Cartesian coordinates in the unrolled cone; across is at least 0.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    straight = across == 0
-    safe = np.where(straight & (along <= 0), 1.0, along)
-    phi = np.arctan2(across, safe)
-    return np.where(
-        straight, 1.0 / np.where(straight, safe, 1.0), phi / np.where(straight, 1.0, across)
-    )
-
-
-def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
-    """Return the minimal path of the completion from g₁ to g₂ at time t.
-
-    For θ ≥ π, or a degenerate end point, it runs straight through the apex g = 0.
-
-    Parameters
-    ----------
-    g1, g2 : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
-    t : array, shape (...)
-        Times in [0, 1], broadcast with the leading axes.
-    lam : float
-        λ > 0.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    degenerate = is_degenerate(g1) | is_degenerate(g2)
-    through_apex = degenerate | (angle(g1, g2, lam) >= np.pi)
-
-    s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
-    signed = s1 - t * (s1 + s2)
-    unit1, unit2 = unit_determinant(g1), unit_determinant(g2)
-    broken = signed[..., None, None] ** 2 * np.where((signed >= 0)[..., None, None], unit1, unit2)
-
-    inside = ~through_apex[..., None, None]
-    start, end = np.where(inside, g1, np.eye(2)), np.where(inside, g2, np.eye(2))
-    straight, _ = exp(t[..., None, None] * log(start, end, lam), start, lam)
-    return np.where(inside, straight, broken)
-
-
-def unit_determinant(g: ndarray) -> ndarray:
-    """Return ĝ = g/√det g; the identity stands in where g is degenerate.
-
-    Parameters
-    ----------
-    g : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
-    x, y, _ = coordinates(g)
-    return symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)

@@ -10,7 +10,16 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels import ebin
+from riemhuman.kernels.ebin import angle_per_distance
+from riemhuman.kernels.ebin_geodesics import angle_per_unit, traceless_exp
+from riemhuman.kernels.ebin_tangent import (
+    size,
+    symmetric_part,
+    trace,
+    traceless,
+    unwhiten,
+    whiten,
+)
 from riemhuman.kernels.surface import symmetric_matrices
 
 
@@ -18,7 +27,7 @@ def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> 
     r"""Carry tangent vectors along the geodesic with initial velocity δg for unit time.
 
     With W = ωI + ξV + ηN the vector whitened at g, V the unit shear of δg and N the one at right
-    angles to it, φ and r the angle and the ratio of radii of `ebin.exp`, and κ = √(2λ),
+    angles to it, φ and r the angle and the ratio of radii of `ebin_geodesics.exp`, and κ = √(2λ),
 
     .. math:: \omega' = \frac1r\left(\omega\cos\varphi + \frac{\xi}{\kappa}\sin\varphi\right),
               \quad \xi' = \frac1r(\xi\cos\varphi - \kappa\,\omega\sin\varphi),
@@ -40,11 +49,11 @@ def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> 
     array, shape (..., 2, 2)
         Tangent at the ends of the geodesics.
     """
-    velocity, vector = ebin.whiten(delta_g, g), ebin.whiten(w, g)
-    shear = ebin.traceless(velocity)
-    length = ebin.size(shear)
-    along = 1.0 + 0.25 * ebin.trace(velocity)
-    across = ebin.angle_per_distance(lam) * length
+    velocity, vector = whiten(delta_g, g), whiten(w, g)
+    shear = traceless(velocity)
+    length = size(shear)
+    along = 1.0 + 0.25 * trace(velocity)
+    across = angle_per_distance(lam) * length
     phi, ratio = np.arctan2(across, along), np.sqrt(along**2 + across**2)
 
     # Without shear any direction will do.
@@ -52,7 +61,7 @@ def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> 
     safe = np.where(turning, length, 1.0)
     a = np.where(turning, shear[..., 0, 0] / safe, 1.0)
     b = np.where(turning, shear[..., 0, 1] / safe, 0.0)
-    omega = 0.5 * ebin.trace(vector)
+    omega = 0.5 * trace(vector)
     difference, mixed = 0.5 * (vector[..., 0, 0] - vector[..., 1, 1]), vector[..., 0, 1]
     xi, eta = difference * a + mixed * b, mixed * a - difference * b
 
@@ -61,6 +70,6 @@ def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> 
     omega, xi = omega * cosine + xi * sine / kappa, xi * cosine - kappa * omega * sine
     difference, mixed = xi * a - eta * b, xi * b + eta * a
     # Of the end r² g exp(L) the whitening goes by r exp(L/2).
-    half = ebin.traceless_exp(shear, 0.5 * ebin.angle_per_unit(along, across))
+    half = traceless_exp(shear, 0.5 * angle_per_unit(along, across))
     carried = half @ symmetric_matrices(omega + difference, mixed, omega - difference) @ half
-    return ebin.unwhiten(ratio[..., None, None] * ebin.symmetric_part(carried), g)
+    return unwhiten(ratio[..., None, None] * symmetric_part(carried), g)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from numpy import ndarray
 
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels import ebin, sphere
 
 
@@ -59,8 +59,10 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
     space = metric.space
     point_a, point_b = (space.check_point(f, "surface") for f in (point_a, point_b))
     areas = space.template.face_areas
-    g1, g2 = space.metric_field(point_a), space.metric_field(point_b)
-    of_metric = metric.a * areas * ebin.squared_dist(g1, g2, metric.lam or 1.0)
+    one, other = (
+        ebin.coordinates_of_derivatives(*space.partial_derivatives(f)) for f in (point_a, point_b)
+    )
+    of_metric = metric.a * areas * ebin.squared_dist_of_coordinates(one, other, metric.lam or 1.0)
     if metric.c == 0:
         return Contributions(of_metric, 0.0 * of_metric)
     n1, n2 = space.normal_field(point_a), space.normal_field(point_b)

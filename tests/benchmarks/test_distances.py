@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from performances import bodies
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.kernels import ebin, sphere
 from riemhuman.kernels.sums import integrate
@@ -98,8 +99,8 @@ def test_against_the_definition(benchmark, name):
     fields, vertices = 1e6 * times[3:5]
     print(
         f"\n{name:7} {resolution}: {one:.2f} us a pair, {two:.2f} with two threads "
-        f"({alone / two:.2f} times as fast); definition {fields:.0f} us on fields, {vertices:.0f} us "
-        f"on vertices: ratios {fields / one:.0f} and {vertices / one:.0f}, with two threads "
+        f"({alone / two:.2f} times as fast); definition {fields:.0f} us on fields, {vertices:.0f} "
+        f"us on vertices: ratios {fields / one:.0f} and {vertices / one:.0f}, with two threads "
         f"{fields / two:.0f} and {vertices / two:.0f}; {n_pairs:,} pairs from raw vertices "
         f"{times[5]:.3f} s, with two threads {times[6]:.3f} s"
     )
@@ -168,7 +169,8 @@ begin = time.perf_counter()
 import riemhuman
 imported = time.perf_counter()
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 bodies = load_open_bodies({resolution!r})
 metric = ElasticMetric(AlignedSurfaces(bodies.template), 0.0, 0.0, 1.0)
 ready = time.perf_counter()

@@ -18,7 +18,8 @@ import numpy as np
 import pytest
 from people_in_motion import PeopleInMotion
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.jobs import pairwise_job
 
 TESTS = Path(__file__).parents[1]
@@ -30,7 +31,8 @@ import sys, time
 sys.path[:0] = {[str(TESTS), str(TESTS.parent)]!r}
 import numpy as np
 from people_in_motion import PeopleInMotion
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.jobs import pairwise_job
 from riemhuman.jobs.folder import JobFolder
 

@@ -5,7 +5,8 @@ pytest tests/benchmarks/test_means.py --benchmark-enable -s
 
 from performances import basis, bodies
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
 

@@ -17,7 +17,8 @@ import pytest
 from autograd import value_and_grad
 from performances import basis, bodies, timed
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels import compiled
 from riemhuman.solvers import BasisPath, LinearPath

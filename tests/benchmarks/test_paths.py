@@ -11,7 +11,8 @@ resolution.
 import numpy as np
 from performances import basis, bodies, timed
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import BasisPath, LinearPath, measure_path
 

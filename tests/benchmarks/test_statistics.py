@@ -10,7 +10,8 @@ import pytest
 from performances import bodies
 from self_intersections import count_self_intersections
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.statistics import (
     GeodesicRegression,

@@ -16,7 +16,8 @@ from cases import (
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.surfaces.template import Template
 
@@ -349,3 +350,53 @@ def test_the_first_bad_entry_is_named():
         match=r"point_a holds 2 NaN or infinite entries, the first at index \(1, 5, 2\)",
     ):
         CASES["all sphere"].metric.dist(f, f[0])
+
+
+def test_random_surfaces_are_linear_images_of_the_template():
+    template = sphere_template()
+    space = AlignedSurfaces(template, equip=False)
+    points = space.random_point(50, rng=1)
+    maps = np.stack([np.linalg.lstsq(template.vertices, f)[0] for f in points])
+    np.testing.assert_allclose(template.vertices @ maps, points, atol=1e-12)
+    off = maps - np.eye(3)
+    # Uniform in ±0.2.
+    assert 0.195 < np.abs(off).max() <= 0.2
+    assert np.abs(off.mean()) < 0.02
+    assert np.linalg.det(maps).min() > 0
+
+
+@pytest.mark.parametrize("n_patches", [None, 7])
+@pytest.mark.parametrize("weights", [(0.4, 0.0), (3.0, 0.0), (0.0, 0.4), (0.6, 0.2), (3.0, 5.0)])
+def test_lower_bounds_add_up_over_the_fields(weights, n_patches):
+    template, (a, c) = sphere_template(), weights
+    space = AlignedSurfaces(template, equip=False)
+    points = surfaces(template, 3, rng=14)
+    expected, length = 0.0, 0
+    for weight, metric, width in (
+        (a, ElasticMetric(space, 1.0, 0.1, 0.0), 4),
+        (c, ElasticMetric(space, 0.0, 0.0, 1.0), 3),
+    ):
+        if weight > 0:
+            coordinates = metric.lower_bound_coordinates(points, n_patches)
+            expected = expected + weight * squared_gaps(coordinates)
+            length += width * template.n_faces if n_patches is None else (width + 1) * n_patches
+    found = ElasticMetric(space, a, 0.1, c).lower_bound_coordinates(points, n_patches)
+    assert found.shape == (3, length)
+    np.testing.assert_allclose(squared_gaps(found), expected, rtol=1e-12, atol=1e-15)
+
+
+def squared_gaps(coordinates):
+    return np.sum((coordinates[:, None] - coordinates) ** 2, axis=-1)
+
+
+def test_lower_bounds_without_normals_take_triangles_without_area():
+    template = sphere_template()
+    space = AlignedSurfaces(template, equip=False)
+    points = surfaces(template, 2, rng=15)
+    points[1, template.faces[3, 1]] = points[1, template.faces[3, 0]]
+    metric = ElasticMetric(space, 0.5, 0.1, 0.0)
+    coordinates = metric.lower_bound_coordinates(points)
+    gap = np.linalg.norm(coordinates[0] - coordinates[1])
+    assert 0.0 < gap <= metric.dist(*points)
+    with pytest.raises(DegenerateSurfaceError, match="every triangle"):
+        ElasticMetric(space, 0.5, 0.1, 0.1).lower_bound_coordinates(points)

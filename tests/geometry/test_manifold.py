@@ -12,7 +12,8 @@ from cases import (
 )
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
@@ -48,6 +49,7 @@ def _strict_floats():
 def test_dimensions_and_default_metric(space, dim, shape, metric_class):
     assert space.dim == dim
     assert space.shape == shape
+    assert space.point_ndim == len(shape)
     assert space.default_metric() is metric_class
     assert type(space.metric) is metric_class
     assert space.metric.space is space
@@ -163,3 +165,23 @@ def test_spaces_without_a_default_metric():
 def test_manifolds_are_abstract():
     with pytest.raises(TypeError, match="abstract"):
         Manifold(2, (2,))
+
+
+@every_space
+def test_tangent_to_a_tolerance(space, dim, shape, metric_class):
+    point = space.random_point(rng=8)
+    rng = np.random.default_rng(9)
+    vector = space.to_tangent(rng.standard_normal(shape), point)
+    normal = rng.standard_normal(shape)
+    normal = normal - space.to_tangent(normal, point)
+    size = np.abs(normal).max()
+    if size < 1e-12:
+        # Every array is tangent.
+        assert space.is_tangent(vector, point, atol=0.0)
+        return
+    off = vector + 1e-5 * normal / size
+    assert not space.is_tangent(off, point)
+    assert not space.is_tangent(off, point, atol=0.9e-5)
+    assert space.is_tangent(off, point, atol=1.1e-5)
+    assert space.is_tangent(vector + 0.9e-9 * normal / size, point)
+    assert not space.is_tangent(vector + 1.1e-9 * normal / size, point)

@@ -21,7 +21,8 @@ from cases import (
 from oracles import taylor_slope
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
@@ -448,6 +449,21 @@ def test_dist_pairwise(case):
     np.testing.assert_array_equal(metric.dist_pairwise(points[:1]), [[0.0]])
     np.testing.assert_array_equal(metric.dist_pairwise(list(points)), matrix)
     assert metric.dist_pairwise(points[:0]).shape == (0, 0)
+
+
+@every("dist")
+def test_closest_neighbor_index(case):
+    x, metric = case.points, case.metric
+    moved = np.stack([x[2], x[0], x[3]])
+    np.testing.assert_array_equal(metric.closest_neighbor_index(moved, x), [2, 0, 3])
+    expected = np.argmin([metric.dist(x[0], x[1]), metric.dist(x[0], x[2])])
+    assert metric.closest_neighbor_index(x[0], x[1:3]) == expected
+    pairs = metric.closest_neighbor_index(x[:4].reshape(2, 2, *case.space.shape), x)
+    np.testing.assert_array_equal(pairs, [[0, 1], [2, 3]])
+    twice = np.stack([x[1], x[0], x[0]])
+    assert metric.closest_neighbor_index(x[0], twice) == 1
+    with pytest.raises(ArgumentError, match="at least one point"):
+        metric.closest_neighbor_index(x[0], x[:0])
 
 
 def test_arguments_are_not_changed():

@@ -186,3 +186,63 @@ def test_fields_must_be_metrics(matrix, message):
         metric.exp(g, bad)
     with pytest.raises(ArgumentError, match=f"end_point {message}"):
         metric.geodesic(g, bad)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_rounding_errors_of_fields_are_legal(scale):
+    """Relative to the trace, whatever the unit of length."""
+    plain = scale * np.array([[1.0, 0.5], [0.5, 2.0]])
+    size = 3.0 * scale
+    good = np.broadcast_to(plain, SPACE.shape)
+    for share, legal in ((0.9e-9, True), (1.1e-9, False)):
+        for sign in (-1.0, 1.0):
+            crooked = good.copy()
+            crooked[5, 0, 1] += sign * share * size
+            # [[1, 1], [1, 1]] has trace 2; its determinant is made −4 times the share.
+            negative = good.copy()
+            negative[5] = scale * np.array([[1.0, 1.0], [1.0, 1.0 - 4 * share]])
+            for field, message in ((crooked, "symmetric"), (negative, "positive semidefinite")):
+                if legal:
+                    kept = SPACE.check_point(field, "g", completion=True)
+                    np.testing.assert_array_equal(kept, field)
+                else:
+                    with pytest.raises(ArgumentError, match=f"g must hold {message} .*triangle 5$"):
+                        SPACE.check_point(field, "g", completion=True)
+
+
+def test_matrices_with_a_zero_on_the_diagonal():
+    good = SPACE.random_point(rng=10)
+    for matrix in ([[0.0, 0.0], [0.0, 2.0]], [[2.0, 0.0], [0.0, 0.0]], [[0.0, 0.0], [0.0, 0.0]]):
+        field = good.copy()
+        field[3] = matrix
+        assert not SPACE.belongs(field)
+        SPACE.check_point(field, completion=True)
+        with pytest.raises(DegenerateSurfaceError, match="triangle 3"):
+            SPACE.check_point(field)
+        field[3, 0, 0] = -1e-3
+        with pytest.raises(ArgumentError, match="semidefinite"):
+            SPACE.check_point(field, completion=True)
+
+
+def test_belongs_is_symmetric_to_a_tolerance():
+    g = SPACE.random_point(rng=11)
+    for off in (-1e-4, 1e-4):
+        crooked = g.copy()
+        crooked[2, 0, 1] += off
+        assert not SPACE.belongs(crooked)
+        assert not SPACE.belongs(crooked, atol=0.9e-4)
+        assert SPACE.belongs(crooked, atol=1.1e-4)
+        crooked[2, 0, 1] = g[2, 0, 1] + 1e-6 * off
+        assert SPACE.belongs(crooked)
+    assert SPACE.belongs(g, atol=0.0)
+
+
+def test_random_fields_are_log_normal():
+    """log g is symmetric, with normal entries: ½ on the diagonal, ½/√2 off it."""
+    g = SPACE.random_point(200, rng=12).reshape(-1, 2, 2)
+    values, vectors = np.linalg.eigh(g)
+    logarithms = (vectors * np.log(values)[:, None]) @ np.swapaxes(vectors, 1, 2)
+    spread = logarithms.std(axis=0)
+    expected = [[0.5, 0.5 / np.sqrt(2)], [0.5 / np.sqrt(2), 0.5]]
+    np.testing.assert_allclose(spread, expected, rtol=0.03)
+    np.testing.assert_allclose(logarithms.mean(axis=0), 0.0, atol=0.015)

@@ -89,3 +89,29 @@ def test_refusals():
         METRIC.parallel_transport(n, n, direction=n[:3])
     with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
         METRIC.parallel_transport(n[:3], n, direction=n)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_lengths_are_one_to_a_tolerance(sign):
+    n = SPACE.random_point(rng=6)
+    for off, legal in ((0.9e-6, True), (1.1e-6, False)):
+        scaled = n.copy()
+        scaled[7] *= 1.0 + sign * off
+        if legal:
+            np.testing.assert_array_equal(SPACE.check_point(scaled), scaled)
+        else:
+            with pytest.raises(ArgumentError, match="unit vectors.* at triangle 7$"):
+                SPACE.check_point(scaled)
+        assert not SPACE.belongs(scaled)
+        assert SPACE.belongs(scaled, atol=1.1 * off)
+        assert not SPACE.belongs(scaled, atol=0.9 * off)
+    scaled[7] = n[7] * (1.0 + 1e-10 * sign)
+    assert SPACE.belongs(scaled)
+
+
+def test_inner_product_broadcasts_over_base_points():
+    points = SPACE.random_point(3, rng=7)
+    v = SPACE.random_tangent_vec(points[0], rng=8)
+    np.testing.assert_array_equal(
+        METRIC.inner_product(v, v, points), np.full(3, METRIC.squared_norm(v, points[0]))
+    )

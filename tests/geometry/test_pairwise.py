@@ -8,9 +8,10 @@ import pytest
 from cases import CASES, HalfPlane, HyperbolicDistance, deformations, sphere_template, surfaces
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.bulk_metric import BulkMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
 from riemhuman.geometry.srnf import SRNFMetric
@@ -140,7 +141,7 @@ def test_slivers(weights):
         one, two, three = TEMPLATE.faces[40 * k]
         foot = 0.6 * points[2:, one] + 0.4 * points[2:, two]
         points[2:, three] = foot + height * (points[2:, three] - foot)
-    check_against_definition(metric_of(TEMPLATE, weights), points, double=1e-8)
+    check_against_definition(metric_of(TEMPLATE, weights), points)
 
 
 def test_triangles_without_area():
@@ -234,7 +235,7 @@ def test_features_are_those_of_the_points_in_their_order():
         assert case.metric.rounding(features).shape == (4,)
 
 
-def test_progress_is_shown_on_demand(capsys):
+def test_progress_is_shown_on_demand(capsys, monkeypatch):
     case = CASES["pose triangle"]
     case.metric.dist_pairwise(case.points)
     assert capsys.readouterr().err == ""
@@ -242,6 +243,14 @@ def test_progress_is_shown_on_demand(capsys):
     assert "6/6" in capsys.readouterr().err
     case.metric.cdist(case.points[:3], case.points, progress=True)
     assert "12/12" in capsys.readouterr().err
+    # Every pair counts once, however the work is cut.
+    points = surfaces(case.space.template, 11, rng=12)
+    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 4)
+    for memory in (2**29, 1):
+        case.metric.dist_pairwise(points, progress=True, memory=memory)
+        assert "55/55" in capsys.readouterr().err
+        case.metric.cdist(points[:7], points, progress=True, memory=memory)
+        assert "77/77" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -271,6 +280,10 @@ def test_bad_sets_of_points():
             metric.cdist(points, wrong)
     with pytest.raises(ArgumentError, match="precision must be"):
         metric.features(points, "quadruple")
+    # A set has a length but no order, and an iterator has neither.
+    for wrong, found in (({1.0, 2.0}, "set"), (iter(points), "iterator"), (None, "None")):
+        with pytest.raises(ArgumentTypeError, match=f"points must be an array of .* {found}"):
+            metric.dist_pairwise(wrong)
 
 
 # Metrics of users.
@@ -317,7 +330,8 @@ def test_interruption_ends_the_work(n_jobs):
 FIRST_CALL = """
 import sys
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 bodies = load_open_bodies("coarse")
 for weights in ((1.0, 1e-4, 0.0), (0.0, 0.0, 1.0)):
     metric = ElasticMetric(AlignedSurfaces(bodies.template), *weights)

@@ -139,3 +139,18 @@ def test_refusals():
     bare = ProductManifold([NORMALS, MetricFields(triangle_template(), equip=False)], equip=False)
     with pytest.raises(ArgumentError, match=r"factors\[1\] must be equipped.*MetricFields"):
         ProductMetric(bare)
+
+
+@pytest.mark.parametrize("weights", [(2.0, 0.3), (0.0, 1.5), (0.7, 0.0)])
+def test_rounding_adds_up_as_distances_do(weights):
+    metric = ProductMetric(SPACE, weights=weights)
+    features = metric.features(CASE.points, "single")
+    squared = 0.0
+    for k, (factor, weight) in enumerate(zip(SPACE.factors, weights, strict=True)):
+        part = factor.metric.features(SPACE.component(CASE.points, k), "single")
+        rounding = factor.metric.rounding(part)
+        assert np.all(rounding > 0)
+        squared = squared + weight * rounding**2
+    np.testing.assert_allclose(metric.rounding(features), np.sqrt(squared), rtol=1e-12)
+    assert len(features) == metric.n_feature_arrays
+    np.testing.assert_array_equal(metric.rounding(metric.features(CASE.points)), 0.0)

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from autograd import grad, hessian_vector_product, value_and_grad
 from cases import deformations, sphere_template, surfaces
+from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
@@ -147,3 +149,18 @@ def test_bad_paths_are_refused():
         METRICS["pose"].energy_and_gradient(wavy_path(0.1)[:1])
     with pytest.raises(ArgumentError, match="path.*NaN"):
         METRICS["pose"].energy_and_gradient(np.full((3, *SPACE.shape), np.nan))
+
+
+@each_metric
+def test_drift_is_what_the_metric_does_not_see(metric):
+    """Translations for all, and rotations where no normals are looked at."""
+    path = np.repeat(SPACE.template.vertices[None], 3, axis=0)
+    moved, turned = path.copy(), path.copy()
+    moved[1] += [0.4, -0.2, 0.1]
+    turned[1] = turned[1] @ Rotation.from_rotvec([0.0, 0.3, 0.5]).as_matrix()
+    np.testing.assert_allclose(metric.remove_drift(moved), path, atol=1e-9)
+    found = metric.remove_drift(turned)
+    blind = metric.energy(turned) < 1e-12
+    assert blind == (metric in (METRICS["shape"], METRICS["stretch"]))
+    np.testing.assert_allclose(found, path if blind else turned, atol=1e-3)
+    assert (np.abs(found - turned).max() > 0.1) == blind

@@ -9,7 +9,8 @@ from autograd import value_and_grad
 from cases import CASES, TEMPLATES, name_of, surface_cases, surfaces
 from mpmath import mp
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
@@ -193,3 +194,12 @@ def test_squared_arc():
     assert SQUARED_ARC(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
     # Near π the digits are in the sum of the vectors, not in their difference.
     np.testing.assert_allclose(SQUARED_ARC(4.0, 1e-20)[0], (np.pi - 1e-10) ** 2, rtol=1e-15)
+
+
+@mp.workdps(60)
+def test_slope_of_the_squared_arc_up_to_antipodal_vectors():
+    for q in np.logspace(-30, -1, 60):
+        theta = mp.pi - 2 * mp.asin(mp.sqrt(mp.mpf(float(q))) / 2)
+        found = SQUARED_ARC(4.0 - q, q)
+        expected = float(theta**2), float(theta / mp.sin(theta))
+        np.testing.assert_allclose(found, expected, rtol=5e-14)

@@ -1,5 +1,7 @@
 """The compiled distances of pairs: their polynomials against mpmath, their sums against NumPy."""
 
+from functools import partial
+
 import numba
 import numpy as np
 import pytest
@@ -140,12 +142,12 @@ def unit_normals(n, rng):
 WEIGHTS = np.random.default_rng(3).uniform(0.0, 1e-3, F)
 
 
-def ebin_pairs(precision, n_a=23, n_b=11, n_threads=1):
+def ebin_pairs(precision, n_a=23, n_b=11, n_threads=1, lam=0.3):
     a, b = (
-        compiled_features.metric_field_features(*metric_fields(n, n), WEIGHTS, 0.3, precision)[0]
+        compiled_features.metric_field_features(*metric_fields(n, n), WEIGHTS, lam, precision)[0]
         for n in (n_a, n_b)
     )
-    return a, b, lambda a, b, k=n_threads: compiled_pairs.ebin_distances(a, b, 0.3, k)
+    return a, b, lambda a, b, k=n_threads: compiled_pairs.ebin_distances(a, b, lam, k)
 
 
 def normal_pairs(precision, n_a=23, n_b=11, n_threads=1):
@@ -164,10 +166,10 @@ def flat_pairs(precision, n_a=23, n_b=11, n_threads=1):
     return a, b, lambda a, b, k=n_threads: compiled_pairs.flat_distances(a, b, k)
 
 
-def exact_ebin(n_a, n_b):
+def exact_ebin(n_a, n_b, lam=0.3):
     a, b = metric_fields(n_a, n_a), metric_fields(n_b, n_b)
     pairs = [v[:, None] for v in a], [v[None] for v in b]
-    return np.sum(WEIGHTS * ebin.squared_dist_of_coordinates(*pairs, 0.3), axis=-1)
+    return np.sum(WEIGHTS * ebin.squared_dist_of_coordinates(*pairs, lam), axis=-1)
 
 
 def exact_normal(n_a, n_b):
@@ -182,6 +184,7 @@ def exact_flat(n_a, n_b):
 
 KERNELS = {
     "ebin": (ebin_pairs, exact_ebin),
+    "ebin, small lam": (partial(ebin_pairs, lam=3e-3), partial(exact_ebin, lam=3e-3)),
     "normal": (normal_pairs, exact_normal),
     "flat": (flat_pairs, exact_flat),
 }

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from cases import open_template, sphere_template, surfaces
 from scipy.linalg import polar
+from scipy.sparse import coo_array, csgraph
 from scipy.spatial.transform import Rotation
 
 from riemhuman.kernels import compiled_surfaces
@@ -96,3 +97,57 @@ def test_angle_and_axis(vector):
         back = Rotation.from_rotvec(angle * axis).as_matrix()
         np.testing.assert_allclose(back, matrix, atol=1e-14)
     np.testing.assert_allclose(angle, np.linalg.norm(vector), atol=1e-14, rtol=1e-12)
+
+
+def unwrapped_along_the_tree(turns, differences, roots):
+    """Return rotation vectors, each the closest of its rotation to that of its parent."""
+    tree = csgraph.minimum_spanning_tree(differences)
+    found, done = turns.copy(), set()
+    for root in roots:
+        if root in done:
+            continue
+        order, parents = csgraph.breadth_first_order(tree, root, directed=False)
+        for t in order[1:]:
+            angle = np.linalg.norm(turns[t])
+            if angle > 0:
+                lengths = angle + 2 * np.pi * np.arange(-9, 10)
+                candidates = lengths[:, None] * turns[t] / angle
+                gaps = np.linalg.norm(candidates - found[parents[t]], axis=1)
+                found[t] = candidates[np.argmin(gaps)]
+        done |= set(order.tolist())
+    return found
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_unwrapping_follows_the_tree_of_least_differences(seed):
+    rng = np.random.default_rng(seed)
+    n, n_first = 60, 40
+    # Two parts without an edge between them, and a triangle alone; one does not turn at all.
+    pairs = np.concatenate([rng.integers(0, n_first, (90, 2)), rng.integers(n_first, n, (50, 2))])
+    pairs = np.unique(np.sort(pairs[(pairs[:, 0] != pairs[:, 1]) & (pairs < n - 1).all(1)]), axis=0)
+    rotations = Rotation.random(n, rng=seed)
+    turns = rotations.as_rotvec()
+    turns[7] = 0.0
+    quaternions = rng.choice([-1.0, 1.0], (n, 1)) * Rotation.from_rotvec(turns).as_quat()
+    one, other = quaternions[pairs.T]
+    gaps = np.minimum(np.sum((one - other) ** 2, axis=1), np.sum((one + other) ** 2, axis=1))
+    differences = coo_array((gaps, pairs.T), shape=(n, n)).tocsr()
+    both_ways = (differences + differences.T).tocsr()
+    roots = rng.permutation(n)
+    found = turns.copy()
+    ends, neighbours = both_ways.indptr.astype(np.int64), both_ways.indices.astype(np.int64)
+    compiled_surfaces.unwrap_turns(found, quaternions, roots, ends, neighbours)
+    expected = unwrapped_along_the_tree(turns, differences, roots)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    assert np.linalg.norm(found, axis=1).max() > np.pi
+
+
+def test_unwrapping_a_chain_that_turns_again_and_again():
+    angles = np.linspace(0.0, 25.0, 40)
+    whole = angles[:, None] * [0.36, -0.48, 0.8]
+    rotations = Rotation.from_rotvec(whole)
+    found = rotations.as_rotvec()
+    ends = np.concatenate([[0], np.cumsum([1] + 38 * [2] + [1])])
+    neighbours = np.array([1] + [s for t in range(1, 39) for s in (t - 1, t + 1)] + [38])
+    compiled_surfaces.unwrap_turns(found, rotations.as_quat(), np.arange(40), ends, neighbours)
+    np.testing.assert_allclose(found, whole, atol=1e-12)

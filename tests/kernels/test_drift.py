@@ -48,3 +48,41 @@ def test_surfaces_move_rigidly():
 def test_two_surfaces_have_nothing_between_them():
     path = RNG.normal(size=(2, 60, 3))
     np.testing.assert_array_equal(still_path(path, WEIGHTS, rotations=True), path)
+
+
+def test_where_the_body_is_makes_no_difference():
+    path = moving_part_path() + np.linspace(0.0, 1.0, 5)[:, None, None] ** 2
+    for rotations in (True, False):
+        here = still_path(path, WEIGHTS, rotations=rotations)
+        there = still_path(path + [1e5, -2e5, 3e5], WEIGHTS, rotations=rotations)
+        np.testing.assert_allclose(there - [1e5, -2e5, 3e5], here, atol=1e-6)
+
+
+def test_size_makes_no_difference():
+    path = moving_part_path() + np.linspace(0.0, 1.0, 5)[:, None, None] ** 2
+    for rotations in (True, False):
+        still = still_path(path, WEIGHTS, rotations=rotations)
+        for factor in (1e-6, 1e6):
+            scaled = still_path(factor * path, WEIGHTS, rotations=rotations)
+            np.testing.assert_allclose(scaled / factor, still, atol=1e-9)
+
+
+def test_the_heavier_part_stands_still():
+    """Every vertex of a small body has its say, by its weight."""
+    body = np.eye(3)
+    path = np.stack([body, body, body])
+    path[1, 0] += [0.0, 0.0, 0.7]
+    for weights in ([1.0, 0.8, 0.8], [1.0, 0.4, 0.1]):
+        still = still_path(path, np.array(weights), rotations=False)
+        expected = path.copy()
+        if weights[0] > sum(weights[1:]):
+            expected[1] -= [0.0, 0.0, 0.7]
+        np.testing.assert_allclose(still, expected, atol=1e-3)
+
+
+def test_a_body_of_many_vertices():
+    """Some of them are enough to find the motion, and all follow it."""
+    body = RNG.normal(size=(4500, 3))
+    path = np.stack([body, Rotation.from_rotvec([0.4, -0.1, 0.9]).apply(body) + 2.0, body])
+    still = still_path(path, np.ones(4500), rotations=True)
+    np.testing.assert_allclose(still[1], body, atol=1e-9)

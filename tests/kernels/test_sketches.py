@@ -6,7 +6,8 @@ from cases import TEMPLATES, sphere_template, surfaces
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.kernels import ebin
 from riemhuman.kernels.sketches import cone_chart, patch_coordinates, triangle_patches
@@ -85,6 +86,14 @@ def test_patches_by_hand():
     # The patch of one triangle first; then mean 2.5 and rest sqrt(1 · 1.5² + 3 · 0.5²) = √3.
     expected = [2.0 * 10.0, 0.0, 2.0 * 2.5, np.sqrt(3.0)]
     np.testing.assert_allclose(patch_coordinates(values, areas, patches), expected)
+
+
+def test_patches_may_have_any_numbers():
+    values = np.random.default_rng(4).standard_normal((6, 3))
+    areas, patches = np.arange(1.0, 7.0), np.array([0, 1, 0, 2, 2, 1])
+    expected = patch_coordinates(values, areas, patches)
+    for numbers in (patches + 1, patches + 2, 3 * patches + 4):
+        np.testing.assert_array_equal(patch_coordinates(values, areas, numbers), expected)
 
 
 def test_triangle_patches_are_even_and_in_one_piece():

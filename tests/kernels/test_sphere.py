@@ -196,3 +196,16 @@ def test_transport_agrees_with_schilds_ladder():
     coarse, fine = error(200), error(400)
     assert fine < 3e-3
     np.testing.assert_allclose(coarse / fine, 2.0, rtol=0.05)
+
+
+def test_slopes_of_the_squared_arc_at_its_ends():
+    coincident, antipodal = (0.0, 4.0), (4.0, 0.0)
+    assert grad(sphere.squared_arc, 0)(*coincident) == 1.0
+    assert grad(sphere.squared_arc, 1)(*coincident) == 0.0
+    assert grad(sphere.squared_arc, 0)(*antipodal) == 0.0
+    assert grad(sphere.squared_arc, 1)(*antipodal) == 0.0
+    # θ² = 4 arcsin²(√p/2) with q = 4 − p: the slope along the sphere is θ/sin θ.
+    for theta in (1e-6, 0.3, 1.5, 3.0, 3.1415):
+        p, q = 4 * np.sin(0.5 * theta) ** 2, 4 * np.cos(0.5 * theta) ** 2
+        slope = grad(sphere.squared_arc, 0)(p, q) - grad(sphere.squared_arc, 1)(p, q)
+        assert slope == pytest.approx(theta / np.sin(theta), rel=1e-10)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cases import deformations, name_of, surface_cases, surfaces
 
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.strain import elastic_blocks
 
 

@@ -1,0 +1,185 @@
+"""Tangent vectors of the Ebin metric: symmetric 2 × 2 matrices, their traces and inner product."""
+
+from __future__ import annotations
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.ebin import coordinates, coordinates_of_derivatives, determinants
+from riemhuman.kernels.scalars import square_root
+from riemhuman.kernels.surface import (
+    dot,
+    first_fundamental_form_differential,
+    symmetric_matrices,
+)
+
+
+def trace(matrices: ndarray) -> ndarray:
+    """Return the traces.
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Matrices.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return matrices[..., 0, 0] + matrices[..., 1, 1]
+
+
+def traceless(matrices: ndarray) -> ndarray:
+    """Return A − ½ tr(A) I of symmetric matrices.
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Symmetric matrices A.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
+    half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
+    return symmetric_matrices(half, matrices[..., 0, 1], -half)
+
+
+def symmetric_part(matrices: ndarray) -> ndarray:
+    """Return ½(A + Aᵀ).
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Matrices A.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def size(v: ndarray) -> ndarray:
+    """Return √(½ tr v²) of symmetric traceless v.
+
+    Parameters
+    ----------
+    v : array, shape (..., 2, 2)
+        Symmetric traceless matrices.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
+
+
+def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
+    r"""Return the inner product of tangent vectors (equation 2, both terms under the integral).
+
+    .. math:: \left(\operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + \lambda\operatorname{tr}(g^{-1}a)
+              \operatorname{tr}(g^{-1}b)\right)\sqrt{\det g}
+
+    Parameters
+    ----------
+    a, b : array, shape (..., 2, 2)
+        Symmetric matrices, tangent at g.
+    g : array, shape (..., 2, 2)
+        Positive definite matrices.
+    lam : float
+        λ.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return whitened_inner_product(whiten(a, g), whiten(b, g), lam) * np.sqrt(determinants(g))
+
+
+def whitened_inner_product(a: ndarray, b: ndarray, lam: float) -> ndarray:
+    """Return tr(a₀ b₀) + λ tr a tr b, the inner product of whitened vectors over √det g.
+
+    Parameters
+    ----------
+    a, b : array, shape (..., 2, 2)
+        Symmetric matrices, see `whiten`.
+    lam : float
+        λ.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
+    return shear + lam * trace(a) * trace(b)
+
+
+def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
+    """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ, shape (..., 2, 2).
+
+    It is symmetric and similar to g⁻¹δg, so that all traces are the same, and keeps the digits
+    that g⁻¹δg loses where g is strongly anisotropic.
+
+    Parameters
+    ----------
+    delta_g : array, shape (..., 2, 2)
+        Symmetric matrices.
+    g : array, shape (..., 2, 2)
+        Positive definite matrices.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
+    # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
+    x, y, _ = coordinates(g)
+    e = delta_g[..., 0, 0] + np.zeros_like(x)
+    m = 0.5 * (delta_g[..., 0, 1] + delta_g[..., 1, 0])
+    mixed = (m - x * e) / y
+    last = ((delta_g[..., 1, 1] - x * m) / y - x * mixed) / y
+    return symmetric_matrices(e, mixed, last) / g[..., :1, :1]
+
+
+def whitened_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: ndarray) -> ndarray:
+    """Return the derivative of the first fundamental form along a deformation h, whitened.
+
+    It is that of the form in an orthogonal frame, and twice the strain of the triangle. Taken from
+    g and its derivative, slivers would lose the digits of their squared aspect ratio.
+
+    Parameters
+    ----------
+    f_u, f_v : array, shape (..., F, 3)
+        Partial derivatives of the surface.
+    h_u, h_v : array, shape (..., F, 3)
+        Partial derivatives of the deformation.
+
+    Returns
+    -------
+    array, shape (..., F, 2, 2)
+    """
+    x, y, _ = (coordinate[..., None] for coordinate in coordinates_of_derivatives(f_u, f_v))
+    f_across, h_across = (f_v - x * f_u) / y, (h_v - x * h_u) / y
+    change = first_fundamental_form_differential(f_u, f_across, h_u, h_across)
+    return change / dot(f_u, f_u)[..., None, None]
+
+
+def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
+    """Return L W Lᵀ, where g = L Lᵀ, the inverse of `whiten`, shape (..., 2, 2).
+
+    Parameters
+    ----------
+    matrices : array, shape (..., 2, 2)
+        Symmetric matrices W.
+    g : array, shape (..., 2, 2)
+        Positive definite matrices.
+
+    Returns
+    -------
+    array, shape (..., 2, 2)
+    """
+    x, y, _ = coordinates(g)
+    e = matrices[..., 0, 0] + np.zeros_like(x)
+    m, last = matrices[..., 0, 1], matrices[..., 1, 1]
+    mixed = x * e + y * m
+    return g[..., :1, :1] * symmetric_matrices(e, mixed, x * mixed + y * (x * m + y * last))

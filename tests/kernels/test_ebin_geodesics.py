@@ -1,0 +1,293 @@
+"""Exponential, logarithm and geodesics, against exact arithmetic, SciPy, ODEs and pyRiemann."""
+
+import autograd.numpy as anp
+import numpy as np
+import oracles
+import pytest
+from autograd import grad, jacobian
+from ebin_matrices import FAMILIES, LAMBDAS, N_PAIRS, cone_size, matrices, pairs
+from pyriemann.geometry.distance import distance_riemann
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+from scipy.optimize import minimize
+
+from riemhuman.kernels import ebin, ebin_geodesics, ebin_tangent
+
+
+@pytest.fixture(autouse=True)
+def _strict_floats():
+    with np.errstate(divide="raise", over="raise", invalid="raise"):
+        yield
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+@pytest.mark.parametrize(("family", "tolerance"), [("within π", 1e-12), ("near-identical", 1e-14)])
+def test_log_and_exp_are_exact(family, tolerance, lam):
+    g1, g2 = pairs(family, lam)
+    log = ebin_geodesics.log(g1, g2, lam)
+    exact = [oracles.exact_log(a, b, lam) for a, b in zip(g1, g2, strict=True)]
+    np.testing.assert_allclose(log, exact, rtol=0, atol=tolerance * np.abs(g2).max() * 10)
+    end, met_apex = ebin_geodesics.exp(log, g1, lam)
+    assert not met_apex.any()
+    exact = [oracles.exact_exp(v, g, lam) for v, g in zip(log, g1, strict=True)]
+    np.testing.assert_allclose(end, exact, rtol=0, atol=tolerance * np.abs(g2).max())
+    np.testing.assert_allclose(end, g2, rtol=0, atol=tolerance * np.abs(g2).max())
+
+
+@pytest.mark.parametrize("anisotropy", [1e2, 1e4, 1e6])
+def test_exp_loses_no_more_than_its_conditioning(anisotropy):
+    rng = np.random.default_rng(2)
+    g1, g2 = matrices(N_PAIRS, anisotropy, rng), matrices(N_PAIRS, 3.0, rng)
+    velocity = ebin_geodesics.log(g1, g2, 10.0)
+    end, _ = ebin_geodesics.exp(velocity, g1, 10.0)
+    exact = [oracles.exact_exp(v, g, 10.0) for v, g in zip(velocity, g1, strict=True)]
+    np.testing.assert_allclose(end, exact, rtol=0, atol=5e-15 * anisotropy)
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_exp_agrees_with_matrix_exponential(lam):
+    rng = np.random.default_rng(3)
+    g = matrices(N_PAIRS, 3.0, rng)
+    for size in (1e-3, 0.5, 3.0):
+        velocity = size * ebin_tangent.symmetric_part(rng.normal(size=g.shape))
+        end, met_apex = ebin_geodesics.exp(velocity, g, lam)
+        assert not met_apex.any()
+        expected = [oracles.matrix_exp(v, m, lam) for v, m in zip(velocity, g, strict=True)]
+        np.testing.assert_allclose(end, expected, rtol=1e-10, atol=1e-10)
+        np.testing.assert_array_equal(end, np.swapaxes(end, 1, 2))
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_norm_of_log_is_dist(lam):
+    g1, g2 = pairs("within π", lam)
+    log = ebin_geodesics.log(g1, g2, lam)
+    np.testing.assert_allclose(
+        ebin_tangent.inner_product(log, log, g1, lam), ebin.squared_dist(g1, g2, lam), rtol=1e-11
+    )
+
+
+def test_pure_scaling_and_standing_still():
+    g = matrices(N_PAIRS, 3.0, np.random.default_rng(4))
+    np.testing.assert_allclose(ebin_geodesics.log(g, g, 0.3), 0.0, atol=1e-14)
+    np.testing.assert_allclose(ebin_geodesics.exp(0 * g, g, 0.3)[0], g, rtol=1e-14)
+    # s grows linearly: δg = 2 g gives s(1) = 2 s, as A = 2I has δs = s.
+    np.testing.assert_allclose(ebin_geodesics.exp(4 * g, g, 0.3)[0], 9 * g, rtol=1e-13)
+    np.testing.assert_allclose(ebin_geodesics.log(g, 9 * g, 0.3), 4 * g, rtol=1e-13)
+
+
+def metric_tensor(q, lam):
+    """Return equation 2 (corrected) in the coordinates E, M, G, written for autograd."""
+    g = anp.array([[q[0], q[1]], [q[1], q[2]]])
+    inverse = anp.linalg.inv(g)
+    basis = np.array([[[1.0, 0], [0, 0]], [[0, 1.0], [1.0, 0]], [[0, 0], [0, 1.0]]])
+    a = [inverse @ b for b in basis]
+    a0 = [b - 0.5 * anp.trace(b) * np.eye(2) for b in a]
+    entries = [
+        [anp.trace(a0[i] @ a0[j]) + lam * anp.trace(a[i]) * anp.trace(a[j]) for j in range(3)]
+        for i in range(3)
+    ]
+    return anp.sqrt(anp.linalg.det(g)) * anp.array(entries)
+
+
+def follow_geodesic_equation(velocity, g, lam, times):
+    """Integrate q̈ᵏ = −Γᵏᵢⱼ q̇ⁱ q̇ʲ numerically."""
+    slopes = jacobian(metric_tensor)
+
+    def rate(_, state):
+        q, p = state[:3], state[3:]
+        slope = slopes(q, lam)
+        force = np.einsum("kij,i,j->k", slope, p, p) - 0.5 * np.einsum("ijk,i,j->k", slope, p, p)
+        return np.concatenate([p, -np.linalg.solve(metric_tensor(q, lam), force)])
+
+    start = np.concatenate([m[[0, 0, 1], [0, 1, 1]] for m in (g, velocity)])
+    solution = solve_ivp(rate, (0, 1), start, "DOP853", times, rtol=1e-11, atol=1e-12)
+    return solution.y.T[:, [0, 1, 1, 2]].reshape(-1, 2, 2)
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_geodesics_solve_the_geodesic_equation(lam):
+    times = np.linspace(0, 1, 6)
+    g1, g2 = (g[:1] for g in pairs("within π", lam))
+    for start, end in zip(g1, g2, strict=True):
+        velocity = ebin_geodesics.log(start, end, lam)
+        expected = follow_geodesic_equation(velocity, start, lam, times)
+        found = ebin_geodesics.geodesic(start, end, times, lam)
+        np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
+        shot = ebin_geodesics.exp(times[:, None, None] * velocity, start, lam)[0]
+        np.testing.assert_allclose(shot, found, rtol=1e-12, atol=1e-14)
+
+
+def test_the_least_energy_of_discrete_paths_is_the_squared_distance():
+    """Minimise the energy of equation 2 over paths of matrices, knowing no closed form."""
+    lam = 0.5
+    g1, g2 = (g[0] for g in pairs("ordinary"))
+    ends = [m[[0, 0, 1], [0, 1, 1]] for m in (g1, g2)]
+
+    def energy(inner, n):
+        path = anp.concatenate([ends[0][None], anp.reshape(inner, (n - 1, 3)), ends[1][None]])
+        middle, step = 0.5 * (path[1:] + path[:-1]), path[1:] - path[:-1]
+        terms = [step[i] @ metric_tensor(middle[i], lam) @ step[i] for i in range(n)]
+        return n * sum(terms)
+
+    least = {}
+    for n in (4, 8):
+        t = np.linspace(0, 1, n + 1)[1:-1, None]
+        start = ((1 - t) * ends[0] + t * ends[1]).ravel()
+        options = {"hess_inv0": 0.02 / n * np.eye(start.size)}
+        least[n] = minimize(energy, start, (n,), "BFGS", grad(energy), options=options).fun
+    extrapolated = (4 * least[8] - least[4]) / 3
+    np.testing.assert_allclose(extrapolated, ebin.squared_dist(g1, g2, lam), rtol=5e-3)
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+@pytest.mark.parametrize("family", FAMILIES[:4])
+def test_geodesic_has_constant_speed(family, lam):
+    g1, g2 = pairs(family, lam)
+    times = np.linspace(0, 1, 8)
+    path = ebin_geodesics.geodesic(g1, g2, times[:, None] * np.ones(N_PAIRS), lam)
+    steps = np.sqrt(ebin.squared_dist(path[:-1], path[1:], lam))
+    dist = np.sqrt(ebin.squared_dist(g1, g2, lam))
+    # Points on the way are rounded to matrices, in which the steps are small or ill determined.
+    tolerance = {"near-identical": 1e-5, "anisotropic": 1e-5}.get(family, 1e-9)
+    np.testing.assert_allclose(steps, np.tile(dist / 7, (7, 1)), rtol=tolerance)
+    np.testing.assert_allclose(steps.sum(axis=0), dist, rtol=tolerance)
+
+
+# Through the apex.
+
+
+def test_far_matrices_meet_at_the_apex():
+    lam = 1e-4
+    g1, g2 = pairs("ordinary")
+    assert np.all(ebin.angle(g1, g2, lam) > np.pi)
+    np.testing.assert_allclose(
+        np.sqrt(ebin.squared_dist(g1, g2, lam)), cone_size(g1, g2, lam), rtol=1e-12
+    )
+    s1, s2 = (np.linalg.det(g) ** 0.25 for g in (g1, g2))
+    at_apex = ebin_geodesics.geodesic(g1, g2, s1 / (s1 + s2), lam)
+    np.testing.assert_allclose(at_apex, 0.0, atol=1e-30)
+    before, after = (
+        ebin_geodesics.geodesic(g1, g2, t * np.ones(N_PAIRS), lam) for t in (0.1, 0.95)
+    )
+    for g, origin in ((before, g1), (after, g2)):
+        quotient = g / origin
+        np.testing.assert_allclose(quotient, quotient[:, :1, :1] * np.ones((2, 2)), rtol=1e-11)
+
+
+def test_speed_through_the_apex_by_the_inner_product():
+    lam = 1e-4
+    g1, g2 = (g[0] for g in pairs("ordinary"))
+    dist = np.sqrt(ebin.squared_dist(g1, g2, lam))
+    for t in (0.05, 0.2, 0.8, 0.9):
+        step = 1e-5
+        g = ebin_geodesics.geodesic(g1, g2, np.array(t), lam)
+        change = ebin_geodesics.geodesic(g1, g2, np.array([t - step, t + step]), lam)
+        velocity = (change[1] - change[0]) / (2 * step)
+        speed = np.sqrt(oracles.ebin_inner_product(velocity, velocity, g, lam))
+        np.testing.assert_allclose(speed, dist, rtol=1e-8)
+
+
+DEGENERATE = {
+    "zero": np.zeros((2, 2)),
+    "no u": np.diag([0.0, 3.0]),
+    "no v": np.diag([3.0, 0.0]),
+    "rank one": np.outer([1.0, 2.0], [1.0, 2.0]),
+    "rank one, rounded": np.outer([0.1, 0.3], [0.1, 0.3]),
+}
+
+
+@pytest.mark.parametrize("g", DEGENERATE.values(), ids=DEGENERATE)
+def test_degenerate_matrices_are_the_apex(g):
+    lam = 0.3
+    other = matrices(1, 3.0, np.random.default_rng(5))[0]
+    s = np.linalg.det(other) ** 0.25
+    assert ebin.is_degenerate(g)
+    assert ebin.squared_dist(g, g, lam) == 0
+    for zero in DEGENERATE.values():
+        assert ebin.squared_dist(g, zero, lam) == 0
+    np.testing.assert_allclose(ebin.squared_dist(g, other, lam), 16 * lam * s**2, rtol=1e-13)
+    np.testing.assert_allclose(ebin.squared_dist(other, g, lam), 16 * lam * s**2, rtol=1e-13)
+    times = np.linspace(0, 1, 5)
+    path = ebin_geodesics.geodesic(other, g, times, lam)
+    expected = (1 - times)[:, None, None] ** 2 * other
+    np.testing.assert_allclose(path, expected, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(
+        ebin_geodesics.geodesic(g, other, 1 - times, lam), expected, atol=1e-14
+    )
+    for argument in (0, 1):
+        for pair in ((g, other), (other, g), (g, g)):
+            assert np.all(np.isfinite(grad(ebin.squared_dist, argument)(*pair, lam)))
+
+
+def test_limit_towards_degenerate_matrices():
+    """Distances to g + εI tend to the distance to the degenerate g, like √s = ε^(1/4)."""
+    lam = 0.3
+    other = matrices(1, 3.0, np.random.default_rng(5))[0]
+    for g in DEGENERATE.values():
+        limit = np.sqrt(ebin.squared_dist(g, other, lam))
+        for step in (1e-4, 1e-8, 1e-12, 1e-16):
+            dist = np.sqrt(ebin.squared_dist(g + step * np.eye(2), other, lam))
+            assert abs(dist - limit) < 20 * np.sqrt(lam) * step**0.25
+
+
+@pytest.mark.parametrize("lam", LAMBDAS)
+@pytest.mark.parametrize("anisotropy", [1.0, 3.0, 1e4])
+def test_radial_geodesics_meet_the_apex(lam, anisotropy):
+    """The velocity −c g reaches g = 0 if c ≥ 2; rounding must not steer around it."""
+    g = matrices(200, anisotropy, np.random.default_rng(6))
+    for factor, expected in ((-1.9, False), (-2.0, True), (-2.1, True), (-9.0, True), (4.0, False)):
+        met_apex = ebin_geodesics.exp(factor * g, g, lam)[1]
+        np.testing.assert_array_equal(met_apex, expected)
+
+
+def test_passing_beside_the_apex_is_legal():
+    g = np.eye(2)
+    shear = np.array([[1.0, 0.0], [0.0, -1.0]])
+    for size in (1e-3, 1e-6, 1e-9):
+        end, met_apex = ebin_geodesics.exp(-8 * g + size * shear, g, 1.0)
+        assert not met_apex
+        np.testing.assert_allclose(end, oracles.exact_exp(-8 * g + size * shear, g, 1.0), rtol=1e-4)
+
+
+# Traceless matrices.
+
+
+def test_trace_of_the_shear_agrees_with_pyriemann():
+    g1, g2 = pairs("ordinary")
+    shear, length = ebin_geodesics.traceless_log(g1, g2)
+    np.testing.assert_allclose(ebin_tangent.trace(shear @ shear), 2 * length**2, rtol=1e-12)
+    expected = (
+        distance_riemann(g1, g2) ** 2 - 0.5 * np.log(np.linalg.det(g2) / np.linalg.det(g1)) ** 2
+    )
+    np.testing.assert_allclose(2 * length**2, expected, rtol=1e-11)
+
+
+def test_traceless_exp_agrees_with_expm():
+    rng = np.random.default_rng(11)
+    v = ebin_tangent.traceless(ebin_tangent.symmetric_part(rng.normal(size=(N_PAIRS, 2, 2))))
+    v[0] = 0.0
+    factor = rng.normal(size=N_PAIRS)
+    expected = [expm(f * m) for f, m in zip(factor, v, strict=True)]
+    np.testing.assert_allclose(
+        ebin_geodesics.traceless_exp(v, factor), expected, rtol=1e-12, atol=1e-14
+    )
+
+
+@pytest.mark.parametrize("argument", [0, 1])
+@pytest.mark.parametrize(
+    "function", [ebin_geodesics.log, lambda v, g, lam: ebin_geodesics.exp(v - g, g, lam)[0]]
+)
+def test_log_and_exp_are_differentiable(function, argument):
+    weights = np.array([[1.0, -0.4], [-0.4, 2.0]])
+    pair = [g[0] for g in pairs("within π")]
+
+    def value(moved):
+        arguments = [*pair]
+        arguments[argument] = moved
+        return anp.sum(weights * function(*arguments, 0.6))
+
+    gradient = grad(value)(pair[argument])
+    direction = np.array([[0.2, 0.1], [0.1, -0.3]])
+    assert oracles.taylor_slope(value, pair[argument], direction, gradient) >= 1.9
+    pair[1 - argument] = pair[argument].copy()
+    assert np.all(np.isfinite(grad(value)(pair[argument])))
