@@ -154,7 +154,8 @@ def test_usage_errors(arguments):
 
 
 def test_matrices_are_those_of_dist():
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry.elastic_metric import ElasticMetric
 
     bodies = load_open_bodies("coarse")
     metric = ElasticMetric(AlignedSurfaces(bodies.template))

@@ -123,7 +123,8 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> SurfaceMet
     ArgumentError
         If the options contradict each other or make no metric.
     """
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry.elastic_metric import ElasticMetric
     from riemhuman.geometry.srnf import SRNFMetric
 
     check_metric_options(options)

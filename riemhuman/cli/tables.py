@@ -74,7 +74,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from riemhuman import retrieval
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry.elastic_metric import ElasticMetric
     from riemhuman.geometry.srnf import SRNFMetric
 
     if options.labels is not None and options.bodies is None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
-from riemhuman.cli.outputs import check_file, check_folder, whole_file, whole_folder
+from riemhuman.cli.outputs import check_file, check_folder, whole_folder
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json, stop_if_interrupted
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 
@@ -127,12 +127,11 @@ def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
     from riemhuman.surfaces.gltf_files import save_glb
     from riemhuman.surfaces.mesh_files import save_mesh
 
+    if ending == ".glb":
+        save_glb(output, frames, faces, name="motion")
+        return
     if ending:
-        with whole_file(output) as temporary:
-            if ending == ".glb":
-                save_glb(temporary, frames, faces, name="motion")
-            else:
-                save_arrays(temporary, {"path": frames, "faces": faces})
+        save_arrays(output, {"path": frames, "faces": faces})
         return
     with whole_folder(output) as folder:
         for k, frame in enumerate(frames):
@@ -144,7 +143,8 @@ def _is_ours(name: str) -> bool:
 
 
 def _disentangle(options: argparse.Namespace) -> None:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry.elastic_metric import ElasticMetric
     from riemhuman.solvers import Disentangling
     from riemhuman.surfaces.deformation_basis import DeformationBasis
     from riemhuman.surfaces.mesh_files import save_mesh

@@ -12,7 +12,8 @@ import numpy as np
 from tqdm import tqdm
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.retrieval.scores import RetrievalScores, scores
 

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.solvers.dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor

@@ -18,7 +18,8 @@ from riemhuman.bodies.fitting_equations import Equations, least_squares_step
 from riemhuman.bodies.joint_motions import JointMotions, Posture, Skeleton
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import ModelPath
 
 

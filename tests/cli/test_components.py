@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.statistics import TangentPCA
 from riemhuman.surfaces import Template, load_mesh, save_mesh
 

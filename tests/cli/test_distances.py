@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.surfaces import Template, procrustes, save_mesh
 

@@ -5,7 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import BasisMean
 from riemhuman.surfaces import DeformationBasis, Template, load_mesh, procrustes
 

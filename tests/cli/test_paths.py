@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis, Template, load_mesh, save_mesh
 

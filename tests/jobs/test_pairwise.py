@@ -19,14 +19,18 @@ from cases import cases_that, name_of, open_template, sphere_template, surfaces
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
+    DamagedFileWarning,
     DegenerateSurfaceError,
     FileError,
     FileFormatError,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.jobs import pairwise_job
 from riemhuman.jobs.folder import JobFolder
+from riemhuman.jobs.pairwise import _unfinished as unfinished_tiles
+from riemhuman.jobs.tiles import TileReader, tiles_of
 
 N_POINTS = 23
 # So little that there are many tiles and many blocks of features.
@@ -178,12 +182,13 @@ def test_interrupted_at_every_step(tmp_path, monkeypatch):
     assert n_steps > 20
 
 
-def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
+@pytest.mark.parametrize("n_steps", [40, 124])
+def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
     with monkeypatch.context() as patches:
-        interrupt_after(40, patches, KeyboardInterrupt)
+        interrupt_after(n_steps, patches, KeyboardInterrupt)
         with pytest.raises(KeyboardInterrupt):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
-    n_done = int(np.load(tmp_path / "done.npy").sum())
+    n_done = np.count_nonzero(np.load(tmp_path / "done.npy"))
     n_blocks = int(np.load(tmp_path / "digests.npy").any(axis=1).sum())
     steps = interrupt_after(10**6, monkeypatch, KeyboardInterrupt)
     pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
@@ -191,15 +196,17 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     n_sides = -(-N_POINTS // layout["tile"])
     n_tiles = n_sides * (n_sides + 1) // 2
     n_missing = -(-N_POINTS // layout["block"]) - n_blocks
-    # Four writes a block (two features, points, the digest), two a tile; four other steps.
-    assert 10**6 - steps[0] == 4 * n_missing + 2 * (n_tiles - n_done) + 4
-    assert n_done > 0 or n_blocks > 0
+    # Five writes a block (two features, points, checksums, the digest), two a tile; four others.
+    assert 10**6 - steps[0] == 5 * n_missing + 2 * (n_tiles - n_done) + 4
+    assert n_blocks > 0
+    assert (n_done > 0) == (n_steps > 100)
 
 
 SCRIPT = """
 import sys
 import numpy as np
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.jobs import pairwise_job
 from riemhuman.surfaces.template import Template
 
@@ -354,6 +361,118 @@ def test_damaged_tables_are_refused(name, tmp_path, monkeypatch):
         pairwise_job(METRIC, POINTS, tmp_path)
     (tmp_path / name).write_bytes(whole)
     pairwise_job(METRIC, POINTS, tmp_path)
+
+
+def flip_bit(file, position):
+    """Flip one bit of a file, counted in bytes from its end."""
+    with file.open("r+b") as stream:
+        stream.seek(-position, os.SEEK_END)
+        (byte,) = stream.read(1)
+        stream.seek(-position, os.SEEK_END)
+        stream.write(bytes([byte ^ 4]))
+
+
+# Steps of the job: five for each of 23 blocks of features, two for each of six tiles.
+@pytest.mark.parametrize(
+    ("n_steps", "name", "said"),
+    [
+        (126, "D.unfinished.npy", r"tile \d+, distances \[\d+:\d+, \d+:\d+\], is not what"),
+        (126, "features_0.npy", r"what it holds of points\[\d+:\d+\] is not what was written"),
+        (126, "features_1.npy", r"what it holds of points\[\d+:\d+\] is not what was written"),
+        (126, "points.npy", r"what it holds of points\[\d+:\d+\] is not what was written"),
+        (126, "checksums.npy", r"what it holds of points\[\d+:\d+\] is not what was written"),
+        (126, "done.npy", r"D\.unfinished\.npy is damaged: tile \d+"),
+    ],
+)
+def test_a_flipped_bit_is_noticed_and_mended(n_steps, name, said, tmp_path, monkeypatch):
+    begun(tmp_path, monkeypatch, n_steps)
+    assert 0 < np.count_nonzero(np.load(tmp_path / "done.npy")) < 6
+    rng = np.random.default_rng(3)
+    table = np.load(tmp_path / name, mmap_mode="r")
+    # Among the entries that have been written; of marks, in their checksums.
+    written = np.flatnonzero(np.ascontiguousarray(table).view(np.uint8).ravel())
+    position = table.nbytes - int(rng.choice(written))
+    flip_bit(tmp_path / name, 8 * len(table) if name == "done.npy" else position)
+    with pytest.warns(DamagedFileWarning, match=f"{said}.*; it is computed again"):
+        distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
+
+
+def test_every_distance_is_watched(tmp_path, monkeypatch):
+    begun(tmp_path, monkeypatch, 5 * N_POINTS + 10)
+    room, file = JobFolder(tmp_path), tmp_path / "D.unfinished.npy"
+    layout = json.loads((tmp_path / "manifest.json").read_text())["layout"]
+    tiles = list(tiles_of(N_POINTS, layout["tile"]))
+    todo = unfinished_tiles(room, tiles)
+    assert 0 < len(todo) < len(tiles) - 2
+    for entry in range(0, N_POINTS * layout["tile"], 5):
+        row, column = divmod(entry, N_POINTS)
+        # In a row of finished tiles, and mirrored.
+        for place in (entry, column * N_POINTS + row):
+            position = 8 * (N_POINTS**2 - place) - entry % 8
+            flip_bit(file, position)
+            with pytest.warns(DamagedFileWarning, match="tile"):
+                assert len(unfinished_tiles(room, tiles)) == len(todo) + 1
+            flip_bit(file, position)
+    assert unfinished_tiles(room, tiles) == todo
+
+
+def test_a_bit_flipped_while_the_job_runs(tmp_path, monkeypatch):
+    def flipping(reader, metric, tile):
+        if tile.rows.start > 0 and not flipped:
+            flipped.append(tile)
+            flip_bit(tmp_path / "D.unfinished.npy", 8 * N_POINTS**2 - 9)
+        return distances_of(reader, metric, tile)
+
+    flipped = []
+    distances_of = TileReader.distances
+    monkeypatch.setattr(TileReader, "distances", flipping)
+    with pytest.warns(DamagedFileWarning, match="tile 0, distances"):
+        distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    assert flipped
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
+
+
+@pytest.mark.parametrize("name", ["features_0.npy", "points.npy"])
+@pytest.mark.parametrize("interrupted", [False, True])
+def test_damaged_features_are_not_made_into_distances(interrupted, name, tmp_path, monkeypatch):
+    def flipping(reader, metric, tile):
+        if interrupted and tile.rows.start > 0:
+            raise KeyboardInterrupt
+        if not flipped:
+            flipped.append(tile)
+            flip_bit(tmp_path / name, 9)
+        return distances_of(reader, metric, tile)
+
+    flipped = []
+    distances_of = TileReader.distances
+    points = POINTS.copy()
+    points[-1] = points[0] * (1 + 1e-9)  # so that the last point itself is looked at
+    error = KeyboardInterrupt if interrupted else FileFormatError
+    with monkeypatch.context() as patches:
+        patches.setattr(TileReader, "distances", flipping)
+        with pytest.raises(error, match=None if interrupted else rf"{name} is damaged: .*\[22:23\]"):
+            pairwise_job(METRIC, points, tmp_path, memory=MEMORY)
+    assert np.load(tmp_path / "done.npy").any()
+    with pytest.warns(DamagedFileWarning, match=rf"{name} is damaged: .*\[22:23\]"):
+        distances = pairwise_job(METRIC, points, tmp_path, memory=MEMORY)
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(points))
+
+
+def test_a_disk_that_keeps_nothing_is_given_up(tmp_path, monkeypatch):
+    def forgetful(room, name, *entries):
+        write(room, name, *entries)
+        if name == "D.unfinished.npy":
+            flip_bit(room.path / name, 8 * N_POINTS**2 - 9)
+
+    write = JobFolder.write
+    monkeypatch.setattr(JobFolder, "write", forgetful)
+    with (
+        pytest.warns(DamagedFileWarning),
+        pytest.raises(FileFormatError, match="does not keep what is written to it"),
+    ):
+        pairwise_job(METRIC, POINTS, tmp_path, memory=10**8)
+    assert not (tmp_path / "D.npy").exists()
 
 
 def test_a_file_where_the_folder_should_be(tmp_path):

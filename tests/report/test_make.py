@@ -11,7 +11,8 @@ from cases import sphere_template, surfaces
 
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.report import make_report
 from riemhuman.report.plan import POSE, SHAPE
 from riemhuman.retrieval import benchmark

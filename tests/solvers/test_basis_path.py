@@ -11,7 +11,7 @@ from riemhuman.errors import (
     ConvergenceWarning,
     DegenerateSurfaceError,
 )
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import BasisPath, FiniteDifferenceEnergy, LinearPath, PoissonPath

@@ -6,7 +6,7 @@ import pytest
 from cases import CASES
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.comparison import compare_paths, measure_path

@@ -11,7 +11,7 @@ from riemhuman.errors import (
     ConvergenceWarning,
     NotDefinedError,
 )
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import BasisPath, ClosedFormGeodesic, DiscreteExponential, DiscreteLogarithm
 
 CLOSED_FORM = [

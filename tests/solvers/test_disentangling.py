@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import Disentangling
 from riemhuman.solvers.disentangling import turned_as
@@ -215,3 +216,30 @@ def test_bad_input():
     plane = CASES["half-plane, distance"].metric
     with pytest.raises(ArgumentError, match="metrics on surfaces over one template"):
         Disentangling().solve(plane, plane, body, body)
+
+
+def test_a_body_is_itself_at_once():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    body = space.template.vertices + deformations(space.template, 1, rng=1, size=0.3)[0]
+    found = Disentangling().solve(*metrics(space), body, body + [0.3, -1.0, 2.0])
+    np.testing.assert_allclose(found.surface, body + [0.3, -1.0, 2.0], atol=1e-9)
+    assert found.message == "the start is at no distance from either"
+    assert found.converged
+    assert (found.n_iterations, found.n_evaluations) == (0, 1)
+    np.testing.assert_array_equal(found.values, [found.value])
+    assert 0.0 <= found.value < 1e-20
+
+
+def test_where_the_bodies_are_makes_no_difference():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    shape, pose = space.template.vertices + deformations(space.template, 2, rng=1, size=0.3)
+    vectors = deformations(space.template, 5, rng=2) + [0.4, -0.3, 0.2]
+    basis = DeformationBasis(vectors, orthonormalize=True)
+    here = Disentangling(basis, tolerance=1e-8).solve(*metrics(space), shape, pose)
+    shift = np.array([3.0, -2.0, 1.0])
+    for shape_moved, pose_moved in ((shift, 0.0), (0.0, shift)):
+        there = Disentangling(basis, tolerance=1e-8).solve(
+            *metrics(space), shape + shape_moved, pose + pose_moved
+        )
+        np.testing.assert_allclose(there.surface, here.surface + pose_moved, atol=1e-4)
+        assert there.value == pytest.approx(here.value, rel=1e-4)

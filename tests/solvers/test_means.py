@@ -15,12 +15,13 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
 from riemhuman.solvers.basis_mean import STARTS
 from riemhuman.solvers.dispersion import Dispersion, check_weights
@@ -106,6 +107,11 @@ def test_mean_of_copies_is_the_copy(estimator):
     mean = estimator(space, BasisMean(bodies.basis())).fit(np.repeat(points[:1], 4, axis=0))
     np.testing.assert_allclose(mean.estimate_, points[0], atol=1e-12)
     assert mean.variance_ == pytest.approx(0.0, abs=1e-20)
+    assert mean.result_.converged
+    assert mean.n_iter_ == len(mean.result_.variances) - 1
+    assert mean.n_iter_ == (estimator is GeometricMedian)
+    if estimator is FrechetMean:
+        assert mean.result_.n_evaluations == 1
 
 
 def test_weights_pull_the_mean():
@@ -176,6 +182,70 @@ def test_median_of_numbers_and_of_an_outlier():
     numbers = np.array([[0.0], [1.0], [2.0], [7.0], [100.0]])
     median = GeometricMedian(line, GradientDescentMean()).fit(numbers)
     np.testing.assert_allclose(median.estimate_, [2.0], atol=1e-6)
+
+
+def test_median_of_weighted_numbers_is_one_of_them():
+    """Where the median meets a sample, the others need not balance."""
+    line = VectorSpace((1,))
+    numbers, weights = np.array([[0.0], [1.0], [2.0], [3.0], [100.0]]), [1.0, 1.0, 3.0, 2.0, 1.0]
+    median = GeometricMedian(line, GradientDescentMean()).fit(numbers, weights=weights)
+    np.testing.assert_allclose(median.estimate_, [2.0], atol=1e-6)
+    distances = np.abs(numbers[:, 0] - median.estimate_)
+    shares = np.array(weights) / 8.0
+    assert median.result_.variances[-1] == pytest.approx(shares @ distances)
+    assert median.variance_ == pytest.approx(shares @ distances**2)
+    assert median.n_iter_ == len(median.result_.variances) - 1 > 1
+    assert np.all(np.diff(median.result_.variances) < 1e-9)
+
+
+@pytest.mark.parametrize("step", [0.1, 1.0, 1.9, 2.1, 50.0])
+def test_any_first_step_leads_to_the_mean(step):
+    space = FIELDS["normals"]
+    points = near_points(space)
+    expected = FrechetMean(space, GradientDescentMean()).fit(points)
+    mean = FrechetMean(space, GradientDescentMean(step=step)).fit(points)
+    assert space.metric.dist(mean.estimate_, expected.estimate_) < 1e-7
+    assert np.all(np.diff(mean.result_.variances) <= 1e-12 * mean.variance_)
+    # An evaluation for the start, one for every step, and one whenever a step is halved.
+    n_halvings = mean.result_.n_evaluations - mean.n_iter_ - 1
+    assert (n_halvings > 0) == (step > 2)
+    assert n_halvings < 20
+
+
+def test_one_step_is_enough_among_vectors():
+    space = FIELDS["vectors"]
+    points = space.random_point(6)
+    start = np.full(space.shape, 3.0)
+    found = GradientDescentMean().solve(space.metric, points, initial_point=start)
+    assert (found.n_iterations, found.n_evaluations) == (1, 2)
+    np.testing.assert_allclose(found.point, points.mean(axis=0), atol=1e-14)
+    expected = [np.sum((points - x) ** 2, axis=(1, 2)).mean() for x in (start, found.point)]
+    np.testing.assert_allclose(found.variances, expected)
+
+
+def test_steps_that_never_lower_the_variance_end():
+    class Backwards(FlatMetric):
+        def log(self, point, base_point):
+            """Return the logarithm with the wrong sign."""
+            return -super().log(point, base_point)
+
+    metric, points = Backwards(VectorSpace((2,))), np.array([[0.0, 0.0], [1.0, 3.0]])
+    with pytest.warns(ConvergenceWarning, match="no step along .* lowers the variance"):
+        found = GradientDescentMean().solve(metric, points)
+    np.testing.assert_array_equal(found.point, points[0])
+    assert (found.n_iterations, found.variance, found.converged) == (0, 5.0, False)
+    assert 10 < found.n_evaluations < 40
+
+
+def test_points_of_no_weight_are_not_looked_at():
+    space = FIELDS["normals"]
+    points = near_points(space, 3)
+    opposite = np.concatenate([[-points[0]], points])
+    weights = [0.0, 1.0, 2.0, 1.0]
+    mean = FrechetMean(space, GradientDescentMean()).fit(opposite, weights=weights)
+    expected = FrechetMean(space, GradientDescentMean()).fit(points, weights=weights[1:])
+    assert space.metric.dist(mean.estimate_, expected.estimate_) < 1e-7
+    assert mean.variance_ == pytest.approx(expected.variance_)
 
 
 @pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
@@ -275,3 +345,17 @@ def test_refusals():
     fields = NormalFields(triangle_template())
     with pytest.raises(OutsideManifoldError, match="antipodal"):
         FrechetMean(fields, GradientDescentMean()).fit(np.array([[[0, 0, 1.0]], [[0, 0, -1.0]]]))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_points_that_coincide_to_rounding(scale):
+    space = FIELDS["vectors"]
+    point = scale * np.random.default_rng(8).uniform(0.5, 1.0, space.shape)
+    solver = BasisMean(AllDirections(8), with_differences=False)
+    for apart, coincide in ((1e-15, True), (1e-7, False), (1e-3, False)):
+        points = np.stack([point, (1.0 + apart) * point])
+        found = solver.solve(space.metric, points, initial_point=point)
+        assert found.converged
+        assert (found.message == "all points coincide") == coincide
+        assert (found.n_iterations == 0) == coincide
+        np.testing.assert_allclose(found.point, points.mean(axis=0), rtol=max(1e-2 * apart, 1e-15))

@@ -12,7 +12,8 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.vector_space import VectorSpace
 from riemhuman.solvers import (
     BasisPath,
     DiscreteExponential,
@@ -131,7 +132,13 @@ def test_half_plane_against_the_known_transport():
     for ladder in LADDERS:
         result = ladder(tolerance=1e-9).solve(case.metric, vector, start, path=path)
         np.testing.assert_allclose(result.tangent_vec, 2.0 * vector, rtol=2e-3)
-        assert result.n_evaluations > 0
+        assert result.n_evaluations > result.n_iterations > 16
+        assert result.message == "16 rungs"
+        np.testing.assert_array_equal(result.path, path)
+        np.testing.assert_array_equal(result.tangent_vecs[[0, -1]], [vector, result.tangent_vec])
+        # Vectors grow in proportion to y all along.
+        growth = 2.0 ** np.linspace(0, 1, 17)[:, None]
+        np.testing.assert_allclose(result.tangent_vecs, growth * vector, rtol=2e-3)
     solver = PathStraightening(n_times=9)
     found = PoleLadder(geodesic_solver=solver, tolerance=1e-9).solve(
         case.metric, vector, start, end
@@ -217,3 +224,31 @@ def test_bad_input():
         ebin.metric.parallel_transport(
             ebin.tangent_vecs[0], ebin.points[0], direction=-3.0 * ebin.points[0]
         )
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_the_start_of_a_path_may_be_off_by_rounding(scale):
+    metric = VectorSpace((3,)).metric
+    vector, start = np.array([0.3, -0.1, 0.2]), scale * np.array([1.0, -2.0, 0.5])
+    path = start * np.array([1.0, 1.3, 1.7])[:, None]
+    for share, legal in ((0.9e-9, True), (-1.1e-9, False)):
+        base_point = start + [0.0, 2.0 * share * scale, 0.0]
+        if legal:
+            found = PoleLadder().solve(metric, vector, base_point, path=path)
+            np.testing.assert_allclose(found.tangent_vec, vector)
+        else:
+            with pytest.raises(ArgumentError, match=r"it is off by [1-9]"):
+                PoleLadder().solve(metric, vector, base_point, path=path)
+
+
+@pytest.mark.parametrize("ladder", LADDERS)
+def test_no_vector_and_no_way_are_carried_as_they_are(ladder):
+    case = CASES["half-plane, distance"]
+    vector, start = np.array([0.3, -0.7]), np.array([0.2, 1.0])
+    path = np.stack([start, start, 2.0 * start])
+    carried = ladder().solve(case.metric, vector, start, path=path).tangent_vecs
+    np.testing.assert_array_equal(carried[1], vector)
+    assert np.abs(carried[2] - vector).max() > 0.1
+    nothing = ladder().solve(case.metric, np.zeros(2), start, path=path)
+    np.testing.assert_array_equal(nothing.tangent_vecs, 0.0)
+    assert (nothing.n_iterations, nothing.n_evaluations, nothing.converged) == (0, 0, True)

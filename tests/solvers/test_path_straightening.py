@@ -16,7 +16,7 @@ from cases import (
 )
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import ElasticMetric
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.solvers.basis_path import BasisPath
@@ -227,6 +227,8 @@ def test_equal_ends(case):
     result = PathStraightening(n_times=4).solve(case.metric, case.points[0], case.points[0])
     assert 0 <= result.energy < 1e-24
     assert result.converged
+    assert (result.n_iterations, result.n_evaluations) == (0, 1)
+    np.testing.assert_array_equal(result.energies, [result.energy])
     np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], rtol=1e-14)
 
 
@@ -281,6 +283,8 @@ def test_callback_sees_the_last_level():
 def check_interrupted(result, case, n_times):
     assert not result.converged
     assert "interrupted" in result.message
+    assert result.n_iterations == len(result.energies) - 1
+    assert result.energies[-1] == pytest.approx(result.energy)
     assert result.path.shape == (n_times, *case.space.shape)
     np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-10)
 

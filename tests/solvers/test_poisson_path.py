@@ -6,7 +6,8 @@ from cases import sphere_template
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import LinearPath, PoissonPath
 
 

@@ -10,7 +10,8 @@ from sklearn.decomposition import PCA
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold

@@ -1,0 +1,183 @@
+"""The same bits: from many threads at once, from fresh processes, however the work is cut."""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import deformations, sphere_template, surfaces
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.jobs import pairwise_job
+from riemhuman.retrieval import NearestNeighbors
+from riemhuman.solvers import BasisPath
+from riemhuman.surfaces import DeformationBasis, Template
+
+ROOT = Path(__file__).parents[2]
+N_THREADS = 8
+
+
+def fresh(kind):
+    """Return a metric on a template, neither of which has computed anything yet."""
+    made = sphere_template()
+    space = AlignedSurfaces(Template(made.vertices, made.faces))
+    if kind == "srnf":
+        return SRNFMetric(space)
+    weights = {"pose": (0.0, 0.0, 1.0), "both": (1.0, 1.0, 0.1)}[kind]
+    return ElasticMetric(space, *weights)
+
+
+POINTS = surfaces(sphere_template(), 12, rng=4, size=0.05)
+VECTORS = deformations(sphere_template(), 12, rng=5, size=0.05)
+
+
+def distance(metric, k):
+    return metric.dist(POINTS[k], POINTS[(k + 1) % 12])
+
+
+def inner_product(metric, k):
+    return metric.inner_product(VECTORS[k], VECTORS[k - 1], POINTS[k])
+
+
+def energy_and_gradient(metric, k):
+    energy, gradient = metric.energy_and_gradient(POINTS[[k, k - 1, k - 2]])
+    return np.append(energy, gradient)
+
+
+def energy(metric, k):
+    return metric.energy(POINTS[[k, k - 1, k - 2]])
+
+
+def pairs(metric, k):
+    return metric.dist_pairwise(POINTS[: 4 + k % 3], n_jobs=1 + k % 3)
+
+
+def interpolated(metric, k):
+    times = np.linspace(0.0, 1.0, 4)
+    return metric.space.template.interpolator.interpolate(POINTS[k], POINTS[k - 1], times)
+
+
+def operators(metric, k):
+    template = metric.space.template
+    operator = template.differential_operator
+    return np.concatenate([operator.data, template.vertex_areas, template.edges.ravel()])
+
+
+def geodesic(metric, k):
+    basis = DeformationBasis.from_laplacian(metric.space.template, 4)
+    return BasisPath(basis, n_times=3).solve(metric, POINTS[k], POINTS[k - 1]).path
+
+
+CALLS = (
+    *(distance, inner_product, energy_and_gradient, energy, pairs, interpolated, operators),
+    geodesic,
+)
+
+
+@pytest.mark.parametrize("kind", ["pose", "both", "srnf"])
+@pytest.mark.parametrize("call", CALLS)
+def test_many_threads_see_the_bits_of_one(call, kind):
+    if kind == "srnf" and call in (energy_and_gradient, geodesic):
+        pytest.skip("only of the paper's metrics")
+    alone = [np.asarray(call(fresh(kind), k)).tobytes() for k in range(12)]
+    for _ in range(3):
+        metric = fresh(kind)
+        together = threading.Barrier(N_THREADS)
+
+        def task(k, metric=metric, together=together):
+            # All come upon an object that has kept nothing yet.
+            if k < N_THREADS:
+                together.wait(timeout=30)
+            return np.asarray(call(metric, k)).tobytes()
+
+        with ThreadPoolExecutor(N_THREADS) as pool:
+            assert list(pool.map(task, range(12))) == alone
+
+
+def test_many_threads_ask_one_index():
+    neighbors = NearestNeighbors(fresh("pose"), 3, n_pivots=3).fit(POINTS)
+    alone = [neighbors.kneighbors(POINTS[k : k + 1]) for k in range(12)]
+    with ThreadPoolExecutor(N_THREADS) as pool:
+        found = list(pool.map(lambda k: neighbors.kneighbors(POINTS[k : k + 1]), range(12)))
+    for one, other in zip(found, alone, strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+        np.testing.assert_array_equal(one[1], other[1])
+
+
+def test_bits_do_not_depend_on_how_the_work_is_cut(tmp_path):
+    points = np.concatenate([POINTS, POINTS[:3] * (1 + 1e-9)])
+    for precision in ("single", "double"):
+        metric = fresh("both")
+        expected = metric.dist_pairwise(points, precision=precision)
+        for n_jobs in (2, 3, -1):
+            found = metric.dist_pairwise(points, n_jobs, precision=precision)
+            np.testing.assert_array_equal(found, expected)
+        for memory in (1, 30_000, 10**9):
+            found = metric.dist_pairwise(points, memory=memory, precision=precision)
+            np.testing.assert_array_equal(found, expected)
+        job = pairwise_job(metric, points, tmp_path / precision, precision=precision, n_jobs=2)
+        np.testing.assert_array_equal(job, expected)
+
+
+COMPUTE = """
+import hashlib, json, sys
+import numpy as np
+sys.path.insert(0, "tests")
+from cases import sphere_template, surfaces
+import riemhuman as rh
+from riemhuman.datasets import load_open_motions
+from riemhuman.statistics import TangentPCA
+
+template = sphere_template()
+points = surfaces(template, 6, rng=4, size=0.05)
+space = rh.AlignedSurfaces(template)
+space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.0)
+metric = space.metric
+basis = rh.DeformationBasis.from_laplacian(template, 6)
+motions = load_open_motions("coarse", sequences=["knees"])[:1]
+pca = TangentPCA(space, 2).fit(points)
+results = {
+    "pairs": metric.dist_pairwise(points, 2),
+    "pairs, single": metric.dist_pairwise(points, 2, precision="single"),
+    "harmonics": basis.vectors,
+    "basis": rh.DeformationBasis.from_motions(motions, 5, 10).vectors,
+    "geodesic": rh.solvers.BasisPath(basis, n_times=4).solve(metric, *points[:2]).path,
+    "mean": rh.FrechetMean(space, solver=rh.solvers.GradientDescentMean()).fit(points).estimate_,
+    "basis mean": rh.solvers.BasisMean(basis).solve(metric, points).point,
+    "components": pca.components_,
+    "samples": pca.sample(3, 7),
+    "random points": space.random_point(2, rng=3),
+}
+digests = {name: hashlib.sha256(np.ascontiguousarray(a)).hexdigest() for name, a in results.items()}
+print(json.dumps(digests))
+"""
+
+
+@pytest.mark.parametrize("n_threads", [1, 2])
+def test_fresh_processes_give_the_same_bits(n_threads):
+    environment = os.environ | {
+        "PYTHONPATH": str(ROOT),
+        "OPENBLAS_NUM_THREADS": str(n_threads),
+        "OMP_NUM_THREADS": str(n_threads),
+    }
+    runs = []
+    for seed in ("1", "2"):
+        done = subprocess.run(
+            [sys.executable, "-c", COMPUTE],
+            cwd=ROOT,
+            env=environment | {"PYTHONHASHSEED": seed},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        runs.append(json.loads(done.stdout))
+    assert len(runs[0]) == 10
+    assert runs[0] == runs[1]
