@@ -185,7 +185,8 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
         If it is NaN, infinite or below the bound.
     """
     try:
-        number = float(value)
+        # NumPy before 2.4 converts arrays of one number.
+        number = float(value if np.ndim(value) == 0 else "an array")
     except (TypeError, ValueError) as error:
         raise ArgumentTypeError(f"{name} must be a real number; found {_shown(value)}") from error
     if not np.isfinite(number) or number < minimum or (strict and number == minimum):

@@ -157,7 +157,7 @@ def test_real_numbers():
     ):
         with pytest.raises(ArgumentError, match=message):
             checks.real_number(value, "lam", **options)
-    for value in (None, "small", 1j, [1.0, 2.0], object()):
+    for value in (None, "small", 1j, [1.0, 2.0], np.array([2.0]), object()):
         with pytest.raises(ArgumentTypeError, match="lam must be a real number; found"):
             checks.real_number(value, "lam")
 

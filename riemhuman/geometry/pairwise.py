@@ -97,8 +97,13 @@ def pair_by_pair(
             if within:
                 squared[j, i] = squared[i, j]
 
-    with ThreadPoolExecutor(thread_count(n_jobs)) as pool:
-        list(pool.map(fill_row, range(n_a)))
+    n_threads = thread_count(n_jobs)
+    if n_threads == 1:
+        for i in range(n_a):
+            fill_row(i)
+    else:
+        with ThreadPoolExecutor(n_threads) as pool:
+            list(pool.map(fill_row, range(n_a)))
     return squared
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
+import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from contextvars import ContextVar
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -18,8 +18,6 @@ from threadpoolctl import ThreadpoolController
 N_CHUNKS = 4
 
 Result = TypeVar("Result")
-
-_is_single_threaded: ContextVar[bool] = ContextVar("_is_single_threaded", default=False)
 
 
 def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) -> list[Result]:
@@ -54,16 +52,38 @@ def single_threaded_libraries() -> Iterator[None]:
     ------
     None
     """
-    if _is_single_threaded.get():
-        # Looking for the libraries of the process takes a millisecond.
-        yield
-        return
-    token = _is_single_threaded.set(True)
+    _limit.enter()
     try:
-        with ThreadpoolController().limit(limits=1):
-            yield
+        yield
     finally:
-        _is_single_threaded.reset(token)
+        _limit.leave()
+
+
+class _SharedLimit:
+    """One limit for all who are in it at once: the first sets it, the last takes it back.
+
+    Limits that overlap in time would each restore what another has set.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._n_users = 0
+        self._limiter: Any = None
+
+    def enter(self) -> None:
+        with self._lock:
+            if self._n_users == 0:
+                self._limiter = ThreadpoolController().limit(limits=1)
+            self._n_users += 1
+
+    def leave(self) -> None:
+        with self._lock:
+            self._n_users -= 1
+            if self._n_users == 0:
+                self._limiter.restore_original_limits()
+
+
+_limit = _SharedLimit()
 
 
 def combine_rows(coefficients: ndarray, rows: ndarray) -> ndarray:

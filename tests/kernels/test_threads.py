@@ -46,13 +46,28 @@ def test_products_of_long_rows(threaded):
     np.testing.assert_allclose(form, rows @ matrix @ rows.T, rtol=1e-12, atol=1e-12)
 
 
-def test_blas_runs_in_one_thread_and_gets_its_threads_back():
-    def blas_threads():
-        return [entry["num_threads"] for entry in threadpool_info() if entry["user_api"] == "blas"]
+def blas_threads():
+    return [entry["num_threads"] for entry in threadpool_info() if entry["user_api"] == "blas"]
 
+
+def test_blas_runs_in_one_thread_and_gets_its_threads_back():
     before = blas_threads()
     with threads.single_threaded_libraries():
         assert set(blas_threads()) == {1}
+        with threads.single_threaded_libraries():
+            assert set(blas_threads()) == {1}
+        assert set(blas_threads()) == {1}
+    assert blas_threads() == before
+
+
+def test_libraries_in_one_thread_for_overlapping_users():
+    before = blas_threads()
+    first, second = threads.single_threaded_libraries(), threads.single_threaded_libraries()
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    assert set(blas_threads()) == {1}
+    second.__exit__(None, None, None)
     assert blas_threads() == before
 
 

@@ -124,11 +124,13 @@ def run_case(name: str, seed: int, room: Path, watchman: Watchman) -> tuple[str,
         reader.read(room)
         end = "read"
     except RiemhumanError as error:
+        signal.alarm(0)
         if {"MemoryError", "RecursionError"} & set(chain(error)):
             problem = f"{' from '.join(chain(error))}: {error}"
         elif len(str(error)) > 2000:
             problem = f"a message of {len(str(error))} characters: {str(error)[:300]}"
     except (Exception, HangError) as error:  # noqa: BLE001
+        signal.alarm(0)
         where = traceback.extract_tb(error.__traceback__)
         place = "; ".join(f"{Path(f.filename).name}:{f.lineno}" for f in where[-4:])
         problem = f"{' from '.join(chain(error))}: {error} at {place}"[:600]
