@@ -359,3 +359,12 @@ def test_points_that_coincide_to_rounding(scale):
         assert (found.message == "all points coincide") == coincide
         assert (found.n_iterations == 0) == coincide
         np.testing.assert_allclose(found.point, points.mean(axis=0), rtol=max(1e-2 * apart, 1e-15))
+
+
+@pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+def test_descent_from_the_mean_itself_takes_no_step(space):
+    point = space.random_point(rng=9)
+    found = GradientDescentMean().solve(space.metric, np.stack([point, point, point]))
+    assert found.converged
+    assert (found.n_iterations, found.n_evaluations) == (0, 1)
+    np.testing.assert_array_equal(found.point, point)

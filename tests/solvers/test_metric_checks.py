@@ -220,3 +220,45 @@ def test_bad_arguments(arguments, message):
     metric: RiemannianMetric = HyperbolicDistance(HalfPlane())
     with pytest.raises(ArgumentError, match=message):
         check_metric(metric, **({"points": POINTS} | arguments))
+
+
+LINE_POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    ("twin", "name", "expected"),
+    [
+        (WrongCovector, COVECTORS, 0.001 * 0.5),
+        (Lorentzian, POSITIVE, 1.0),
+        (Blind, POSITIVE, np.inf),
+        (Summed, STACKED, np.inf),
+        (Shifted, DIAGONAL, 0.1 / np.sqrt(9.01)),
+        (OneSided, SYMMETRIC_DIST, 1.0 - np.exp(-0.3)),
+        # The longest way, 3² long, is 2 · 1.5² by its middle.
+        (SquaredTwice, TRIANGLE, 0.5),
+        (AllTogether, STACKED_DIST, np.inf),
+        (TooShort, LIMIT, 0.1),
+        # Of the squared length 9, one third is left.
+        (EnergyWithoutSegments, ENERGY, 2.0),
+    ],
+)
+def test_errors_by_hand(twin, name, expected):
+    """Points in a line, with one tangent vector at all of them."""
+    vectors = np.array([[0.0, 2.0]] * 4)
+    report = check_metric(twin(plane()), LINE_POINTS, vectors)
+    errors = {check.name: check.error for check in report.checks}
+    assert errors[name] == pytest.approx(expected, rel=1e-6)
+
+
+def test_tolerances():
+    report = check_metric(FlatMetric(plane()), LINE_POINTS, tolerance=1e-4)
+    tolerances = {check.name: check.tolerance for check in report.checks}
+    assert tolerances.pop(LIMIT) == pytest.approx(1e-2)
+    assert tolerances.pop(GRADIENT) == 0.1
+    assert set(tolerances.values()) == {1e-4}
+    # The error of TooShort in the norms, 0.1, is the root of this tolerance.
+    for tolerance, holds in ((0.0102, True), (0.0098, False)):
+        vectors = np.array([[0.0, 2.0]] * 4)
+        found = check_metric(TooShort(plane()), LINE_POINTS, vectors, tolerance=tolerance)
+        (limit,) = [check for check in found.checks if check.name == LIMIT]
+        assert limit.holds == holds

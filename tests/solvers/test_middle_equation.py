@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from cases import CASES, cases_that, name_of
+from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
@@ -39,6 +40,44 @@ def test_all_three_solve_the_equation(case):
         assert triple.error <= 1e-10
         assert np.all(case.space.belongs(triple.points))
         assert np.abs(stationarity(case.metric, triple.points)).max() < 1e-6 * size
+
+
+@pytest.mark.parametrize("case", FIELDS + OTHERS, ids=name_of)
+def test_the_derivative_is_nearly_the_identity(case):
+    """In preconditioned variables one step takes away all but a few hundredths of the error."""
+    point, other = case.points[:2]
+    other = case.space.regularize(point + 0.02 * (other - point))
+    step = case.space.to_tangent(other - point, point)
+    for method, arguments in (
+        ("next_point", (point, other)),
+        ("both_sides", (point, step)),
+        ("middle_point", (point, other)),
+    ):
+        before, after = (
+            getattr(MiddleEquation(case.metric, tolerance=1e-14, max_iterations=count), method)(
+                *arguments
+            ).error
+            for count in (0, 1)
+        )
+        assert after <= 0.03 * before + 1e-12
+
+
+@pytest.mark.parametrize("case", FIELDS + OTHERS, ids=name_of)
+def test_the_points_found_are_those_asked_for(case):
+    equation = MiddleEquation(case.metric, tolerance=1e-10)
+    point, other = case.points[:2]
+    other = case.space.regularize(point + 0.02 * (other - point))
+    step = case.space.to_tangent(other - point, point)
+    size = np.abs(step).max()
+    ahead = equation.next_point(point, other).points
+    np.testing.assert_array_equal(ahead[:2], [point, other])
+    np.testing.assert_allclose(ahead[2] - other, other - point, atol=0.1 * size)
+    sides = equation.both_sides(point, step).points
+    np.testing.assert_array_equal(sides[1], point)
+    np.testing.assert_allclose(0.5 * (sides[2] - sides[0]), step, atol=0.01 * size)
+    between = equation.middle_point(point, other).points
+    np.testing.assert_array_equal(between[[0, 2]], [point, other])
+    np.testing.assert_allclose(between[1], 0.5 * (point + other), atol=0.05 * size)
 
 
 @pytest.mark.parametrize("case", FIELDS, ids=name_of)
@@ -102,3 +141,39 @@ def test_vanishing_triangles_are_told():
     told = vanishing(case.metric, point, 0.4 * point)
     assert "degenerates: one step left 16% of its area" in told
     assert vanishing(CASES["ebin 1 sphere"].metric, point, point) == ""
+
+
+def corner_triangle(template):
+    """Return a triangle whose last corner is in no other, and its corners in that order."""
+    counts = np.bincount(template.faces.ravel())
+    triangle = int(np.flatnonzero((counts[template.faces] == 1).any(axis=1))[-1])
+    corners = template.faces[triangle]
+    first = int(np.argmin(counts[corners]))
+    return triangle, np.roll(corners, 2 - first)
+
+
+def test_the_triangle_that_turns_over_is_named():
+    case = CASES["mixed open"]
+    point = case.points[0]
+    triangle, (one, two, three) = corner_triangle(case.space.template)
+    assert triangle > 0
+    axis = (point[two] - point[one]) / np.linalg.norm(point[two] - point[one])
+    for degrees, told in ((119.0, ""), (121.0, f"triangle {triangle} degenerates")):
+        folded = point.copy()
+        turn = Rotation.from_rotvec(np.radians(degrees) * axis)
+        folded[three] = point[one] + turn.apply(point[three] - point[one])
+        found = degeneration(case.metric, point, folded)
+        assert found.startswith(told)
+        assert bool(found) == bool(told)
+
+
+def test_the_triangle_that_vanishes_is_named():
+    case = CASES["mixed open"]
+    point = case.points[0]
+    triangle, (one, _, three) = corner_triangle(case.space.template)
+    for share, told in ((0.51, ""), (0.49, f"triangle {triangle} degenerates: one step left 49%")):
+        shrunk = point.copy()
+        shrunk[three] = point[one] + share * (point[three] - point[one])
+        found = vanishing(case.metric, point, shrunk)
+        assert found.startswith(told)
+        assert bool(found) == bool(told)

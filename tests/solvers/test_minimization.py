@@ -39,6 +39,7 @@ def test_expected_decrease_bounds_what_is_left_to_gain(tolerance):
     """With the Hessian at least the identity, as here, ½‖∇‖² bounds the gain."""
     found = minimize(quadratic, np.zeros(3), expected_decrease=tolerance)
     assert found.converged
+    assert not found.interrupted
     assert found.message == "the expected decrease is below the tolerance"
     assert found.value - 1.0 <= tolerance * found.value
 
@@ -55,6 +56,8 @@ def test_expected_decrease_is_not_fooled_by_short_steps():
 
 def test_start_at_the_minimum():
     found = minimize(quadratic, np.ones(3), expected_decrease=1e-9)
+    assert not found.interrupted
+    np.testing.assert_array_equal(found.values, [1.0])
     assert (found.converged, found.n_iterations, found.n_evaluations) == (True, 0, 1)
     np.testing.assert_array_equal(found.x, 1.0)
 
@@ -62,6 +65,10 @@ def test_start_at_the_minimum():
 def test_start_without_a_finite_value():
     found = minimize(lambda x: (np.inf, 0 * x), np.zeros(2))
     assert not found.converged
+    assert not found.interrupted
+    assert (found.value, found.n_iterations, found.n_evaluations) == (np.inf, 0, 1)
+    np.testing.assert_array_equal(found.x, 0.0)
+    np.testing.assert_array_equal(found.values, [np.inf])
     assert "not finite" in found.message
 
 
@@ -69,6 +76,7 @@ def test_iteration_limit_is_said():
     found = minimize(rosenbrock, np.array([-1.2, 1.0]), max_iterations=3, expected_decrease=1e-9)
     assert found.n_iterations == 3
     assert not found.converged
+    assert not found.interrupted
     assert "LIMIT" in found.message.upper()
 
 
@@ -216,3 +224,30 @@ def test_standing_still_is_measured_over_many_iterations():
     assert minimization._stands_still(1e-3, values)
     assert not minimization._stands_still(1e-4, values[:15])
     assert not minimization._stands_still(1e-9, values)
+    level = [2.0] * minimization._PATIENCE
+    assert not minimization._stands_still(1e-3, level)
+    assert minimization._stands_still(1e-3, [2.0, *level])
+    # A share of the expected decrease, itself a share of the value.
+    gain = 2.0 * 1e-3 * minimization._STILL
+    assert minimization._stands_still(1e-3, [2.0 + 0.99 * gain, *level])
+    assert not minimization._stands_still(1e-3, [2.0 + 1.01 * gain, *level])
+    assert minimization._stands_still(1e-3, [-2.0 + 0.99 * gain, *[-2.0] * minimization._PATIENCE])
+
+
+def test_an_interruption_between_rounds_keeps_what_was_reached():
+    def around(x):
+        if x.any():
+            raise KeyboardInterrupt
+        return whitened(rosenbrock)(x)
+
+    found = minimize_in_rounds(
+        around, np.zeros(2), max_iterations=50, expected_decrease=1e-10, iterations_per_round=3
+    )
+    assert found.interrupted
+    assert not found.converged
+    assert found.n_iterations == len(found.values) - 1 == 3
+    assert found.n_evaluations >= 4
+    assert found.value == found.values[-1]
+    np.testing.assert_allclose(found.value, rosenbrock(found.x)[0], rtol=1e-12)
+    with pytest.raises(KeyboardInterrupt):
+        minimize_in_rounds(around, np.ones(2), max_iterations=50, expected_decrease=1e-10)

@@ -152,3 +152,15 @@ def test_bad_input(space, motion):
         MotionTransfer().solve(space, motion, 0.0 * motion[0])
     with pytest.raises(ArgumentError, match="after holds 126 NaN"):
         ShapeTransfer().solve(space, motion[0], np.nan * motion[1], motion[2])
+
+
+@pytest.mark.parametrize("size", [0.003, 0.01, 0.3])
+def test_the_place_is_that_of_what_moves_less_than_a_centimetre(space, motion, size):
+    """A stretched source of half the target's size: the target's own stretch is twice as large."""
+    stretch = np.eye(3) + size * np.array([[1.0, 0.3, 0.0], [0.3, 0.5, 0.0], [0.0, 0.0, -0.4]])
+    source = motion[0] + [0.1, 0.0, -0.2]
+    moved = MotionTransfer().solve(space, [source, source @ stretch], 2.0 * source)[1]
+    offsets = source @ stretch - source
+    weights = space.template.vertex_areas / (0.01**2 + np.sum(offsets**2, axis=1))
+    place = np.average(-offsets, axis=0, weights=weights)
+    np.testing.assert_allclose(moved, 2.0 * source @ stretch + place, atol=1e-10)

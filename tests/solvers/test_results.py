@@ -1,12 +1,16 @@
 """Results, and the one warning of a solver that has not converged."""
 
 import dataclasses
+import importlib
+import pkgutil
 import warnings
 
 import numpy as np
 import pytest
 
-from riemhuman.errors import ConvergenceWarning
+from riemhuman import solvers
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.solvers import minimization
 from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
 
 
@@ -39,3 +43,66 @@ def test_results_do_not_change(result_class):
     for field in dataclasses.fields(result):
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(result, field.name, None)
+
+
+MODULES = [
+    importlib.import_module(f"riemhuman.solvers.{module.name}")
+    for module in pkgutil.iter_modules(solvers.__path__)
+]
+DATACLASSES = [
+    cls
+    for module in MODULES
+    for cls in vars(module).values()
+    if dataclasses.is_dataclass(cls) and getattr(cls, "__module__", "") == module.__name__
+]
+
+
+@pytest.mark.parametrize("cls", [cls for cls in DATACLASSES if cls is not minimization._Record])
+def test_solvers_and_results_are_frozen(cls):
+    instance = object.__new__(cls)
+    for field in dataclasses.fields(cls):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(instance, field.name, None)
+
+
+@pytest.mark.parametrize("cls", [c for c in DATACLASSES if hasattr(c, "solve")])
+def test_solvers_say_nothing_unless_asked_to(cls):
+    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
+    assert not defaults.get("progress", False)
+    assert defaults.get("callback") is None
+
+
+LEAST = {"n_times": 2, "max_iterations": 1, "n_steps": 1, "n_rungs": 1}
+MODELS = ("basis", "model")
+POSITIVE = ("tolerance", "scale", "step", "shape_weight", "pose_weight")
+
+
+def settings_of(bounds):
+    """Return solvers with the settings of theirs that are named."""
+    return [
+        (cls, field.name)
+        for cls in DATACLASSES
+        if hasattr(cls, "solve") and not cls.__name__.startswith("_")
+        for field in dataclasses.fields(cls)
+        if field.name in bounds
+    ]
+
+
+def build(cls, **settings):
+    """Return a solver; none looks at its basis or model before it solves."""
+    given = {field.name: None for field in dataclasses.fields(cls) if field.name in MODELS}
+    return cls(**given, **settings)
+
+
+@pytest.mark.parametrize(("cls", "name"), settings_of(LEAST))
+def test_least_numbers_are_legal(cls, name):
+    assert getattr(build(cls, **{name: LEAST[name]}), name) == LEAST[name]
+    with pytest.raises(ArgumentError, match=f"{name} must be a whole number of at least"):
+        build(cls, **{name: LEAST[name] - 1})
+
+
+@pytest.mark.parametrize(("cls", "name"), settings_of(POSITIVE))
+def test_small_numbers_above_zero_are_legal(cls, name):
+    assert getattr(build(cls, **{name: 1e-300}), name) == 1e-300
+    with pytest.raises(ArgumentError, match=f"{name} must be a finite number above 0"):
+        build(cls, **{name: 0.0})

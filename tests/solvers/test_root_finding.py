@@ -1,6 +1,7 @@
 """Roots of systems near the identity."""
 
 import numpy as np
+import pytest
 
 from riemhuman.solvers.root_finding import find_root
 
@@ -58,3 +59,39 @@ def test_stops_at_the_most_iterations_with_the_best_point():
     assert found.n_iterations <= 2
     assert found.residual == np.linalg.norm(function(found.x))
     assert found.residual <= np.linalg.norm(function(np.zeros(12)))
+
+
+def points_asked(function, start, max_iterations):
+    """Return where a function is evaluated, and what is found."""
+    asked = []
+
+    def recorded(x):
+        asked.append(float(x[0]))
+        return function(x)
+
+    found = find_root(recorded, np.array([start]), tolerance=1e-9, max_iterations=max_iterations)
+    return asked, found
+
+
+@pytest.mark.parametrize(("slope", "halved"), [(2.9, False), (3.1, True)])
+def test_steps_that_more_than_double_the_residual_are_halved(slope, halved):
+    # From 0 a whole step leads to the slope, where the residual is slope − 1 times that at 0.
+    asked, found = points_asked(lambda x: slope * (x - 1.0), 0.0, 1)
+    np.testing.assert_allclose(asked, [0.0, slope, 0.5 * slope] if halved else [0.0, slope])
+    assert found.n_evaluations == len(asked)
+    assert found.x[0] == (0.5 * slope if halved else 0.0)
+
+
+def test_a_domain_without_a_way_on_ends_the_search():
+    asked, found = points_asked(lambda x: np.ones(1) if x[0] == 0.0 else None, 0.0, 9)
+    np.testing.assert_allclose(asked, [0.0, *(-(0.5**k) for k in range(8))])
+    assert (found.x[0], found.residual) == (0.0, 1.0)
+    assert (found.n_iterations, found.n_evaluations) == (0, 9)
+
+
+def test_the_best_point_tells_the_step_that_found_it():
+    values = iter([4.0, 2.0, 3.0, 2.5])
+    found = find_root(
+        lambda x: np.array([next(values)]), np.zeros(1), tolerance=1e-9, max_iterations=3
+    )
+    assert (found.residual, found.n_iterations, found.n_evaluations) == (2.0, 1, 4)
