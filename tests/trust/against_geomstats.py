@@ -1,0 +1,344 @@
+"""geomstats as an oracle, in an environment of its own: `bash .ci/oracles`.
+
+Its elastic metric, its spheres and matrices, its path straightening, and its learning classes run
+unchanged on the spaces of this library. It needs an older NumPy than the newest, which is why it
+is not collected with the other tests.
+"""
+
+import os
+
+os.environ.setdefault("GEOMSTATS_BACKEND", "autograd")
+
+import geomstats.backend as gs
+import numpy as np
+import pytest
+import trimesh
+from cases import TEMPLATES, deformations, surfaces
+from geomstats.geometry.discrete_surfaces import DiscreteSurfaces
+from geomstats.geometry.discrete_surfaces import ElasticMetric as SobolevMetric
+from geomstats.geometry.hypersphere import Hypersphere
+from geomstats.geometry.spd_matrices import SPDAffineMetric, SPDMatrices
+from geomstats.learning.agglomerative_hierarchical_clustering import (
+    AgglomerativeHierarchicalClustering,
+)
+from geomstats.learning.frechet_mean import FrechetMean
+from geomstats.learning.geometric_median import GeometricMedian
+from geomstats.learning.incremental_frechet_mean import IncrementalFrechetMean
+from geomstats.learning.kmeans import RiemannianKMeans
+from geomstats.learning.kmedoids import RiemannianKMedoids
+from geomstats.learning.knn import KNearestNeighborsClassifier
+from geomstats.learning.mdm import RiemannianMinimumDistanceToMean
+from geomstats.learning.online_kmeans import OnlineKMeans
+from geomstats.learning.pca import TangentPCA
+from geomstats.learning.riemannian_mean_shift import RiemannianMeanShift
+from geomstats.numerics.geodesic import PathStraightening
+from geomstats.numerics.path import UniformlySampledPathEnergy
+
+import riemhuman as rh
+from riemhuman.kernels import ebin
+from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.statistics import HierarchicalClustering, KMedoids
+from riemhuman.statistics import TangentPCA as OurTangentPCA
+
+EBIN_WEIGHTS = [(1.0, 1e-4), (2.0, 0.05), (1.0, 0.5), (1.0, 1.0), (0.3, 10.0)]
+NO_WEIGHTS = dict.fromkeys(("a0", "a1", "b1", "c1", "d1", "a2"), 0.0)
+
+
+def sobolev_term(name, faces, h, k, f):
+    """Return one term of their inner product, of weight 1, with its first order alone.
+
+    They take finite differences of g and of the normals over the whole of h: a linear part plus a
+    quadratic one, which is even in h. What is odd in both h and k is the exact inner product.
+    """
+    inner_product = SobolevMetric(
+        DiscreteSurfaces(np.asarray(faces)), **{**NO_WEIGHTS, name: 1.0}
+    ).inner_product
+    signs = ((1, 1), (1, -1), (-1, 1), (-1, -1))
+    return sum(s * t * inner_product(s * h, t * k, f) for s, t in signs) / 4.0
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(("a", "lam"), EBIN_WEIGHTS)
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_elastic_inner_product(name, a, lam, seed):
+    """Their a₁ tr((g⁻¹δg)²) + b₁ tr(g⁻¹δg)² is the Ebin metric for a₁ = a, b₁ = a(λ − ½).
+
+    They integrate over parallelograms, twice the area of the triangles.
+    """
+    template = TEMPLATES[name]()
+    f = surfaces(template, 1, rng=seed)[0]
+    h, k = deformations(template, 2, rng=100 + seed)
+    shear, area = (sobolev_term(term, template.faces, h, k, f) for term in ("a1", "b1"))
+    expected = a * (shear + (lam - 0.5) * area) / 2.0
+    ours = rh.ElasticMetric(rh.AlignedSurfaces(template), a, lam, 0.0)
+    scale = ours.norm(h, f) * ours.norm(k, f)
+    assert ours.inner_product(h, k, f) == pytest.approx(expected, rel=1e-12, abs=1e-13 * scale)
+
+
+@pytest.mark.parametrize(("a", "lam"), [(1.0, 0.5), (1.0, 1.0), (0.3, 10.0)])
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_elastic_squared_norm(name, a, lam):
+    template = TEMPLATES[name]()
+    f, h = surfaces(template, 1)[0], deformations(template, 1, rng=1)[0]
+    space = DiscreteSurfaces(np.asarray(template.faces), equip=False)
+    weights = {**NO_WEIGHTS, "a1": a, "b1": a * (lam - 0.5)}
+    theirs = SobolevMetric(space, **weights).squared_norm(1e-6 * h, f) / 2e-12
+    ours = rh.ElasticMetric(rh.AlignedSurfaces(template), a, lam, 0.0).squared_norm(h, f)
+    assert ours == pytest.approx(theirs, rel=1e-4)
+
+
+EQUAL_AREAS = {
+    "icosahedron": trimesh.creation.icosahedron,
+    "triangle": lambda: trimesh.Trimesh([[0, 0, 0], [0.7, 0, 0.1], [0.2, 0.9, -0.3]], [[0, 1, 2]]),
+}
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("name", EQUAL_AREAS)
+def test_normal_inner_product(name, seed):
+    """Their normals N = A n have the length of the area A: ⟨δN, δN⟩ = A²⟨δn, δn⟩ + δA².
+
+    With δA = ½A tr(g⁻¹δg), and all triangles of one area at the template itself, what is left of
+    their c₁ term without that of b₁ is 2A² times our metric of normals.
+    """
+    mesh = EQUAL_AREAS[name]()
+    template = rh.Template(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    f, (h, k) = template.vertices, deformations(template, 2, rng=seed)
+    square = template.face_areas[0] ** 2
+    bending, area = (sobolev_term(term, template.faces, h, k, f) for term in ("c1", "b1"))
+    expected = (bending - square / 4.0 * area) / (2.0 * square)
+    ours = rh.ElasticMetric(rh.AlignedSurfaces(template), 0.0, 0.0, 1.0)
+    scale = ours.norm(h, f) * ours.norm(k, f)
+    assert ours.inner_product(h, k, f) == pytest.approx(expected, rel=1e-11, abs=1e-12 * scale)
+
+
+def test_normal_fields_are_spheres():
+    template = TEMPLATES["sphere"]()
+    space, sphere = rh.NormalFields(template), Hypersphere(2).metric
+    x, y = space.random_point(2, rng=1)
+    v, w = space.random_tangent_vec(x, 2, rng=2)
+    expected = np.sum(template.face_areas * sphere.squared_dist(x, y))
+    assert space.metric.squared_dist(x, y) == pytest.approx(expected, rel=1e-12)
+    np.testing.assert_allclose(space.metric.exp(v, x), sphere.exp(v, x), atol=1e-12)
+    np.testing.assert_allclose(space.metric.log(y, x), sphere.log(y, x), atol=1e-9)
+    np.testing.assert_allclose(
+        space.metric.parallel_transport(w, x, direction=v),
+        sphere.parallel_transport(w, x, direction=v),
+        atol=1e-12,
+    )
+
+
+def test_shear_is_that_of_the_affine_metric():
+    """tr(log(g₁⁻¹g₂)²) = tr L₀² + ½ log²(det g₂/det g₁), and θ = √(tr L₀²/λ)/4."""
+    space = rh.MetricFields(TEMPLATES["sphere"]())
+    g1, g2 = space.random_point(2, rng=3)
+    whole = SPDMatrices(2, equip=False).equip_with_metric(SPDAffineMetric).metric
+    volume = np.log(np.linalg.det(g2) / np.linalg.det(g1))
+    shear = whole.squared_dist(g1, g2) - volume**2 / 2.0
+    np.testing.assert_allclose(ebin.angle(g1, g2, 0.7), np.sqrt(shear / 0.7) / 4.0, rtol=1e-9)
+
+
+@pytest.mark.parametrize("lam", [0.5, 2.0])
+def test_path_energy(lam):
+    """Their energy is half of ours, from forward differences: off by O(1/n) on n segments."""
+    space = rh.MetricFields(TEMPLATES["sphere"]()).equip_with_metric(rh.EbinMetric, lam=lam)
+    start, end = space.random_point(2, rng=4)
+    energies = []
+    for n_segments in (100, 200):
+        path = space.metric.geodesic(start, end)(np.linspace(0.0, 1.0, n_segments + 1))
+        energies.append(float(UniformlySampledPathEnergy(space)(path)))
+    half = space.metric.squared_dist(start, end) / 2.0
+    assert 2.0 * energies[1] - energies[0] == pytest.approx(half, rel=1e-3)
+
+
+@pytest.mark.parametrize(("lam", "seed"), [(1.0, 7), (2.0, 6)])
+def test_path_straightening(lam, seed):
+    """Theirs knows the inner product alone, and finds the geodesic that we have in closed form.
+
+    A single triangle takes every metric of Met(T), so its paths are as short as those of Met(T).
+    Their discrete energy may fall below that of any path: a long step along an infinitesimal
+    rotation costs nothing and makes the triangle larger. For these pairs that does not happen.
+    """
+    template = TEMPLATES["triangle"]()
+    space = rh.AlignedSurfaces(template).equip_with_metric(rh.ElasticMetric, a=1.0, lam=lam, c=0.0)
+    start, end = surfaces(template, 2, rng=seed, size=0.3)
+    path = PathStraightening(space, n_nodes=31).discrete_geodesic_bvp(end, start)
+    straight = start + np.linspace(0.0, 1.0, 31)[:, None, None] * (end - start)
+    distance, longer = space.metric.dist(start, end), space.metric.length(straight)
+    assert space.metric.length(path) - distance < 1e-3 * (longer - distance)
+    fields = space.metric_field(path)
+    target = rh.MetricFields(template).equip_with_metric(rh.EbinMetric, lam=lam).metric
+    expected = target.geodesic(fields[0], fields[-1])(np.linspace(0.0, 1.0, 31))
+    np.testing.assert_allclose(fields, expected, atol=2e-3 * np.abs(expected).max())
+
+
+def spaces():
+    """Return metric fields, normal fields and their product, whose points are vectors."""
+    template = TEMPLATES["open"]()
+    metric_fields = rh.MetricFields(template).equip_with_metric(rh.EbinMetric, lam=1.0)
+    normal_fields = rh.NormalFields(template)
+    return [
+        pytest.param(metric_fields, id="metric fields"),
+        pytest.param(normal_fields, id="normal fields"),
+        pytest.param(rh.ProductManifold([metric_fields, normal_fields]), id="product"),
+    ]
+
+
+every_space = pytest.mark.parametrize("space", spaces())
+# scikit-learn, on which these classes rest, takes points that are vectors, and no others.
+product = pytest.mark.parametrize("space", spaces()[-1:])
+LABELS = np.repeat([0, 1, 2], 6)
+
+
+def clusters(space, size=0.15, rng=0):
+    """Return three clusters of six points."""
+    centers = np.repeat(space.random_point(3, rng=rng), 6, axis=0)
+    return space.metric.exp(size * space.random_tangent_vec(centers, rng=rng + 1), centers)
+
+
+def one_by_one(points):
+    """Return the three clusters, shape (3, 6, *shape)."""
+    return points.reshape(3, 6, *points.shape[1:])
+
+
+def same_partition(labels, other):
+    """Tell whether two labellings differ in the names of the clusters alone."""
+    return np.array_equal(labels[:, None] == labels, other[:, None] == other)
+
+
+def our_mean(space, points, weights=None):
+    solver = GradientDescentMean(tolerance=1e-12, max_iterations=500)
+    return rh.FrechetMean(space, solver).fit(points, weights=weights)
+
+
+@every_space
+@pytest.mark.parametrize("method", ["default", "adaptive"])
+@pytest.mark.parametrize("weighted", [False, True])
+def test_frechet_mean(space, method, weighted):
+    points = clusters(space, 0.3)[:6]
+    weights = np.arange(1.0, 7.0) if weighted else None
+    theirs = FrechetMean(space, method=method).set(max_iter=200, epsilon=1e-16)
+    mean = theirs.fit(points, weights=weights).estimate_
+    np.testing.assert_allclose(mean, our_mean(space, points, weights).estimate_, atol=1e-6)
+
+
+@every_space
+def test_frechet_mean_of_batches(space):
+    points = clusters(space, 0.3)
+    batches = np.swapaxes(one_by_one(points), 0, 1)
+    theirs = FrechetMean(space, method="batch").set(max_iter=200, epsilon=1e-16).fit(batches)
+    expected = [our_mean(space, cluster).estimate_ for cluster in one_by_one(points)]
+    np.testing.assert_allclose(theirs.estimate_, expected, atol=1e-6)
+
+
+@every_space
+def test_incremental_mean_is_half_way(space):
+    start, end = clusters(space, 0.3)[:2]
+    mean = IncrementalFrechetMean(space).fit(np.stack([start, end])).estimate_
+    np.testing.assert_allclose(mean, space.metric.geodesic(start, end)(0.5)[0], atol=1e-12)
+
+
+@every_space
+def test_geometric_median(space):
+    points = clusters(space, 0.3)[:6]
+    theirs = GeometricMedian(space, max_iter=500, epsilon=1e-9).fit(points).estimate_
+    solver = GradientDescentMean(tolerance=1e-10, max_iterations=500)
+    ours = rh.solvers.GeometricMedian(space, solver, tolerance=1e-13).fit(points).estimate_
+    assert space.metric.dist(theirs, ours) < 1e-4 * space.metric.dist(points[0], points[1])
+
+
+@every_space
+def test_k_means(space):
+    points = clusters(space)
+    found = RiemannianKMeans(space, 3, init=points[[0, 6, 12]], tol=1e-6).fit(points)
+    np.testing.assert_array_equal(found.labels_, LABELS)
+    np.testing.assert_array_equal(found.predict(points), LABELS)
+    means = [our_mean(space, cluster) for cluster in one_by_one(points)]
+    expected = sum(6 * mean.variance_ for mean in means)
+    assert found.inertia_ == pytest.approx(expected, rel=1e-3)
+
+
+@every_space
+def test_k_medoids(space):
+    """Theirs ends at the first partition that stays: of many starts, unseeded, the best is ours."""
+    points = clusters(space)
+    distances = space.metric.dist_pairwise(points, precision="double")
+    runs = [RiemannianKMedoids(space, 3).fit(points) for _ in range(60)]
+    found = min(runs, key=lambda run: distances[run.medoid_indices_].min(axis=0).sum())
+    ours = KMedoids(3).fit(distances)
+    np.testing.assert_array_equal(np.sort(found.medoid_indices_), ours.medoid_indices_)
+    assert same_partition(found.labels_, ours.labels_)
+    assert same_partition(found.predict(points), ours.labels_)
+
+
+@every_space
+def test_minimum_distance_to_mean(space):
+    points = clusters(space, 0.6)
+    predicted = RiemannianMinimumDistanceToMean(space).fit(points, LABELS).predict(points)
+    means = np.stack([our_mean(space, cluster).estimate_ for cluster in one_by_one(points)])
+    np.testing.assert_array_equal(predicted, np.argmin(space.metric.cdist(points, means), axis=1))
+
+
+@every_space
+def test_closest_neighbors_of_centers(space):
+    gs.random.seed(0)
+    points = clusters(space)
+    online = OnlineKMeans(space, 3, max_iter=60).fit(points)
+    nearest = np.argmin(space.metric.cdist(points, online.cluster_centers_), axis=1)
+    np.testing.assert_array_equal(online.labels_, nearest)
+    np.testing.assert_array_equal(online.predict(points[0]), nearest[0])
+
+
+@every_space
+def test_mean_shift(space):
+    gs.random.seed(0)
+    points = clusters(space)[:6]
+    shifted = RiemannianMeanShift(space, np.inf, n_clusters=2).fit(points)
+    mean = our_mean(space, points)
+    error = space.metric.dist(shifted.cluster_centers_, mean.estimate_)
+    assert np.max(error) < 0.05 * np.sqrt(mean.variance_)
+    nearest = np.argmin(space.metric.cdist(points, shifted.cluster_centers_), axis=1)
+    np.testing.assert_array_equal(shifted.predict(points), nearest)
+
+
+@product
+@pytest.mark.parametrize("linkage", ["average", "complete", "single"])
+def test_agglomerative_clusters(space, linkage):
+    points = clusters(space, 0.5)
+    distances = space.metric.dist_pairwise(points, precision="double")
+    for n_clusters in (2, 3, 5):
+        theirs = AgglomerativeHierarchicalClustering(space, n_clusters, linkage=linkage)
+        ours = HierarchicalClustering(n_clusters, linkage=linkage).fit(distances)
+        np.testing.assert_array_equal(theirs.fit_predict(points), ours.labels_)
+        np.testing.assert_array_equal(theirs.children_, ours.children_)
+
+
+@product
+def test_k_nearest_neighbors(space):
+    points, others = clusters(space, 0.5), clusters(space, 0.9)
+    theirs = KNearestNeighborsClassifier(space, 4).fit(points, LABELS)
+    ours = NearestNeighbors(space.metric, 4).fit(points)
+    distances, indices = theirs.kneighbors(others)
+    expected, ours_indices = ours.kneighbors(others)
+    np.testing.assert_allclose(distances, expected, rtol=1e-5)
+    np.testing.assert_array_equal(indices, ours_indices)
+    votes = np.stack([np.sum(LABELS[ours_indices] == k, axis=1) for k in range(3)], axis=1)
+    np.testing.assert_allclose(theirs.predict_proba(others), votes / 4.0)
+
+
+def test_tangent_components():
+    """Their directions are orthonormal in coordinates: ours too where all triangles are equal."""
+    mesh = trimesh.creation.icosahedron()
+    template = rh.Template(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    space = rh.NormalFields(template)
+    points = clusters(space, 0.3)[:6]
+    mean = our_mean(space, points).estimate_
+    theirs = TangentPCA(space, 4).fit(points, base_point=mean)
+    ours = OurTangentPCA(space, 4, mean=mean).fit(points)
+    area = template.face_areas[0]
+    np.testing.assert_allclose(
+        ours.explained_variance_, area * theirs.explained_variance_, rtol=1e-9
+    )
+    products = np.sqrt(area) * theirs.components_ @ ours.components_.reshape(4, -1).T
+    np.testing.assert_allclose(np.abs(products), np.eye(4), atol=1e-8)
