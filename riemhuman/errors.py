@@ -49,5 +49,9 @@ class ConvergenceWarning(UserWarning):
     """A solver stopped before it converged; its result says why."""
 
 
+class DamagedFileWarning(UserWarning):
+    """A file is not what was written to it; what was lost is computed again."""
+
+
 class ClusterError(RiemhumanError, RuntimeError):
     """A cluster that cannot go on with its work."""

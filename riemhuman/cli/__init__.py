@@ -6,8 +6,10 @@ Everything heavy is imported inside the verbs, so that help and usage errors com
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 from riemhuman import __version__
 from riemhuman.cli import (
@@ -22,9 +24,18 @@ from riemhuman.cli import (
     tables,
     transfer,
 )
-from riemhuman.cli.terminal import discard_output, note, short_warnings, tolerate_ascii
+from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.outputs import claimed
+from riemhuman.cli.terminal import (
+    discard_output,
+    flush_output,
+    note,
+    short_warnings,
+    tolerate_ascii,
+)
 from riemhuman.cli.verbs import add_debug
 from riemhuman.errors import (
+    FileError,
     MissingDependencyError,
     NotDefinedError,
     OutsideManifoldError,
@@ -88,17 +99,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             return _run(given)
         finally:
-            sys.stdout.flush()
+            flush_output()
     except BrokenPipeError:
         discard_output()
         return _BROKEN_PIPE
+    except FileError as error:
+        if "--debug" in given:
+            raise
+        note(str(error))
+        return _FAILURE
 
 
 def _run(given: Sequence[str]) -> int:
     options = _parser().parse_args(_with_verb(given))
     debug = getattr(options, "debug", False)
     try:
-        with short_warnings():
+        with short_warnings(), _output_claimed(options):
             options.run(options)
     except KeyboardInterrupt:
         note("interrupted")
@@ -122,6 +138,11 @@ def _run(given: Sequence[str]) -> int:
         note(f"unexpected {type(error).__name__}: {error}; --debug shows where it comes from")
         return _FAILURE
     return 0
+
+
+def _output_claimed(options: argparse.Namespace) -> AbstractContextManager[None]:
+    output = getattr(options, "output", None)
+    return nullcontext() if output is None else claimed(path_argument(os.fspath(output)))
 
 
 def _parser() -> argparse.ArgumentParser:

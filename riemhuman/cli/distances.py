@@ -22,7 +22,7 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
-from riemhuman.cli.outputs import check_file, whole_file
+from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, note, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
@@ -146,6 +146,7 @@ def _dist(options: argparse.Namespace) -> None:
 
 def _matrix(options: argparse.Namespace) -> None:
     from riemhuman.datasets.registered_meshes import find_meshes
+    from riemhuman.surfaces.whole_files import whole_file
 
     check_metric_options(options)
     if options.output is None and options.csv is None:
@@ -170,8 +171,8 @@ def _matrix(options: argparse.Namespace) -> None:
     if options.output is not None:
         _save_matrix(options.output, distances, names, metric_name(metric))
     if table is not None:
-        with whole_file(table) as temporary:
-            temporary.write_text(_as_table(distances, names), encoding="utf-8")
+        with whole_file(table) as neighbour:
+            neighbour.write_text(_as_table(distances, names), encoding="utf-8")
     if options.csv == "-":
         say(_as_table(distances, names).rstrip("\n"))
     elif options.json:

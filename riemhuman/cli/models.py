@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.outputs import check_file, whole_file
+from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, say
 from riemhuman.cli.verbs import Verbs, add_force, add_verb
 
@@ -47,8 +47,8 @@ def _convert(options: argparse.Namespace) -> None:
 
     check_file(options.output, [".npz"], force=options.force)
     reporter = Reporter(options.quiet)
-    with reporter.task("Converting"), whole_file(options.output) as temporary:
-        model = convert_model(options.source, temporary, n_betas=options.n_betas)
+    with reporter.task("Converting"):
+        model = convert_model(options.source, options.output, n_betas=options.n_betas)
     say(
         f"{model.n_vertices:,} vertices, {model.n_joints} joints, {model.n_betas} shape "
         "coefficients"

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from riemhuman.errors import FileError, FileFormatError
+
+# Numbers of the system call renameat2.
+_CURRENT_FOLDER, _RENAME_EXCHANGE = -100, 2
 
 
 def check_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
@@ -78,32 +82,36 @@ def check_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> 
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
-    """Yield a neighbour of a file to write, which then takes its place.
+def claimed(path: Path) -> Iterator[None]:
+    """Keep other processes from writing the same output, from before the work begins.
 
     Parameters
     ----------
     path : Path
-        The file.
+        The file or folder; a lock file lies beside it meanwhile.
 
     Yields
     ------
-    Path
-        A path with the same ending; what is there is removed should anything go wrong.
+    None
 
     Raises
     ------
     FileError
-        If the file cannot be written.
+        If another process is at work on it.
     """
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.part{path.suffix}")
-    try:
-        yield temporary
-        os.replace(temporary, path)
-    except OSError as error:
-        _refuse(path, error)
-    finally:
-        temporary.unlink(missing_ok=True)
+    from riemhuman.surfaces.file_locks import only_one
+
+    path = Path(os.path.abspath(path))
+    lock_file = path.with_name(f".{path.name}.lock")
+    with ExitStack() as stack:
+        try:
+            busy = f"{path} is in use: another process is at work on it; name another output"
+            stack.enter_context(only_one(lock_file, busy))
+        except FileError:
+            raise
+        except OSError:
+            pass  # the verb says what is wrong with the place, if it matters
+        yield
 
 
 @contextmanager
@@ -125,25 +133,51 @@ def whole_folder(path: Path) -> Iterator[Path]:
     FileError
         If the folder cannot be written.
     """
+    from riemhuman.surfaces.whole_files import new_folder
+
     path = Path(os.path.abspath(path))
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    replaced = path.with_name(f".{path.name}.{os.getpid()}.old")
     try:
-        temporary.mkdir()
-        yield temporary
-        if path.exists():
-            os.rename(path, replaced)
-        try:
-            os.rename(temporary, path)
-        except BaseException:
-            if replaced.exists():
-                os.rename(replaced, path)
-            raise
+        with new_folder(path) as temporary:
+            yield temporary
+            _replace_folder(temporary, path)
     except OSError as error:
-        _refuse(path, error)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
-        shutil.rmtree(replaced, ignore_errors=True)
+        if isinstance(error, (FileError, BrokenPipeError)):
+            raise
+        raise FileError(
+            f"{path} cannot be written: {error.strerror or error}; is there space, and permission?"
+        ) from error
+
+
+def _replace_folder(new: Path, path: Path) -> None:
+    """Rename a folder, so that it takes the place of another at once where the system can."""
+    if not path.exists():
+        os.rename(new, path)
+        return
+    if _exchange(new, path):
+        shutil.rmtree(new, ignore_errors=True)
+        return
+    replaced = path.with_name(f".{path.name}.{os.getpid()}.old")
+    os.rename(path, replaced)
+    try:
+        os.rename(new, path)
+    except BaseException:
+        os.rename(replaced, path)
+        raise
+    shutil.rmtree(replaced, ignore_errors=True)
+
+
+def _exchange(one: Path, other: Path) -> bool:
+    """Exchange two names in one step, and tell whether the system did."""
+    if not sys.platform.startswith("linux"):
+        return False
+    import ctypes
+
+    system = ctypes.CDLL(None, use_errno=True)
+    if not hasattr(system, "renameat2"):
+        return False
+    here = _CURRENT_FOLDER
+    done = system.renameat2(here, os.fsencode(one), here, os.fsencode(other), _RENAME_EXCHANGE)
+    return bool(done == 0)
 
 
 def _check_parent(path: Path) -> None:
@@ -154,12 +188,3 @@ def _check_parent(path: Path) -> None:
         raise FileError(f"there is no folder {parent}; make it first: mkdir -p '{parent}'")
     if not os.access(parent, os.W_OK | os.X_OK):
         raise FileError(f"{path} cannot be written: no permission in {parent}; name another place")
-
-
-def _refuse(path: Path, error: OSError) -> None:
-    """Say that a file cannot be written, unless that has been said already."""
-    if isinstance(error, (FileError, BrokenPipeError)):
-        raise error
-    raise FileError(
-        f"{path} cannot be written: {error.strerror or error}; is there space, and permission?"
-    ) from error

@@ -20,7 +20,7 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
-from riemhuman.cli.outputs import check_file, check_folder, whole_file, whole_folder
+from riemhuman.cli.outputs import check_file, check_folder, whole_folder
 from riemhuman.cli.terminal import (
     Reporter,
     as_json,
@@ -109,8 +109,7 @@ def _geodesic(options: argparse.Namespace) -> None:
     record = _record(options, metric, result, seconds)
     faces = surfaces.template.faces
     if single:
-        with whole_file(output) as temporary:
-            writers[single](temporary, result.path, faces)
+        writers[single](output, result.path, faces)
     else:
         with whole_folder(output) as folder:
             _fill(folder, writers, result.path, faces, reporter)
@@ -170,8 +169,10 @@ def _write_glb(file: Path, path: ndarray, faces: ndarray) -> None:
 
 def _write_png(file: Path, path: ndarray, faces: ndarray) -> None:
     from riemhuman.report import plot_path
+    from riemhuman.surfaces.whole_files import whole_file
 
-    plot_path(path, faces).figure.savefig(file, dpi=_DPI)
+    with whole_file(file) as neighbour:
+        plot_path(path, faces).figure.savefig(neighbour, dpi=_DPI)
 
 
 def _write_html(file: Path, path: ndarray, faces: ndarray) -> None:

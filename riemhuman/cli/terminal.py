@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from riemhuman.errors import ConvergenceWarning
+from riemhuman.errors import ConvergenceWarning, FileError
 
 if TYPE_CHECKING:
     from riemhuman.solvers.results import Outcome
@@ -25,8 +25,37 @@ def say(text: str = "") -> None:
     ----------
     text : str
         The lines, without the last line break.
+
+    Raises
+    ------
+    FileError
+        If they cannot be written, as on a full disk.
     """
-    sys.stdout.write(f"{text}\n")
+    with _output_errors():
+        sys.stdout.write(f"{text}\n")
+
+
+def flush_output() -> None:
+    """See that what was said has arrived.
+
+    Raises
+    ------
+    FileError
+        If it cannot be written, as on a full disk.
+    """
+    with _output_errors():
+        sys.stdout.flush()
+
+
+@contextmanager
+def _output_errors() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        discard_output()
+        raise FileError(f"standard output cannot be written: {error.strerror or error}") from error
 
 
 def say_json(record: Any) -> None:
@@ -74,7 +103,7 @@ def tolerate_ascii() -> None:
 
 
 def discard_output() -> None:
-    """Send what is still to be written to standard output nowhere: its reader is gone."""
+    """Send what is still to be written to standard output nowhere: nobody can have it."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -135,10 +135,12 @@ class AmassMotion(Motion):
 
     def _recording(self) -> _Recording:
         try:
-            changed = self._path.stat().st_mtime_ns
+            found = self._path.stat()
         except OSError as error:
             raise FileError(f"{self._path} cannot be read: {error.strerror}") from error
-        return _read(self._path, changed)
+        # The clock may be set back, but hardly to the same moment for the same file.
+        state = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
+        return _read(self._path, state)
 
     def _parameters(self, numbers: range) -> tuple[np.ndarray, np.ndarray]:
         """Return the pose vectors and translations of some frames."""
@@ -376,7 +378,7 @@ def _gender(value: np.ndarray | None, file: Path) -> str:
 
 
 @lru_cache(maxsize=_FILES_KEPT)
-def _read(file: Path, changed: int) -> _Recording:
+def _read(file: Path, state: tuple[int, ...]) -> _Recording:
     """Return the numbers of a file, kept while it is in use and has not changed."""
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     try:

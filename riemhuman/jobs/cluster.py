@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pkgutil
 from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from numpy import ndarray
@@ -11,6 +13,7 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
+from riemhuman.surfaces.file_content import brief
 
 if TYPE_CHECKING:
     from riemhuman.jobs.tiles import Tile, TileReader
@@ -56,14 +59,28 @@ def tiles_on_cluster(
     MissingDependencyError
         If distributed is not installed, or a worker lacks the library.
     ClusterError
-        If the cluster has had no worker for a minute.
+        If the cluster has had no worker for a minute, its scheduler is lost, or one tile after
+        another has ended its worker.
     """
     distributed = import_optional("distributed", "cluster")
     if not isinstance(client, distributed.Client):
         raise ArgumentTypeError(
             f"client must be a distributed.Client; found {type(client).__name__}"
         )
-    _check_workers(client)
+    if client.status == "closed":
+        raise _lost("the client of the cluster is closed")
+    with _losses(distributed):
+        _check_workers(client)
+        yield from _in_turn(distributed, client, metric, reader, tiles)
+
+
+def _in_turn(
+    distributed: Any,
+    client: Any,
+    metric: RiemannianMetric,
+    reader: TileReader,
+    tiles: Sequence[tuple[int, Tile]],
+) -> Iterator[tuple[int, ndarray]]:
     # Sent once, and from the scheduler again to a worker that replaces a lost one.
     sent = client.submit(_same, metric, pure=False)
     waiting = iter(tiles)
@@ -91,6 +108,19 @@ def tiles_on_cluster(
         client.cancel([*running, sent])
 
 
+@contextmanager
+def _losses(distributed: Any) -> Iterator[None]:
+    """Say in one way, and typed, that there is no cluster to go on with."""
+    try:
+        yield
+    except (CancelledError, distributed.comm.CommClosedError, distributed.KilledWorker) as error:
+        raise _lost(f"the cluster is lost ({' '.join(brief(error).split())})") from error
+
+
+def _lost(what: str) -> ClusterError:
+    return ClusterError(f"{what}; what is done is kept, and the same call goes on with it")
+
+
 def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> Any:
     """Return a future that is finished, or give up when the cluster has had no worker for long."""
     n_without_workers = 0
@@ -102,10 +132,7 @@ def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> 
             return next(iter(finished.done))
         except TimeoutError:
             n_without_workers = 0 if client.nthreads() else n_without_workers + 1
-    raise ClusterError(
-        f"the cluster has had no worker for {_PATIENCE * _SECONDS} seconds; what is done is kept, "
-        "and the same call goes on with it"
-    )
+    raise _lost(f"the cluster has had no worker for {_PATIENCE * _SECONDS} seconds")
 
 
 def _same(metric: RiemannianMetric) -> RiemannianMetric:
@@ -114,7 +141,10 @@ def _same(metric: RiemannianMetric) -> RiemannianMetric:
 
 def _check_workers(client: Any) -> None:
     """Refuse workers that cannot import the library."""
-    found = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
+    try:
+        found = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
+    except (OSError, TimeoutError) as failure:
+        raise _lost(f"the cluster cannot be reached ({brief(failure)})") from failure
     missing = {address: error for address, error in found.items() if isinstance(error, Exception)}
     if missing:
         address, error = next(iter(missing.items()))

@@ -11,17 +11,17 @@ from __future__ import annotations
 import json
 import os
 import shutil
-import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.surfaces.array_files import load_array
 from riemhuman.surfaces.file_content import brief, file_content
+from riemhuman.surfaces.file_locks import lock
 
 MANIFEST = "manifest.json"
 LOCK = "job.lock"
@@ -85,15 +85,18 @@ class JobFolder:
             If another process is at work in the folder.
         """
         with self._system_errors("cannot be locked"):
-            stream = (self.path / LOCK).open("a+b")
-        with stream:
-            try:
-                _lock(stream)
-            except OSError as error:
-                raise FileError(
-                    f"{self.path} is in use: another process is at work on the job in it"
-                ) from error
+            descriptor = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            with self._system_errors("cannot be locked"):
+                try:
+                    lock(descriptor)
+                except BlockingIOError as error:
+                    raise FileError(
+                        f"{self.path} is in use: another process is at work on the job in it"
+                    ) from error
             yield
+        finally:
+            os.close(descriptor)
 
     def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
         """Write what the job is and how its tables are cut, or compare with what is written there.
@@ -360,17 +363,3 @@ def _shown(value: Any) -> str:
 
 def _is_count(value: Any) -> bool:
     return type(value) is int and value >= 1
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _lock(stream: IO[bytes]) -> None:
-        stream.seek(0)
-        msvcrt.locking(stream.fileno(), msvcrt.LK_NBLCK, 1)
-
-else:
-    import fcntl
-
-    def _lock(stream: IO[bytes]) -> None:
-        fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)

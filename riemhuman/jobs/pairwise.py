@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -14,11 +15,13 @@ from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
+    DamagedFileWarning,
     DegenerateSurfaceError,
     FileFormatError,
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, thread_count
+from riemhuman.jobs.checksums import are_marks, checksums, mark
 from riemhuman.jobs.cluster import tiles_on_cluster
 from riemhuman.jobs.fingerprint import describe, digest
 from riemhuman.jobs.folder import JobFolder
@@ -36,10 +39,10 @@ RESULT = "D.npy"
 """Name of the file of distances."""
 
 _UNFINISHED_RESULT = "D.unfinished.npy"
-_DIGESTS, _DONE = "digests.npy", "done.npy"
-# A mark that no flipped bit makes.
-_TILE_DONE = 0xA5
-_FORMAT = "riemhuman pairwise job 1"
+_DIGESTS, _CHECKSUMS, _DONE = "digests.npy", "checksums.npy", "done.npy"
+_FORMAT = "riemhuman pairwise job 2"
+# How often tiles that do not stay as they were written are computed again.
+_ATTEMPTS = 3
 # A job is cut into no fewer tiles than make some progress before it is interrupted, and no smaller
 # ones than are worth the overhead.
 _TILES_A_ROW, _SMALLEST_TILE = 8, 256
@@ -66,6 +69,9 @@ def pairwise_job(
     job that was interrupted or killed goes on when it is called again with the same arguments;
     what it had finished is kept. When it is complete, the folder holds the distances as `D.npy`,
     and calling it again only opens them.
+
+    Checksums of the features and of every tile show damage to the files of an unfinished job: what
+    is damaged is computed again, with a `DamagedFileWarning` that names it.
 
     Parameters
     ----------
@@ -143,17 +149,20 @@ def pairwise_job(
         else:
             for name, array in arrays.items():
                 tables[name] = ((n_points, *array.shape[1:]), array.dtype)
-            tables[_DONE] = ((len(tiles),), np.uint8)
+            tables[_CHECKSUMS] = ((n_points, len(arrays)), np.uint32)
+            tables[_DONE] = ((len(tiles),), np.uint64)
             tables[_UNFINISHED_RESULT] = ((n_points, n_points), np.float64)
         room.make_tables(tables)
 
+        kept = [] if complete else list(arrays)
         for block in tqdm(blocks, desc="Points", disable=not progress, unit=" blocks"):
-            _keep_features(room, metric, points, block, layout["block"], precision)
+            _keep_features(room, metric, points, block, layout["block"], precision, kept, tiles)
         if not complete:
             reader = TileReader(str(room.path), len(features), n_jobs)
             _compute_tiles(room, metric, reader, tiles, client, progress)
+            _check_features(room, kept, blocks, tiles)
             room.rename(_UNFINISHED_RESULT, RESULT)
-        room.remove(_DONE, *arrays)
+        room.remove(_DONE, _CHECKSUMS, *arrays)
         return room.read(RESULT)
 
 
@@ -195,8 +204,10 @@ def _keep_features(
     block: slice,
     size: int,
     precision: str,
+    names: list[str],
+    tiles: list[Tile],
 ) -> None:
-    """Compute the features of a block of points, or see that the points are those of before."""
+    """Compute the features of a block of points, or see that points and tables are as before."""
     number = block.start // size
     where = f"points[{block.start}:{block.stop}]"
     some = metric.check_points(points[block], where)
@@ -204,21 +215,67 @@ def _keep_features(
         raise ArgumentError(f"{where} must be {block.stop - block.start} points; found {len(some)}")
     found = np.frombuffer(digest(some), np.uint8)
     kept = np.array(room.read(_DIGESTS)[number])
+    if not names and not kept.any():
+        raise FileFormatError(
+            f"{room.path / _DIGESTS} is damaged: it does not tell the points of the complete job"
+        )
     if kept.any():
         if not np.array_equal(kept, found):
             raise ArgumentError(
                 f"folder must be that of the same job; that in {room.path} has other {where}"
             )
-        return
+        damaged = _damaged_table(room, names, block)
+        if damaged is None:
+            return
+        warnings.warn(
+            f"{room.path / damaged} is damaged: what it holds of {where} is not what was written; "
+            "it is computed again, with all that may have been made of it",
+            DamagedFileWarning,
+            stacklevel=3,
+        )
+        _forget_tiles(room, tiles, block)
     try:
         features = metric.features(some, precision)
     except DegenerateSurfaceError as error:
         raise DegenerateSurfaceError(f"{where}: {error}") from error
-    for k, feature in enumerate(features):
-        room.write(feature_file(k), (block, feature))
-    if precision == "single":
-        room.write(POINTS, (block, some))
+    written = (*features, some) if precision == "single" else features
+    for name, array in zip(names, written, strict=True):
+        room.write(name, (block, array))
+    room.write(_CHECKSUMS, (block, np.stack([checksums(array) for array in written], axis=1)))
     room.write(_DIGESTS, (number, found))
+
+
+def _damaged_table(room: JobFolder, names: list[str], block: slice) -> str | None:
+    """Return the first table whose rows do not have their checksums."""
+    for k, name in enumerate(names):
+        if not np.array_equal(checksums(room.read(name)[block]), room.read(_CHECKSUMS)[block, k]):
+            return name
+    return None
+
+
+def _check_features(
+    room: JobFolder, names: list[str], blocks: list[slice], tiles: list[Tile]
+) -> None:
+    """Refuse to finish if features have changed while distances were made of them."""
+    for block in blocks:
+        damaged = _damaged_table(room, names, block)
+        if damaged:
+            _forget_tiles(room, tiles, block)
+            raise FileFormatError(
+                f"{room.path / damaged} is damaged: what it holds of "
+                f"points[{block.start}:{block.stop}] is no longer what was written; the same call "
+                "computes it again, with all that may have been made of it"
+            )
+
+
+def _forget_tiles(room: JobFolder, tiles: list[Tile], block: slice) -> None:
+    """Have the tiles computed again that some points are part of."""
+    marks = np.array(room.read(_DONE))
+    for number, tile in enumerate(tiles):
+        for side in (tile.rows, tile.columns):
+            if side.start < block.stop and block.start < side.stop:
+                marks[number] = 0
+    room.write(_DONE, (slice(None), marks))
 
 
 def _compute_tiles(
@@ -229,30 +286,58 @@ def _compute_tiles(
     client: Any | None,
     progress: bool,
 ) -> None:
-    done = np.array(room.read(_DONE))
-    if not np.isin(done, (0, _TILE_DONE)).all():
+    for _ in range(_ATTEMPTS):
+        todo = _unfinished(room, tiles)
+        if not todo:
+            return
+        computed: Iterator[tuple[int, ndarray]]
+        if client is None:
+            computed = ((number, reader.distances(metric, tile)) for number, tile in todo)
+        else:
+            computed = tiles_on_cluster(client, metric, reader, todo)
+        n_pairs = sum(tile.n_pairs for tile in tiles)
+        bar = tqdm(
+            total=n_pairs,
+            initial=n_pairs - sum(tile.n_pairs for _, tile in todo),
+            desc="Distances",
+            disable=not progress,
+            unit=" pairs",
+        )
+        with bar:
+            for number, block in computed:
+                tile = tiles[number]
+                # The record follows the entries: a kill between the two costs this tile, no more.
+                room.write(
+                    _UNFINISHED_RESULT,
+                    ((tile.rows, tile.columns), block),
+                    ((tile.columns, tile.rows), block.T),
+                )
+                room.write(_DONE, (number, mark(block)))
+                bar.update(tile.n_pairs)
+    if _unfinished(room, tiles):
+        raise FileFormatError(
+            f"{room.path / _UNFINISHED_RESULT} is damaged, and does not keep what is written to it"
+        )
+
+
+def _unfinished(room: JobFolder, tiles: list[Tile]) -> list[tuple[int, Tile]]:
+    """Return the tiles that are not finished, or no longer what was written, with their numbers."""
+    marks = np.array(room.read(_DONE))
+    if not are_marks(marks):
         raise FileFormatError(f"{room.path / _DONE} is damaged: it marks tiles as neither")
-    todo = [(number, tile) for number, tile in enumerate(tiles) if not done[number]]
-    computed: Iterator[tuple[int, ndarray]]
-    if client is None:
-        computed = ((number, reader.distances(metric, tile)) for number, tile in todo)
-    else:
-        computed = tiles_on_cluster(client, metric, reader, todo)
-    bar = tqdm(
-        total=sum(tile.n_pairs for tile in tiles),
-        initial=sum(tile.n_pairs for number, tile in enumerate(tiles) if done[number]),
-        desc="Distances",
-        disable=not progress,
-        unit=" pairs",
-    )
-    with bar:
-        for number, block in computed:
-            tile = tiles[number]
-            # The record follows the entries: a kill between the two costs this tile, no more.
-            room.write(
-                _UNFINISHED_RESULT,
-                ((tile.rows, tile.columns), block),
-                ((tile.columns, tile.rows), block.T),
+    distances = room.read(_UNFINISHED_RESULT)
+    todo = []
+    for number, tile in enumerate(tiles):
+        if marks[number]:
+            mirrored = distances[tile.columns, tile.rows].T
+            if {mark(distances[tile.rows, tile.columns]), mark(mirrored)} == {int(marks[number])}:
+                continue
+            warnings.warn(
+                f"{room.path / _UNFINISHED_RESULT} is damaged: tile {number}, distances "
+                f"[{tile.rows.start}:{tile.rows.stop}, {tile.columns.start}:{tile.columns.stop}], "
+                "is not what was written; it is computed again",
+                DamagedFileWarning,
+                stacklevel=4,
             )
-            room.write(_DONE, (number, _TILE_DONE))
-            bar.update(tile.n_pairs)
+        todo.append((number, tile))
+    return todo

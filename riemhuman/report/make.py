@@ -16,7 +16,7 @@ from riemhuman.report import provenance
 from riemhuman.report.content import facts_of, lead_of, sections
 from riemhuman.report.figures import figure_style
 from riemhuman.report.materials import Materials
-from riemhuman.report.output_folder import check_folder, open_folder, write_provenance
+from riemhuman.report.output_folder import check_folder, opened_folder, write_provenance
 from riemhuman.report.page import page
 from riemhuman.report.plan import QUICK, Plan
 from riemhuman.report.representations import available
@@ -74,7 +74,7 @@ def make_report(
     Raises
     ------
     FileError
-        If the folder holds something else or cannot be written.
+        If the folder holds something else, cannot be written, or another process is at work in it.
     MissingDependencyError
         If matplotlib or scikit-learn is not installed.
     ArgumentError
@@ -92,8 +92,19 @@ def make_report(
         raise ArgumentError(f"bodies must be at least 3; found {len(bodies)}")
     if basis is not None:
         basis.check_fits(bodies.template)
-    folder = open_folder(output)
+    with opened_folder(output) as folder:
+        return _make(folder, bodies, basis, quick, representations, watch, begun)
 
+
+def _make(
+    folder: Path,
+    bodies: Bodies,
+    basis: DeformationBasis | None,
+    quick: bool,
+    representations: Mapping[str, Any] | None,
+    watch: Progress,
+    begun: str,
+) -> Path:
     plan = QUICK if quick else Plan()
     space = AlignedSurfaces(bodies.template, equip=False)
     digest = fingerprint(

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
 from riemhuman.errors import ArgumentTypeError, FileError
 from riemhuman.report.text_files import write_text
+from riemhuman.surfaces.file_locks import only_one
 
 MARKER = "provenance.json"
+_LOCK = ".report.lock"
+_BEFORE_MARKER = ".provenance."
 _MADE_BY = "riemhuman report"
 SUBFOLDERS = ("figures", "tables", "results", "results/figures")
 
@@ -41,7 +46,7 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
         raise ArgumentTypeError(f"output must be the path of a folder; found {path!r}") from error
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
-    if folder.is_dir() and any(folder.iterdir()) and not _is_report(folder):
+    if folder.is_dir() and not _is_new(folder) and not _is_report(folder):
         raise FileError(
             f"{folder} holds something else; the report needs a new or empty folder, or one with "
             "an earlier report"
@@ -49,35 +54,44 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     return folder
 
 
-def open_folder(path: str | os.PathLike[str]) -> Path:
-    """Make the folder of a report, or take the one that is there.
+@contextmanager
+def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Make the folder of a report, or take the one that is there, and keep other processes out.
 
     Parameters
     ----------
     path : path_like
         The folder.
 
-    Returns
-    -------
+    Yields
+    ------
     Path
-        The folder, with its subfolders and its marker.
+        The folder, with its subfolders and its marker, which says that the report is not finished.
 
     Raises
     ------
     ArgumentTypeError
         If it is not a path.
     FileError
-        If it is a file, holds something else than a report, or cannot be written.
+        If it is a file, holds something else than a report, cannot be written, or another process
+        is at work in it.
     """
     folder = check_folder(path)
-    try:
-        for name in SUBFOLDERS:
-            (folder / name).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{folder} cannot be written: {error.strerror}") from error
-    if not _is_report(folder):
-        write_provenance(folder, {"status": "begun"})
-    return folder
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            busy = f"{folder} is in use: another process makes a report in it"
+            stack.enter_context(only_one(folder / _LOCK, busy))
+            check_folder(folder)
+            # Without the marker, the rest would be taken for something else after a kill.
+            write_provenance(folder, {"status": "begun"})
+            for name in SUBFOLDERS:
+                (folder / name).mkdir(exist_ok=True)
+        except OSError as error:
+            if isinstance(error, FileError):
+                raise
+            raise FileError(f"{folder} cannot be written: {error.strerror}") from error
+        yield folder
 
 
 def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
@@ -97,6 +111,15 @@ def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
     """
     text = json.dumps({"made_by": _MADE_BY, **provenance}, indent=2, ensure_ascii=False)
     write_text(folder / MARKER, text + "\n")
+
+
+def _is_new(folder: Path) -> bool:
+    """Tell whether a folder holds nothing but what comes before the marker."""
+    try:
+        names = [entry.name for entry in folder.iterdir()]
+    except OSError as error:
+        raise FileError(f"{folder} cannot be read: {error.strerror}") from error
+    return all(name == _LOCK or name.startswith(_BEFORE_MARKER) for name in names)
 
 
 def _is_report(folder: Path) -> bool:

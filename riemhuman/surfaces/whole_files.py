@@ -1,13 +1,25 @@
-"""Files that appear whole or not at all: a neighbour is written, and then takes their place."""
+"""Files that appear whole or not at all: a neighbour is written, and then takes their place.
+
+A process that is killed leaves its neighbour behind. Neighbours are locked for as long as their
+process lives, so that whoever writes the same file next takes over those that are not.
+"""
 
 from __future__ import annotations
 
 import os
+import shutil
+import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from riemhuman.errors import FileError
+from riemhuman.surfaces.file_content import brief
+from riemhuman.surfaces.file_locks import is_at, lock
+
+# Elsewhere an open file cannot be renamed, and a folder cannot be locked.
+_CAN_LOCK = sys.platform != "win32"
+_NO_LOCK = -1
 
 
 @contextmanager
@@ -22,21 +34,129 @@ def whole_file(file: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        The neighbour; it is removed should anything go wrong.
+        The neighbour, with the same ending; it is removed should anything go wrong.
 
     Raises
     ------
     FileError
         If the file cannot be written.
     """
-    neighbour = file.with_name(f".{file.name}.{os.getpid()}.part")
     try:
-        try:
+        with _neighbour(file, folder=False) as neighbour:
             yield neighbour
+            _flush(neighbour)
             os.replace(neighbour, file)
-        finally:
-            neighbour.unlink(missing_ok=True)
     except OSError as error:
-        if isinstance(error, FileError):
+        if isinstance(error, (FileError, BrokenPipeError)):
             raise
-        raise FileError(f"{file} cannot be written: {error.strerror}") from error
+        raise FileError(f"{file} cannot be written: {brief(error)}") from error
+
+
+@contextmanager
+def new_folder(path: Path) -> Iterator[Path]:
+    """Yield an empty folder beside a path, to take its place.
+
+    Parameters
+    ----------
+    path : Path
+        The path.
+
+    Yields
+    ------
+    Path
+        The folder; what is there in the end is removed.
+
+    Raises
+    ------
+    OSError
+        If there can be no such folder.
+    """
+    with _neighbour(path, folder=True) as neighbour:
+        yield neighbour
+
+
+@contextmanager
+def _neighbour(path: Path, *, folder: bool) -> Iterator[Path]:
+    """Make a neighbour, keep it locked, and remove it if it is still there in the end."""
+    number = 0
+    while (descriptor := _taken(_name(path, number, folder), folder)) is None:
+        number += 1
+    neighbour = _name(path, number, folder)
+    made = neighbour.stat()
+    try:
+        while os.path.lexists(left := _name(path, number + 1, folder)) and _remove_abandoned(left):
+            number += 1
+        yield neighbour
+    finally:
+        # Once it has been renamed, the name is free for other processes.
+        if is_at(made, neighbour):
+            _remove(neighbour)
+        if descriptor != _NO_LOCK:
+            os.close(descriptor)
+
+
+def _name(path: Path, number: int, folder: bool) -> Path:
+    kind = "folder" if folder else "part"
+    return path.with_name(f".{path.stem}.{number}.{kind}{path.suffix}")
+
+
+def _taken(neighbour: Path, folder: bool) -> int | None:
+    """Make a neighbour and return what keeps it locked, or nothing if another process has it."""
+    while True:
+        try:
+            if folder:
+                neighbour.mkdir()
+            else:
+                neighbour.touch(exist_ok=False)
+        except FileExistsError:
+            if not _remove_abandoned(neighbour):
+                return None
+            continue
+        try:
+            return _locked(neighbour)
+        except (BlockingIOError, FileNotFoundError):
+            pass  # taken for abandoned by another process before it was locked
+        except OSError:
+            return _NO_LOCK
+
+
+def _remove_abandoned(neighbour: Path) -> bool:
+    """Remove a neighbour, unless its process lives, or where there are no locks to tell."""
+    try:
+        descriptor = _locked(neighbour)
+    except FileNotFoundError:
+        return True
+    except OSError:
+        return False
+    _remove(neighbour)
+    os.close(descriptor)
+    return not os.path.lexists(neighbour)
+
+
+def _locked(neighbour: Path) -> int:
+    """Return a locked descriptor of a neighbour."""
+    if not _CAN_LOCK:
+        raise OSError("no locks")
+    descriptor = os.open(neighbour, os.O_RDONLY | os.O_NOFOLLOW)
+    try:
+        lock(descriptor)
+        if not is_at(os.fstat(descriptor), neighbour):
+            raise FileNotFoundError(neighbour)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        with suppress(OSError):
+            path.unlink()
+
+
+def _flush(file: Path) -> None:
+    """See that the content is on the disk before the name: power may fail between the two."""
+    with file.open("rb+") as stream:
+        os.fsync(stream.fileno())

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from riemhuman.cli.outputs import check_file, check_folder, whole_file, whole_folder
+from riemhuman.cli.outputs import check_file, check_folder, claimed, whole_folder
 from riemhuman.errors import FileError, FileFormatError
 
 
@@ -70,20 +70,6 @@ def test_folders(tmp_path):
         check_folder(tmp_path / "old" / "thesis.tex", is_ours, force=True)
 
 
-def test_a_file_takes_its_place_when_it_is_whole(tmp_path):
-    path = tmp_path / "a.txt"
-    path.write_text("old", encoding="utf-8")
-    with whole_file(path) as temporary:
-        temporary.write_text("new", encoding="utf-8")
-        assert temporary.suffix == ".txt"
-        assert path.read_text(encoding="utf-8") == "old"
-    assert path.read_text(encoding="utf-8") == "new"
-    with pytest.raises(KeyboardInterrupt), whole_file(path) as temporary:
-        interrupted(temporary)
-    assert path.read_text(encoding="utf-8") == "new"
-    assert list(tmp_path.iterdir()) == [path]
-
-
 def test_a_folder_takes_its_place_when_it_is_whole(tmp_path):
     path = tmp_path / "path"
     for content in ("first", "second"):
@@ -96,6 +82,19 @@ def test_a_folder_takes_its_place_when_it_is_whole(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("can_exchange", [True, False])
+def test_a_folder_is_replaced_with_and_without_the_system_call(tmp_path, monkeypatch, can_exchange):
+    path = tmp_path / "path"
+    path.mkdir()
+    (path / "a").write_text("old", encoding="utf-8")
+    if not can_exchange:
+        monkeypatch.setattr("sys.platform", "plan9")
+    with whole_folder(path) as temporary:
+        (temporary / "b").write_text("new", encoding="utf-8")
+    assert [file.name for file in path.iterdir()] == ["b"]
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_a_folder_that_cannot_take_its_place_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "path"
     path.mkdir()
@@ -103,10 +102,11 @@ def test_a_folder_that_cannot_take_its_place_leaves_the_old_one(tmp_path, monkey
     rename = os.rename
 
     def refuse_new(source, target):
-        if str(source).endswith(".part"):
+        if str(source).endswith(".folder"):
             raise OSError(28, "No space left on device")
         rename(source, target)
 
+    monkeypatch.setattr("sys.platform", "plan9")
     monkeypatch.setattr(os, "rename", refuse_new)
     with pytest.raises(FileError, match="No space left on device"), whole_folder(path):
         pass
@@ -115,7 +115,20 @@ def test_a_folder_that_cannot_take_its_place_leaves_the_old_one(tmp_path, monkey
 
 
 def test_refusals_of_writers_pass_unchanged(tmp_path):
-    with pytest.raises(FileError, match="^mine$"), whole_file(tmp_path / "a.txt"):
+    with pytest.raises(FileError, match="^mine$"), whole_folder(tmp_path / "a"):
         raise FileError("mine")
-    with pytest.raises(BrokenPipeError), whole_file(tmp_path / "a.txt"):
+    with pytest.raises(BrokenPipeError), whole_folder(tmp_path / "a"):
         raise BrokenPipeError
+
+
+def test_an_output_is_claimed_by_one(tmp_path):
+    path = tmp_path / "path.npz"
+    (tmp_path / ".path.npz.lock").touch()  # left by a process that was killed
+    with claimed(path):
+        with pytest.raises(FileError, match=r"path\.npz is in use: another process"), claimed(path):
+            pass
+        with claimed(tmp_path / "other.npz"):
+            pass
+    assert not list(tmp_path.iterdir())
+    with claimed(tmp_path / "absent" / "path.npz"):
+        pass

@@ -1,6 +1,7 @@
 """The AMASS reader, on made-up files in the layouts of its makers."""
 
 import io
+import os
 
 import numpy as np
 import pytest
@@ -223,6 +224,18 @@ def test_a_file_that_changes(tmp_path, model):
     path.unlink()
     with pytest.raises(FileError, match=r"a\.npz cannot be read"):
         motion[0]
+
+
+def test_a_file_that_changes_while_the_clock_is_set_back(tmp_path, model):
+    file = write(tmp_path / "a.npz", smpl_h(20, rng=1))
+    motion = load_amass(file, model)[0]
+    before = motion.pose_vectors
+    found = file.stat()
+    other = write(tmp_path / "b.npz", smpl_h(20, rng=2))
+    assert other.stat().st_size == found.st_size
+    os.replace(other, file)
+    os.utime(file, ns=(found.st_atime_ns, found.st_mtime_ns))
+    assert not np.array_equal(motion.pose_vectors, before)
 
 
 def test_models_of_other_trees(tmp_path, model):

@@ -451,7 +451,9 @@ def test_damaged_features_are_not_made_into_distances(interrupted, name, tmp_pat
     error = KeyboardInterrupt if interrupted else FileFormatError
     with monkeypatch.context() as patches:
         patches.setattr(TileReader, "distances", flipping)
-        with pytest.raises(error, match=None if interrupted else rf"{name} is damaged: .*\[22:23\]"):
+        with pytest.raises(
+            error, match=None if interrupted else rf"{name} is damaged: .*\[22:23\]"
+        ):
             pairwise_job(METRIC, points, tmp_path, memory=MEMORY)
     assert np.load(tmp_path / "done.npy").any()
     with pytest.warns(DamagedFileWarning, match=rf"{name} is damaged: .*\[22:23\]"):

@@ -10,9 +10,15 @@ from riemhuman.report.output_folder import (
     MARKER,
     SUBFOLDERS,
     check_folder,
-    open_folder,
+    opened_folder,
     write_provenance,
 )
+
+
+def enter(path):
+    """Open a folder, and close it again."""
+    with opened_folder(path):
+        pass
 
 
 @pytest.mark.parametrize("there", [True, False])
@@ -20,17 +26,20 @@ def test_new_and_empty_folders_are_taken(tmp_path, there):
     folder = tmp_path / "a" / "b"
     if there:
         folder.mkdir(parents=True)
-    assert open_folder(folder) == folder
+    with opened_folder(folder) as opened:
+        assert opened == folder
     assert {entry.name for entry in folder.iterdir()} == {MARKER, *SUBFOLDERS[:3]}
 
 
 def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
-    open_folder(tmp_path / "report")
+    with opened_folder(tmp_path / "report"):
+        pass
     write_provenance(tmp_path / "report", {"status": "finished"})
     (tmp_path / "report" / "results" / "one.npz").write_bytes(b"1")
-    open_folder(tmp_path / "report")
+    with opened_folder(tmp_path / "report"):
+        pass
     assert (tmp_path / "report" / "results" / "one.npz").read_bytes() == b"1"
-    assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "finished"
+    assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"
 
 
 def test_a_check_writes_nothing(tmp_path):
@@ -45,7 +54,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
     if marker is not None:
         (tmp_path / MARKER).write_text(marker)
     before = sorted(entry.name for entry in tmp_path.iterdir())
-    for function in (check_folder, open_folder):
+    for function in (check_folder, enter):
         with pytest.raises(FileError, match="holds something else; the report needs a new or"):
             function(tmp_path)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == before
@@ -54,16 +63,16 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
 def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match="is a file"):
-        open_folder(tmp_path / "file")
+        enter(tmp_path / "file")
     with pytest.raises(FileError, match="cannot be written"):
-        open_folder(tmp_path / "file" / "below")
+        enter(tmp_path / "file" / "below")
     with pytest.raises(ArgumentTypeError, match="output must be the path of a folder; found 7"):
-        open_folder(7)
+        enter(7)
 
 
 @pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="permissions do not bind")
 def test_no_permission(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(FileError, match="cannot be written: Permission denied"):
-        open_folder(tmp_path / "report")
+        enter(tmp_path / "report")
     tmp_path.chmod(0o700)

@@ -3,7 +3,7 @@
 import pytest
 
 from riemhuman.errors import ArgumentError, FileError
-from riemhuman.surfaces.whole_files import whole_file
+from riemhuman.surfaces.whole_files import new_folder, whole_file
 
 
 def test_a_file_is_replaced(tmp_path):
@@ -48,3 +48,77 @@ def test_an_error_of_ours_is_left_as_it_is(tmp_path):
 def test_a_folder_that_is_not_there(tmp_path):
     with pytest.raises(FileError, match="cannot be written"), whole_file(tmp_path / "b" / "a") as n:
         n.write_text("x")
+
+
+def test_what_a_killed_process_left_is_cleared_away(tmp_path):
+    file = tmp_path / "a.txt"
+    for number in (0, 1, 2):
+        (tmp_path / f".a.{number}.part.txt").write_text("half")
+    with whole_file(file) as neighbour:
+        assert neighbour.read_text() == ""
+        neighbour.write_text("new")
+        assert len(list(tmp_path.iterdir())) == 1
+    assert file.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_two_writers_do_not_get_in_each_others_way(tmp_path):
+    file = tmp_path / "a.txt"
+    with whole_file(file) as one:
+        one.write_text("first")
+        with whole_file(file) as other:
+            assert other != one
+            other.write_text("second")
+        assert file.read_text() == "second"
+        assert one.read_text() == "first"
+    assert file.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_link_in_the_way_is_not_followed(tmp_path):
+    (tmp_path / "precious").write_text("kept")
+    (tmp_path / ".a.0.part.txt").symlink_to(tmp_path / "precious")
+    with whole_file(tmp_path / "a.txt") as neighbour:
+        neighbour.write_text("new")
+    assert (tmp_path / "precious").read_text() == "kept"
+    assert (tmp_path / "a.txt").read_text() == "new"
+
+
+@pytest.mark.parametrize("error", [OSError(37, "No locks available"), None])
+def test_a_file_system_without_locks(tmp_path, monkeypatch, error):
+    def refuse(descriptor):
+        raise error
+
+    if error is None:
+        monkeypatch.setattr("riemhuman.surfaces.whole_files._CAN_LOCK", False)
+    else:
+        monkeypatch.setattr("riemhuman.surfaces.whole_files.lock", refuse)
+    (tmp_path / ".a.0.part.txt").write_text("another's")
+    with whole_file(tmp_path / "a.txt") as neighbour:
+        neighbour.write_text("new")
+    assert {entry.name for entry in tmp_path.iterdir()} == {"a.txt", ".a.0.part.txt"}
+    assert (tmp_path / ".a.0.part.txt").read_text() == "another's"
+
+
+def test_a_folder_to_take_a_place(tmp_path):
+    with new_folder(tmp_path / "a") as folder:
+        (folder / "b").touch()
+        folder.rename(tmp_path / "a")
+        folder.mkdir()  # by another process
+    assert {entry.name for entry in tmp_path.iterdir()} == {"a", folder.name}
+
+
+def test_a_folder_that_fails(tmp_path):
+    def fail():
+        with new_folder(tmp_path / "a") as folder:
+            (folder / "b").touch()
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert not list(tmp_path.iterdir())
+
+
+def test_an_error_without_words_of_the_system(tmp_path):
+    with pytest.raises(FileError, match=r"a\.txt cannot be written: 10 requested and 4 written"):
+        write_half(tmp_path / "a.txt", OSError("10 requested and 4 written"))

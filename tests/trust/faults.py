@@ -103,7 +103,7 @@ def neighbors(inputs, outputs):
     try:
         neighbors.save(outputs / "index.npz")
     except RiemhumanError as error:
-        print(f"riemhuman: {error}", file=sys.stderr)
+        sys.stderr.write(f"riemhuman: {error}\n")
         return 2
     return 0
 
@@ -125,7 +125,9 @@ def report(inputs, outputs):
         mock.patch.object(materials.Materials, "picture", undrawn),
         mock.patch.object(materials, "drawn", lambda name: (f"<svg>{name}</svg>", name.encode())),
     ):
-        return cli("report", "--quick", "--bodies", inputs / "scans", "-o", outputs / "report", "-q")
+        return cli(
+            "report", "--quick", "--bodies", inputs / "scans", "-o", outputs / "report", "-q"
+        )
 
 
 OPERATIONS = {
@@ -219,12 +221,13 @@ def _child(task, said, complained, changed):
     code = 99
     try:
         code = OPERATIONS[task["operation"]](Path(task["inputs"]), Path(task["outputs"]))
-    except BaseException:
-        traceback.print_exc()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os.write(changed, str(changes.count).encode())
-    os._exit(code)
+    finally:
+        if sys.exception() is not None:
+            traceback.print_exc()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os.write(changed, str(changes.count).encode())
+        os._exit(code)
 
 
 def turn_back_the_clock(seconds):
@@ -237,6 +240,16 @@ def turn_back_the_clock(seconds):
 
     time.time = earlier
     time.time_ns = lambda: int(earlier() * 1e9)
+
+
+def _answer(value):
+    sys.stdout.write(json.dumps(value) + "\n")
+    sys.stdout.flush()
+
+
+def _read(descriptor):
+    with open(descriptor, encoding="utf-8") as stream:
+        return stream.read()
 
 
 def serve():
@@ -252,7 +265,7 @@ def serve():
         for name, operation in OPERATIONS.items():
             (scratch / name).mkdir()
             operation(scratch / "inputs", scratch / name)
-    print(json.dumps(str(scratch / "inputs")), flush=True)
+    _answer(str(scratch / "inputs"))
     for line in sys.stdin:
         children = []
         for task in json.loads(line):
@@ -267,10 +280,10 @@ def serve():
         answers = []
         for child, ends in children:
             _, status = os.waitpid(child, 0)
-            out, err, changes = (open(end, encoding="utf-8").read() for end in ends)
+            out, err, changes = map(_read, ends)
             code = os.waitstatus_to_exitcode(status)
             answers.append({"code": code, "out": out, "err": err, "changes": int(changes or 0)})
-        print(json.dumps(answers), flush=True)
+        _answer(answers)
 
 
 class Server:
@@ -326,7 +339,10 @@ class Server:
         list of dict
             The exit `code` or minus the signal, `out`, `err`, and the number of `changes`.
         """
-        task = dict.fromkeys(("kill_at", "room", "clock", "alarm")) | {"pause": 0, "fatal_room": False}
+        task = dict.fromkeys(("kill_at", "room", "clock", "alarm")) | {
+            "pause": 0,
+            "fatal_room": False,
+        }
         task |= {"operation": operation, "inputs": self.inputs, "outputs": outputs} | options
         outputs.mkdir(parents=True, exist_ok=True)
         self._process.stdin.write(json.dumps([task] * n_processes, default=str) + "\n")

@@ -1,0 +1,39 @@
+"""Checksums notice every single bit."""
+
+import zlib
+
+import numpy as np
+import pytest
+
+from riemhuman.jobs.checksums import are_marks, checksums, mark
+
+
+@pytest.mark.parametrize("shape", [(5,), (5, 3), (5, 2, 4), (5, 0)])
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_a_checksum_a_row(shape, dtype):
+    rows = np.random.default_rng(0).normal(size=shape).astype(dtype)
+    found = checksums(rows)
+    assert (found.dtype, found.shape) == (np.uint32, (5,))
+    assert found.tolist() == [zlib.crc32(row.tobytes()) for row in rows]
+    np.testing.assert_array_equal(checksums(np.asfortranarray(rows)), found)
+
+
+def test_every_bit_counts():
+    rows = np.random.default_rng(1).normal(size=(2, 3))
+    before, whole = checksums(rows), mark(rows)
+    for bit in range(8 * rows.nbytes):
+        flipped = rows.copy()
+        flipped.view(np.uint8).reshape(-1)[bit // 8] ^= 1 << bit % 8
+        changed = checksums(flipped) != before
+        assert changed.tolist() == [bit < 192, bit >= 192]
+        assert mark(flipped) != whole
+    assert mark(rows.T) == mark(np.ascontiguousarray(rows.T)) != whole
+
+
+def test_marks_are_told_from_anything_else():
+    block = np.ones((2, 2))
+    assert are_marks(np.array([0, mark(block), 0], dtype=np.uint64))
+    for bit in range(32, 64):
+        assert not are_marks(np.array([mark(block) ^ 1 << bit], dtype=np.uint64))
+        assert not are_marks(np.array([1 << bit], dtype=np.uint64))
+    assert not are_marks(np.array([1], dtype=np.uint64))
