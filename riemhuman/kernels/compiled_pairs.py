@@ -62,8 +62,8 @@ _LOGARITHM = (
 
 # Triangles summed in the precision of the features before they join the sum over all.
 _CHUNK = 512
-# Pairs times values of one tile: a few milliseconds of work on features that fit the cache.
-_TILE_WORK = 8_000_000
+# Pairs times values of one tile: some milliseconds of work, so that features read are used often.
+_TILE_WORK = 20_000_000
 
 # Products may join sums; where terms may also change places, only sums of terms are concerned.
 _FUSED = {"contract", "nsz"}

@@ -9,7 +9,7 @@ _N_ROUNDS = 60
 # The motion of a surface is found from about this many of its vertices.
 _N_VERTICES = 2000
 # Rounds end when no vertex moves by more than this share of the body's size.
-_TOLERANCE = 1e-6
+_TOLERANCE = 1e-5
 # Distances below this share of the body's size count as none.
 _SMALLEST = 1e-4
 
@@ -37,33 +37,37 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
         Path with the same ends.
     """
     moved = path.copy()
+    if len(path) < 3:
+        return moved
     size = np.ptp(path[0], axis=0).max()
     some = slice(None, None, max(1, path.shape[1] // _N_VERTICES))
-    for i, t in enumerate(np.linspace(0.0, 1.0, len(path))[1:-1], start=1):
-        f = path[i, some]
-        target = (1.0 - t) * path[0, some] + t * path[-1, some]
-        pull = weights[some]
-        before = f
-        for _ in range(_N_ROUNDS):
-            rotation, shift = _rigid_motion(f, target, pull / pull.sum(), rotations)
-            after = f @ rotation + shift
-            if np.abs(after - before).max() <= _TOLERANCE * size:
-                break
-            distances = np.linalg.norm(after - target, axis=1)
-            pull = weights[some] / np.maximum(distances, _SMALLEST * size)
-            before = after
-        moved[i] = path[i] @ rotation + shift
+    times = np.linspace(0.0, 1.0, len(path))[1:-1, None, None]
+    f, own = path[1:-1, some], weights[some]
+    target = (1.0 - times) * path[0, some] + times * path[-1, some]
+    pull = np.broadcast_to(own, f.shape[:2])
+    before = f
+    for _ in range(_N_ROUNDS):
+        turns, shifts = _rigid_motions(f, target, pull, rotations)
+        after = f @ turns + shifts
+        if np.abs(after - before).max() <= _TOLERANCE * size:
+            break
+        distances = np.linalg.norm(after - target, axis=2)
+        pull = own / np.maximum(distances, _SMALLEST * size)
+        before = after
+    moved[1:-1] = path[1:-1] @ turns + shifts
     return moved
 
 
-def _rigid_motion(
+def _rigid_motions(
     f: ndarray, target: ndarray, weights: ndarray, rotations: bool
 ) -> tuple[ndarray, ndarray]:
     """Return R and b of least weighted squared distance between f R + b and the target."""
-    centre, goal = weights @ f, weights @ target
+    shares = (weights / weights.sum(axis=1, keepdims=True))[:, None]
+    centre, goal = shares @ f, shares @ target
     if not rotations:
         return np.eye(3), goal - centre
-    left, _, right = np.linalg.svd(((f - centre) * weights[:, None]).T @ (target - goal))
-    sign = 1.0 if np.linalg.det(left @ right) > 0 else -1.0
-    rotation = (left * [1.0, 1.0, sign]) @ right
-    return rotation, goal - centre @ rotation
+    covariance = (np.swapaxes(f - centre, 1, 2) * shares) @ (target - goal)
+    left, _, right = np.linalg.svd(covariance)
+    left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
+    turns = left @ right
+    return turns, goal - centre @ turns
