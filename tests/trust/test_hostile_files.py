@@ -38,10 +38,12 @@ from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
+    DamagedFileWarning,
     FileError,
     FileFormatError,
     RiemhumanError,
 )
+from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.surfaces.array_files import load_array, load_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -416,7 +418,7 @@ def test_an_index_with_pivots_of_another_type(index):
     np.testing.assert_array_equal(neighbors.kneighbors(surfaces(2), 2), expected)
 
 
-def test_features_of_a_job_that_lead_nowhere(tmp_path, monkeypatch):
+def test_features_of_a_job_that_lead_nowhere_are_computed_again(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     files = READERS["job"].files()
     (tmp_path / "job").mkdir(exist_ok=True)
@@ -424,8 +426,9 @@ def test_features_of_a_job_that_lead_nowhere(tmp_path, monkeypatch):
         (tmp_path / file).write_bytes(content)
     features = np.load(tmp_path / "job" / "features_0.npy")
     np.save(tmp_path / "job" / "features_0.npy", features.byteswap())
-    with pytest.raises(FileFormatError, match="is damaged"):
-        read_job(tmp_path)
+    with pytest.warns(DamagedFileWarning, match=r"features_0.npy is damaged.*points\[0:"):
+        distances = pairwise_job(metric(), surfaces(4), tmp_path / "job")
+    np.testing.assert_array_equal(distances, metric().dist_pairwise(surfaces(4)))
 
 
 @pytest.mark.parametrize(
