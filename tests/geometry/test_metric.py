@@ -27,6 +27,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
 from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.vector_space import VectorSpace
 
 TIMES = np.linspace(0.0, 1.0, 9)
 
@@ -560,6 +561,19 @@ def test_midpoints_are_on_the_manifold():
     angles = np.linspace(0, 1, 401)
     path = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)[:, None]
     np.testing.assert_allclose(Picky(space).length(path), 1.0, rtol=1e-5)
+
+
+def test_inner_product_of_a_distance_alone_at_the_origin():
+    """The step of the differences is small there too."""
+
+    class Stretched(RiemannianMetric):
+        def squared_dist(self, point_a, point_b):
+            return anp.sum((anp.sinh(point_a) - anp.sinh(point_b)) ** 2, axis=-1)
+
+    metric = Stretched(VectorSpace((3,)))
+    a, b = np.array([[1.0, -2.0, 0.5], [3.0, 1.0, 1.0]])
+    found = metric.inner_product(a, b, np.zeros(3))
+    np.testing.assert_allclose(found, a @ b, rtol=1e-7)
 
 
 def test_neither_primitive_is_refused():

@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 from cases import CASES, HalfPlane, HyperbolicDistance, deformations, sphere_template, surfaces
+from scipy.spatial.distance import cdist
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
@@ -16,6 +17,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle, thread_count
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.vector_space import VectorSpace
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
@@ -317,6 +319,14 @@ def test_compiled_loops_need_to_be_named():
         metric.features(points)
     with pytest.raises(TypeError, match="BulkMetric must say what the distances"):
         metric.squared_dist_of_features((points, points), (points, points))
+
+
+def test_more_points_than_are_held_or_looked_at_together():
+    metric = VectorSpace((2,)).metric
+    points = np.random.default_rng(0).standard_normal((1100, 2))
+    size = sum(feature.nbytes for feature in metric.features(points[:1]))
+    found = metric.dist_pairwise(points, precision="double", memory=800 * size)
+    np.testing.assert_allclose(found, cdist(points, points), rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize(("n_jobs", "most"), [(None, 3), (2, 60_000)])

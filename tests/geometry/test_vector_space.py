@@ -16,6 +16,8 @@ def test_weighted_sum_of_squares():
     np.testing.assert_allclose(metric.inner_product(a, b, a), expected, rtol=1e-14)
     unweighted = VectorSpace((2, 3)).metric
     np.testing.assert_allclose(unweighted.dist(a, b), np.linalg.norm(a - b), rtol=1e-14)
+    blind = FlatMetric(VectorSpace((2, 3)), weights=[0.0, 1.0])
+    np.testing.assert_allclose(blind.dist(a, b), np.linalg.norm(a[1] - b[1]), rtol=1e-14)
 
 
 def test_geodesics_are_straight():
