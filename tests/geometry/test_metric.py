@@ -184,6 +184,26 @@ def test_covector_represents_inner_product(case):
     vectors = np.stack([v, w])
     gram = [[metric.inner_product(a, b, x) for b in vectors] for a in vectors]
     np.testing.assert_allclose(metric.gram_matrix(vectors, x), gram, atol=1e-7 * bound)
+    averaged = np.mean([metric.gram_matrix(vectors, y) for y in case.points[:2]], axis=0)
+    found = metric.gram_matrix(vectors, case.points[:2])
+    np.testing.assert_allclose(found, averaged, atol=1e-9 * np.abs(averaged).max())
+
+
+def test_strategies_take_one_pair_after_the_other():
+    class Straight:
+        def solve(self, metric, base_point, other):
+            assert base_point.shape == other.shape == (2,)
+            return SimpleNamespace(
+                end=base_point + other, tangent_vec=other - base_point, complete=True, message=""
+            )
+
+    space = HalfPlane()
+    metric = HyperbolicInnerProduct(space, exp_solver=Straight(), log_solver=Straight())
+    points = space.random_point(6).reshape(2, 3, 2)
+    vectors = 0.1 * points[::-1]
+    np.testing.assert_array_equal(metric.exp(vectors, points), points + vectors)
+    np.testing.assert_array_equal(metric.exp(vectors, points[0, 1]), points[0, 1] + vectors)
+    np.testing.assert_array_equal(metric.log(points, points[1, 2]), points - points[1, 2])
 
 
 # Gradients (House rule 6).
