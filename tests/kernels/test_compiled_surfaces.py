@@ -131,7 +131,8 @@ def test_unwrapping_follows_the_tree_of_least_differences(seed):
     quaternions = rng.choice([-1.0, 1.0], (n, 1)) * Rotation.from_rotvec(turns).as_quat()
     one, other = quaternions[pairs.T]
     gaps = np.minimum(np.sum((one - other) ** 2, axis=1), np.sum((one + other) ** 2, axis=1))
-    differences = coo_array((gaps, pairs.T), shape=(n, n)).tocsr()
+    # SciPy's trees want 32-bit indices in older releases.
+    differences = coo_array((gaps, pairs.T.astype(np.int32)), shape=(n, n)).tocsr()
     both_ways = (differences + differences.T).tocsr()
     roots = rng.permutation(n)
     found = turns.copy()
