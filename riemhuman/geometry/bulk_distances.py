@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of
+from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances, pair_by_pair
 
@@ -38,7 +38,6 @@ class BulkDistances(ABC):
         array, shape (...)
         """
 
-    @abstractmethod
     def check_points(self, points: Points, name: str = "points") -> ndarray:
         r"""Return a set of points as a float64 array, or say what is wrong with it.
 
@@ -53,6 +52,7 @@ class BulkDistances(ABC):
         -------
         array, shape (n, \*shape)
         """
+        return real_array(points, name, ("n_points", *self.space.shape), batched=False)
 
     @property
     def n_feature_arrays(self) -> int:

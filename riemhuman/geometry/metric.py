@@ -12,7 +12,6 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
 from riemhuman.geometry.bulk_distances import BulkDistances
-from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.kernels.scalars import square_root
 
@@ -411,22 +410,6 @@ class RiemannianMetric(BulkDistances):
         array, shape (...)
         """
         return np.sum(square_root(self._squared_segments(self._check_path(path))), axis=-1)
-
-    def check_points(self, points: Points, name: str = "points") -> ndarray:
-        r"""Return a set of points as a float64 array, or say what is wrong with it.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, \*shape)
-            Points.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
-        """
-        return real_array(points, name, ("n_points", *self.space.shape), batched=False)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         before: Any = (..., slice(None, -1), *self._whole_point)

@@ -74,7 +74,6 @@ _SPEED_ALONE = {
         "_BLOCK": "points of one block",
         "_CLOSE_BLOCK": "points of one block of close pairs",
     },
-    "solvers/basis_path.py": {"_N_NODES": "surfaces that a preconditioner is averaged over"},
     "solvers/path_straightening.py": {"_N_NODES": "points that a preconditioner is averaged over"},
     "solvers/preconditioner.py": {"_RIDGE": "added to the diagonal of a preconditioner"},
     "solvers/spatial_factors.py": {

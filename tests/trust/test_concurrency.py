@@ -84,8 +84,6 @@ CALLS = (
 @pytest.mark.parametrize("kind", ["pose", "both", "srnf"])
 @pytest.mark.parametrize("call", CALLS)
 def test_many_threads_see_the_bits_of_one(call, kind):
-    if kind == "srnf" and call in (energy_and_gradient, geodesic):
-        pytest.skip("only of the paper's metrics")
     alone = [np.asarray(call(fresh(kind), k)).tobytes() for k in range(12)]
     for _ in range(3):
         metric = fresh(kind)
