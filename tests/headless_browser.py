@@ -80,7 +80,7 @@ class Browser:
         body = {"script": script, "args": list(arguments)}
         return self._send("POST", f"{self._session}/execute/sync", body)
 
-    def wait_for(self, script: str, seconds: float = 15.0) -> Any:
+    def wait_for(self, script: str, seconds: float = 60.0) -> Any:
         """Run a script until it returns something true."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:

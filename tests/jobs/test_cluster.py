@@ -76,7 +76,7 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
     pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     assert n_tiles[0] > 10
     assert (tmp_path / "D.npy").read_bytes() == local
-    client.wait_for_workers(2, timeout=30)
+    client.wait_for_workers(2, timeout=120)
     assert set(client.run(os.getpid).values()) != set(pids.values())
 
 
@@ -196,7 +196,7 @@ def unhide():
 
 
 def test_a_worker_without_the_library(client, tmp_path):
-    client.wait_for_workers(2, timeout=30)
+    client.wait_for_workers(2, timeout=120)
     one = [next(iter(client.nthreads()))]
     client.run(hide, workers=one)
     try:

@@ -83,7 +83,7 @@ def test_a_forked_process_has_threads_of_its_own():
 
     child = multiprocessing.get_context("fork").Process(target=work)
     child.start()
-    child.join(timeout=20)
+    child.join(timeout=60)
     finished = child.exitcode == 0
     child.kill()
     assert finished

@@ -92,7 +92,7 @@ def test_many_threads_see_the_bits_of_one(call, kind):
         def task(k, metric=metric, together=together):
             # All come upon an object that has kept nothing yet.
             if k < N_THREADS:
-                together.wait(timeout=30)
+                together.wait(timeout=120)
             return np.asarray(call(metric, k)).tobytes()
 
         with ThreadPoolExecutor(N_THREADS) as pool:

@@ -293,7 +293,7 @@ def test_the_clock_runs_backwards(server, undisturbed, operation, tmp_path):
     "operation", ["matrix", "basis", "geodesic", "components", "resumable_matrix"]
 )
 def test_two_at_once_one_wins_and_the_other_says_so(server, undisturbed, operation, tmp_path):
-    answers = server.race(operation, tmp_path, 2, pause=0.02)
+    answers = server.race(operation, tmp_path, 2, pause=0.1)
     loser, winner = sorted(answers, key=lambda answer: -answer["code"])
     assert (winner["code"], loser["code"]) == (0, 2), answers
     assert re.search(rf"{re.escape(str(tmp_path))}\S* is in use: another process", loser["err"])
@@ -321,17 +321,19 @@ def test_killed_at_random_moments(server, undisturbed, operation, tmp_path):
     expected, _ = undisturbed(operation, server.inputs)
     begun = time.monotonic()
     assert server.run(operation, tmp_path / "timed")["code"] == 0
-    seconds = time.monotonic() - begun
+    longest = 0.9 * (time.monotonic() - begun)
     moments = random.Random(5)
     outputs = tmp_path / "outputs"
-    n_killed = 0
-    for _ in range(8):
-        finished = server.run(operation, outputs, alarm=moments.uniform(0.2, 0.9) * seconds)
+    n_runs, n_killed = 0, 0
+    while n_runs < 8 or n_killed == 0:
+        finished = server.run(operation, outputs, alarm=moments.uniform(0.2, 1.0) * longest)
         assert finished["code"] in (0, -signal.SIGALRM), finished
+        n_runs += 1
         n_killed += finished["code"] < 0
+        # One that was faster than the first may have come to its end.
+        longest *= 0.9 if finished["code"] == 0 else 1.0
         found = visible(content(outputs))
         found.pop("report/provenance.json", None)
         assert all(found[name] == expected[name] for name in found)
-    assert n_killed > 0
     assert server.run(operation, outputs)["code"] == 0
     assert content(outputs) == expected
