@@ -246,6 +246,7 @@ class _Copy:
         for name in ("setup.cfg", "README.md"):
             shutil.copy(ROOT / name, folder)
         self._compiled = folder / "compiled"
+        self._compiled.mkdir()
         self._output = ""
 
     def check_tests(self, seconds: float) -> None:
