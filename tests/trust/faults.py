@@ -18,6 +18,7 @@ import subprocess
 import sys
 import time
 import traceback
+from collections import Counter
 from pathlib import Path
 from unittest import mock
 
@@ -293,6 +294,11 @@ class Server:
     ----------
     scratch : Path
         Folder for its files.
+
+    Attributes
+    ----------
+    ends : Counter
+        How often processes ended with each exit code, or minus the signal.
     """
 
     def __init__(self, scratch):
@@ -311,6 +317,7 @@ class Server:
         )
         self.inputs = Path(json.loads(self._process.stdout.readline()))
         self.others = self.inputs.with_name("others")
+        self.ends = Counter()
 
     def run(self, operation, outputs, **options):
         """Run an operation, and return what became of its process, see `race`."""
@@ -347,7 +354,9 @@ class Server:
         outputs.mkdir(parents=True, exist_ok=True)
         self._process.stdin.write(json.dumps([task] * n_processes, default=str) + "\n")
         self._process.stdin.flush()
-        return json.loads(self._process.stdout.readline())
+        answers = json.loads(self._process.stdout.readline())
+        self.ends.update(answer["code"] for answer in answers)
+        return answers
 
     def close(self):
         """End the server."""

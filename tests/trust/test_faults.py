@@ -41,6 +41,11 @@ def server(tmp_path_factory):
     server = Server(tmp_path_factory.mktemp("server"))
     yield server
     server.close()
+    n_killed = sum(number for code, number in server.ends.items() if code < 0)
+    sys.stdout.write(
+        f"\n{server.ends.total()} runs: {n_killed} killed, {server.ends[0]} finished, "
+        f"{server.ends[2]} refused\n"
+    )
 
 
 def content(folder):
