@@ -195,6 +195,8 @@ def distances(
     rows = _PointSet(metric, points_a, names[0], precision)
     columns = rows if points_b is None else _PointSet(metric, points_b, names[1], precision)
     result = np.zeros((len(rows), len(columns)))
+    if not result.size:
+        return result
     n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
     size = _block_size(rows, columns, memory)
     with tqdm(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
@@ -218,6 +220,9 @@ def distances(
                         result[j, i] = block.T
                     diagonal = part_a is part_b
                     bar.update(len(block) * (len(block) - 1) // 2 if diagonal else block.size)
+                # The next features take the place of these.
+                del features_b, part_a, part_b
+            del features_a
     return result
 
 
@@ -260,13 +265,11 @@ class _PointSet:
 def _block_size(rows: _PointSet, columns: _PointSet, memory: int) -> int:
     """Return how many points of each set to hold at once."""
     sizes = [
-        sum(array.nbytes for array in points.features(slice(0, 1)))
-        for points in (rows, columns)
-        if len(points)
+        sum(array.nbytes for array in points.features(slice(0, 1))) for points in (rows, columns)
     ]
     n_points = len(rows) if rows is columns else len(rows) + len(columns)
-    if not sizes or n_points * max(sizes) <= memory:
-        return max(len(rows), len(columns), 1)
+    if n_points * max(sizes) <= memory:
+        return max(len(rows), len(columns))
     return max(1, memory // (2 * max(sizes)))
 
 

@@ -3,6 +3,8 @@
 import os
 import subprocess
 import sys
+import threading
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from scipy.spatial.distance import cdist
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.bulk_distances import BulkDistances
 from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
@@ -217,11 +220,54 @@ def test_points_are_sliced_as_the_budget_allows(tmp_path, monkeypatch):
     np.testing.assert_array_equal(metric.dist_pairwise(mapped, memory=6 * size), whole)
     np.testing.assert_array_equal(metric.cdist(list(points), mapped), whole)
     np.testing.assert_array_equal(metric.cdist(points[:0], mapped), np.zeros((0, 12)))
+    np.testing.assert_array_equal(metric.cdist(mapped, points[:0]), np.zeros((12, 0)))
+    # All at once where the budget is just enough, and by halves of it where it is not.
+    for memory, longest in ((12 * size, 12), (12 * size - 1, 5)):
+        asked = Asked(points)
+        np.testing.assert_array_equal(metric.dist_pairwise(asked, memory=memory), whole)
+        assert asked.longest == longest
+    for memory, longest in ((16 * size, 12), (16 * size - 1, 7)):
+        asked = Asked(points)
+        np.testing.assert_array_equal(metric.cdist(asked, points[:4], memory=memory), whole[:, :4])
+        assert asked.longest == longest
     # However much the budget allows, few points are looked at together.
     monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 5)
     asked = Asked(points)
     np.testing.assert_array_equal(metric.dist_pairwise(asked, memory=11 * size), whole)
     assert asked.longest == 5
+
+
+def test_features_held_at_once_are_within_the_budget(monkeypatch):
+    monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 2)
+    size = 80_000
+
+    class Wide(BulkDistances):
+        space = VectorSpace((1,))
+
+        def squared_dist(self, point_a, point_b):
+            return np.sum((point_a - point_b) ** 2)
+
+        def features(self, points, precision="double"):
+            return (np.repeat(points, size // 8, axis=1),)
+
+        def squared_dist_of_features(self, features_a, features_b, n_jobs=None):
+            return (features_a[0][:, None, 0] - features_b[0][:, 0]) ** 2
+
+    points = np.random.default_rng(17).standard_normal((24, 1))
+    # What the first call loads is no feature.
+    Wide().dist_pairwise(points)
+    for n_held in (8, 24):
+        for call, other in (
+            (lambda memory: Wide().dist_pairwise(points, memory=memory), points),
+            (lambda memory: Wide().cdist(points, points[:20], memory=memory), points[:20]),
+        ):
+            tracemalloc.start()
+            found = call(n_held * size)
+            most = tracemalloc.get_traced_memory()[1]
+            tracemalloc.stop()
+            np.testing.assert_allclose(found, cdist(points, other), rtol=1e-12)
+            # And those of few points that are computed together.
+            assert most < (n_held + 5) * size
 
 
 def test_features_are_those_of_the_points_in_their_order():
@@ -241,6 +287,7 @@ def test_features_are_those_of_the_points_in_their_order():
 def test_progress_is_shown_on_demand(capsys, monkeypatch):
     case = CASES["pose triangle"]
     case.metric.dist_pairwise(case.points)
+    case.metric.cdist(case.points, case.points)
     assert capsys.readouterr().err == ""
     case.metric.dist_pairwise(case.points, progress=True)
     assert "6/6" in capsys.readouterr().err
@@ -274,9 +321,11 @@ def test_bad_options(options, message):
             case.metric.cdist(case.points, case.points, **options)
 
 
-def test_numbers_of_threads():
+def test_numbers_of_threads(monkeypatch):
     assert [thread_count(n_jobs) for n_jobs in (None, 1, 3)] == [1, 1, 3]
     assert thread_count(-1) == os.cpu_count()
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert thread_count(-1) == 1
     for wrong in (0, -2):
         with pytest.raises(ArgumentError, match=f"-1, or at least 1; found {wrong}"):
             thread_count(wrong)
@@ -288,9 +337,13 @@ def test_bad_sets_of_points():
     metric, points = CASES["pose triangle"].metric, CASES["pose triangle"].points
     spoilt = points.copy()
     spoilt[2, 0, 0] = np.nan
-    for wrong, message in ((points[0], "points_b must have shape"), (spoilt, "points_b holds 1")):
-        with pytest.raises(ArgumentError, match=message):
+    for wrong, message in ((points[0], "must have shape"), (spoilt, "holds 1")):
+        with pytest.raises(ArgumentError, match=f"points_b {message}"):
             metric.cdist(points, wrong)
+        with pytest.raises(ArgumentError, match=f"points_a {message}"):
+            metric.cdist(wrong, points)
+        with pytest.raises(ArgumentError, match=f"points {message}"):
+            metric.dist_pairwise(wrong)
     with pytest.raises(ArgumentError, match="precision must be"):
         metric.features(points, "quadruple")
     # A set has a length but no order, and an iterator has neither.
@@ -327,6 +380,49 @@ def test_more_points_than_are_held_or_looked_at_together():
     size = sum(feature.nbytes for feature in metric.features(points[:1]))
     found = metric.dist_pairwise(points, precision="double", memory=800 * size)
     np.testing.assert_allclose(found, cdist(points, points), rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(("n_jobs", "elsewhere"), [(None, False), (1, False), (2, True)])
+def test_distances_of_users_are_asked_for_once_a_pair(n_jobs, elsewhere):
+    """By the caller's own thread, unless others are asked for."""
+
+    class Counted(RiemannianMetric):
+        def squared_dist(self, point_a, point_b):
+            asked.append((point_a[1], point_b[1]))
+            in_other_threads.append(threading.current_thread() is not caller)
+            return np.sum((point_a - point_b) ** 2)
+
+    metric, points = Counted(HalfPlane()), HalfPlane().random_point(5, rng=14)
+    points[3, 0] = points[1, 0]
+    heights = points[:, 1].tolist()
+    asked, in_other_threads, caller = [], [], threading.current_thread()
+    found = metric.dist_pairwise(points, n_jobs=n_jobs)
+    np.testing.assert_allclose(found, cdist(points, points), rtol=1e-14)
+    assert sorted(asked) == sorted(
+        (heights[i], heights[j]) for i in range(5) for j in range(i + 1, 5)
+    )
+    assert in_other_threads == [elsewhere] * 10
+    asked.clear()
+    found = metric.cdist(points[:2], points, n_jobs=n_jobs)
+    np.testing.assert_allclose(found, cdist(points[:2], points), rtol=1e-14)
+    assert sorted(asked) == sorted((a, b) for a in heights[:2] for b in heights)
+
+
+def test_points_are_looked_at_where_features_do_not_settle_a_distance():
+    """Features without rounding settle them all, 0 too."""
+    points = surfaces(TEMPLATE, 2, rng=15)[[0, 1, 1]]
+    metric = metric_of(TEMPLATE, (1.0, 0.1, 0.1))
+    for other, precision in ((HyperbolicDistance(HalfPlane()), "single"), (metric, "double")):
+        some = points if other is metric else HalfPlane().random_point(2, rng=16)[[0, 1, 1]]
+        features = other.features(some, precision)
+        found = squared_dist_rectangle(other, features, features, None, None)
+        np.testing.assert_array_equal(
+            np.sqrt(found), other.dist_pairwise(some, precision=precision)
+        )
+        assert found[1, 2] == 0.0
+    features = metric.features(points, "single")
+    with pytest.raises(TypeError):
+        squared_dist_rectangle(metric, features, features, None, None)
 
 
 @pytest.mark.parametrize(("n_jobs", "most"), [(None, 3), (2, 60_000)])
