@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy import ndarray
@@ -154,9 +154,10 @@ class DiscreteLogarithm:
             )
         # A path that turns the limbs is the better start, but only what it has in the basis can
         # be followed by the exponential.
-        first = BasisPath(basis, n_times, remove_drift=False).solve(metric, start, end)
+        solver = BasisPath(basis, n_times, remove_drift=False)
+        first = solver.solve(metric, start, end)
         initial = start + basis.project(first.path - start)
-        if not np.isfinite(metric.energy(initial)):
+        if not np.isfinite(metric.energy_and_gradient(initial)[0]):
             initial = linear_path(start, end, n_times)
-        solver = BasisPath(basis, n_times, tolerance=_TOLERANCE, remove_drift=False)
+        solver = replace(solver, tolerance=_TOLERANCE)
         return solver.solve(metric, start, end, initial_path=initial)

@@ -277,12 +277,12 @@ def _order(s: _Sample) -> float:
     """Return how far below 2 the order of the remainder of the energy's gradient lies."""
     energy, gradient = s.metric.energy_and_gradient(s.points)
     slope = np.sum(gradient * s.a)
-    if not np.isfinite(slope):
+    if not np.isfinite([energy, slope]).all():
         return np.nan
     moved = [s.metric.space.regularize(s.points + step * s.a) for step in _TAYLOR_STEPS]
     found = np.array([s.metric.energy(path) for path in moved])
     remainders = np.abs(found - energy - _TAYLOR_STEPS * slope)
-    seen = np.flatnonzero(remainders > _ROUNDING * (abs(energy) + abs(slope)))[-4:]
+    seen = np.flatnonzero(remainders > _ROUNDING * abs(energy))[-4:]
     if len(seen) < 4:
         return 0.0
     order = np.polyfit(np.log(_TAYLOR_STEPS[seen]), np.log(remainders[seen]), 1)[0]

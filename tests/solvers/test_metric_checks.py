@@ -5,8 +5,10 @@ import numpy as np
 import pytest
 from cases import CASES, HalfPlane, HyperbolicDistance, HyperbolicInnerProduct, name_of
 
+from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.normal_fields import NormalFieldMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.solvers.metric_checks import MetricReport, PropertyCheck, check_metric
 
@@ -114,6 +116,13 @@ class WrongGradient(FlatMetric):
         return energy, 1.001 * gradient
 
 
+class InfiniteEnergy(FlatMetric):
+    """Beyond all bounds, with a gradient that is right."""
+
+    def energy_and_gradient(self, path):
+        return np.inf, super().energy_and_gradient(path)[1]
+
+
 class NotFinite(FlatMetric):
     def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
         return anp.sum(tangent_vec_a * tangent_vec_b, axis=-1) / anp.zeros(())
@@ -125,7 +134,6 @@ class NotFinite(FlatMetric):
         (Skew, {SYMMETRIC}),
         (Cubic, {LINEAR, COVECTORS, LIMIT}),
         (Lorentzian, {POSITIVE, LIMIT}),
-        (Blind, {POSITIVE, LIMIT}),
         (Summed, {STACKED}),
         (WrongCovector, {COVECTORS}),
         (Shifted, {DIAGONAL, LIMIT}),
@@ -146,10 +154,30 @@ def test_broken_twins_fail_where_they_are_broken(twin, lacking):
 
 
 @pytest.mark.parametrize(
-    "twin", [Skew, Summed, WrongCovector, TooShort, EnergyWithoutSegments, WrongGradient]
+    ("twin", "lacking"),
+    [
+        (Skew, {SYMMETRIC}),
+        # 0 is symmetric, linear, and represented by covectors, though it has no size.
+        (Blind, {POSITIVE, LIMIT}),
+        (Summed, {STACKED}),
+        (WrongCovector, {COVECTORS}),
+        (TooShort, {LIMIT}),
+        (EnergyWithoutSegments, {ENERGY}),
+        (WrongGradient, {GRADIENT}),
+        (InfiniteEnergy, {GRADIENT}),
+    ],
 )
-def test_only_what_is_broken_is_named(twin):
-    assert len(check_metric(twin(plane()), PLANE_POINTS).failures) == 1
+def test_only_what_is_broken_is_named(twin, lacking):
+    assert {check.name for check in check_metric(twin(plane()), PLANE_POINTS).failures} == lacking
+
+
+def test_a_metric_that_sees_nothing_is_not_positive():
+    class Nothing(RiemannianMetric):
+        def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+            return 0.0 * anp.sum(tangent_vec_a * tangent_vec_b * base_point, axis=-1)
+
+    report = check_metric(Nothing(plane()), PLANE_POINTS)
+    assert [check.name for check in report.failures] == [POSITIVE]
 
 
 def test_error_is_by_how_much():
@@ -225,21 +253,42 @@ def test_bad_arguments(arguments, message):
 LINE_POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [3.0, 0.0]])
 
 
+class Sloped(FlatMetric):
+    def squared_dist(self, point_a, point_b):
+        return anp.sum((point_a - point_b) ** 2, axis=-1) + 0.1 * (point_b - point_a)[..., 0]
+
+
+class ApartInStacks(FlatMetric):
+    def squared_dist(self, point_a, point_b):
+        return anp.sum((point_a - point_b) ** 2, axis=-1) + 0.5 * (anp.ndim(point_a) > 1)
+
+
+class NoLength(EnergyWithoutSegments):
+    def length(self, path):
+        return np.zeros(())
+
+
 @pytest.mark.parametrize(
     ("twin", "name", "expected"),
     [
+        # a = (0, 2) and b = a/2: ⟨2a − 3b, b⟩ is 1, of 13, where ⟨a, a⟩ is 64.
+        (Cubic, LINEAR, 12.0 / 64.0),
         (WrongCovector, COVECTORS, 0.001 * 0.5),
         (Lorentzian, POSITIVE, 1.0),
         (Blind, POSITIVE, np.inf),
         (Summed, STACKED, np.inf),
         (Shifted, DIAGONAL, 0.1 / np.sqrt(9.01)),
+        (Sloped, FLAT, 0.1 / 9.3),
         (OneSided, SYMMETRIC_DIST, 1.0 - np.exp(-0.3)),
         # The longest way, 3² long, is 2 · 1.5² by its middle.
         (SquaredTwice, TRIANGLE, 0.5),
         (AllTogether, STACKED_DIST, np.inf),
+        (ApartInStacks, STACKED_DIST, 0.5 / 9.0),
         (TooShort, LIMIT, 0.1),
         # Of the squared length 9, one third is left.
         (EnergyWithoutSegments, ENERGY, 2.0),
+        (NoLength, ENERGY, 2.0),
+        (FlatMetric, GRADIENT, 0.0),
     ],
 )
 def test_errors_by_hand(twin, name, expected):
@@ -262,3 +311,101 @@ def test_tolerances():
         found = check_metric(TooShort(plane()), LINE_POINTS, vectors, tolerance=tolerance)
         (limit,) = [check for check in found.checks if check.name == LIMIT]
         assert limit.holds == holds
+
+
+def error_of(name, metric, points, vectors=None, **settings):
+    """Return the error of one property."""
+    checks = check_metric(metric, points, vectors, **settings).checks
+    return next(check.error for check in checks if check.name == name)
+
+
+def test_errors_by_hand_of_unequal_points_and_vectors():
+    vectors = np.array([[1.0, 0.0], [0.0, 2.0], [3.0, 0.0], [0.0, 1.0]])
+    # ⟨a, b⟩ − ⟨b, a⟩ is 0.6 a × b, and b is the vector before less a/2: (3, −1/2) is the longest.
+    found = error_of(SYMMETRIC, Skew(plane()), LINE_POINTS, vectors)
+    assert found == pytest.approx(0.6 * 6.0 / 9.25)
+    # From 0 to 6 it is 36, and by the point half way between the last two 4² + 2².
+    unequal = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [6.0, 0.0]])
+    assert error_of(TRIANGLE, SquaredTwice(plane()), unequal) == pytest.approx(16.0 / 36.0)
+
+
+@pytest.mark.parametrize(
+    ("cubic", "constant", "step"), [(0.0, 0.01, 1e-2), (1.0, 0.0, 1e-8), (1.0, 4e-15, 1e-5)]
+)
+def test_the_limit_is_that_of_the_best_step(cubic, constant, step):
+    """Large steps see the curvature of a metric, small ones the rounding errors of a distance."""
+
+    class Disturbed(FlatMetric):
+        def squared_dist(self, point_a, point_b):
+            squared = anp.sum((point_a - point_b) ** 2, axis=-1)
+            return squared + cubic * squared * anp.sqrt(squared) + constant
+
+    vectors = np.array([[0.0, 2.0]] * 4)
+    found = error_of(LIMIT, Disturbed(plane()), LINE_POINTS, vectors)
+    assert found == pytest.approx(cubic * 2.0 * step + constant / (2.0 * step) ** 2, rel=1e-3)
+
+
+def test_what_is_odd_in_the_step_is_not_of_the_limit():
+    class Steep(FlatMetric):
+        def squared_dist(self, point_a, point_b):
+            ahead = anp.exp(100.0 * (point_a[..., 0] - point_b[..., 0]))
+            return ahead * anp.sum((point_a - point_b) ** 2, axis=-1)
+
+    vectors = np.array([[2.0, 0.0]] * 4)
+    # One side alone is right to 2e-6, at the smallest step.
+    assert error_of(LIMIT, Steep(plane()), LINE_POINTS, vectors) < 2e-7
+
+
+def test_the_order_of_a_slightly_wrong_gradient():
+    """Where it is off by δ, the remainder is δ⟨∇E, a⟩ε + E(a) ε², seen from ε = 1e-6 to 3e-5."""
+    points, vectors = PLANE_POINTS, np.roll(PLANE_POINTS, 1, axis=0)
+    metric = FlatMetric(plane())
+    slope = np.sum(metric.energy_and_gradient(points)[1] * vectors)
+    wrong = 10**-5.25 * metric.energy(vectors) / slope
+
+    class SlightlyWrong(FlatMetric):
+        def energy_and_gradient(self, path):
+            energy, gradient = super().energy_and_gradient(path)
+            return energy, (1.0 - wrong) * gradient
+
+    # Both parts are equal in the middle, where the order is 3/2.
+    assert error_of(GRADIENT, SlightlyWrong(plane()), points, vectors) == pytest.approx(
+        0.5, abs=5e-3
+    )
+    assert error_of(GRADIENT, metric, points, vectors) < 1e-3
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_three_points_of_any_size_are_enough(scale):
+    report = check_metric(FlatMetric(plane()), scale * PLANE_POINTS[:3])
+    assert report.passed, str(report)
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_rounding_errors_are_no_remainders(scale):
+    """Vectors so short that the energy's remainder is below its rounding errors."""
+    found = error_of(
+        GRADIENT, FlatMetric(plane()), scale * PLANE_POINTS, 1e-6 * scale * PLANE_POINTS
+    )
+    assert found == 0.0
+
+
+def test_vectors_point_towards_the_next_point():
+    metric, points = CASES["normals triangle"].metric, CASES["normals triangle"].points
+    towards = metric.space.to_tangent(points[[1, 2, 3, 0]] - points, points)
+    assert check_metric(metric, points) == check_metric(metric, points, towards)
+
+
+def test_points_of_the_manifold_alone_are_asked_for():
+    seen = []
+
+    class Watched(NormalFieldMetric):
+        def squared_dist(self, point_a, point_b):
+            seen.extend([values_of(point_a), values_of(point_b)])
+            return super().squared_dist(point_a, point_b)
+
+    points = CASES["normals sphere"].points
+    metric = Watched(CASES["normals sphere"].space)
+    assert check_metric(metric, points).passed
+    assert len(seen) > 100
+    assert all(np.all(metric.space.belongs(each)) for each in seen)
