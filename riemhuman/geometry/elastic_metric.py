@@ -93,11 +93,11 @@ class ElasticMetric(SurfaceMetric):
         if self._c > 0:
             factors.append(NormalFields(space.template))
         weights = [weight for weight in (self._a, self._c) if weight > 0]
-        self._product = ProductManifold(factors, equip=False)
-        target = ProductMetric(self._product, weights)
+        self._product = ProductManifold(factors)
+        self._product.equip_with_metric(ProductMetric, weights=weights)
         super().__init__(
             space,
-            target,
+            self._product.metric,
             self._weighted_fields,
             geodesic_solver,
             exp_solver=exp_solver,
@@ -133,7 +133,9 @@ class ElasticMetric(SurfaceMetric):
         -------
         array, shape (..., size)
         """
-        return self._join(*self.space.to_fields_differential(tangent_vec, base_point))
+        changes = self.space.to_fields_differential(tangent_vec, base_point)
+        weighted = zip(changes, (self.a, self.c), strict=True)
+        return self._product.embed_to_product([change for change, w in weighted if w > 0])
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
@@ -259,11 +261,6 @@ class ElasticMetric(SurfaceMetric):
         return self._squared_dist_of_fields(before, after)
 
     def _weighted_fields(self, f: ndarray) -> ndarray:
-        metric_field = self.space.metric_field(f) if self.a > 0 else None
-        normal_field = self.space.normal_field(f) if self.c > 0 else None
-        return self._join(metric_field, normal_field)
-
-    def _join(self, metric_field: ndarray | None, normal_field: ndarray | None) -> ndarray:
-        weighted = ((metric_field, self.a), (normal_field, self.c))
-        fields = [field for field, weight in weighted if weight > 0 and field is not None]
-        return self._product.embed_to_product(fields)
+        metric_fields = (self.space.metric_field(f),) if self.a > 0 else ()
+        normal_fields = (self.space.normal_field(f),) if self.c > 0 else ()
+        return self._product.embed_to_product([*metric_fields, *normal_fields])

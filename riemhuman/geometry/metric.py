@@ -153,7 +153,8 @@ class RiemannianMetric(BulkDistances):
         covectors = np.mean(
             [[self.covector(vector, point) for vector in vectors] for point in base_points], axis=0
         )
-        gram = covectors.reshape(len(vectors), -1) @ vectors.reshape(len(vectors), -1).T
+        axes = self.space._point_axes
+        gram = np.tensordot(covectors, vectors, (axes, axes))
         return 0.5 * (gram + gram.T)
 
     def squared_norm(self, vector: ndarray, base_point: ndarray) -> ndarray:
@@ -423,9 +424,9 @@ class RiemannianMetric(BulkDistances):
         path = self._solve("geodesic", start, end).path
 
         def follow(t: Any) -> ndarray:
-            position = self._times(t).reshape(-1) * (len(path) - 1)
+            position = self._times(t).ravel() * (len(path) - 1)
             index = np.clip(position.astype(int), 0, len(path) - 2)
-            weight = (position - index).reshape((-1,) + (1,) * len(self.space.shape))
+            weight = np.expand_dims(position - index, self.space._point_axes)
             return (1 - weight) * path[index] + weight * path[index + 1]
 
         return follow
@@ -453,9 +454,8 @@ class RiemannianMetric(BulkDistances):
     ) -> ndarray:
         """Return the results for all pairs of two broadcast arrays of points."""
         points, others = np.broadcast_arrays(points, others)
-        shape = self.space.shape
-        pairs = zip(points.reshape((-1, *shape)), others.reshape((-1, *shape)), strict=True)
-        results = [solve(point, other) for point, other in pairs]
+        leading = points.shape[: points.ndim - len(self.space.shape)]
+        results = [solve(points[index], others[index]) for index in np.ndindex(leading)]
         return np.reshape(np.array(results), points.shape)
 
     @property
@@ -470,7 +470,7 @@ class RiemannianMetric(BulkDistances):
         times = np.atleast_1d(real_array(t, "t"))
         if times.ndim != 1:
             raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
-        return times.reshape((-1,) + (1,) * len(self.space.shape))
+        return np.expand_dims(times, self.space._point_axes)
 
     def _check_path(self, path: ndarray) -> ndarray:
         path = real_array(path, "path", ("n_times", *self.space.shape))

@@ -113,8 +113,8 @@ class MetricFields(Manifold):
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * ebin_tangent.symmetric_part(noise)
         size = np.exp(0.5 * ebin_tangent.trace(logarithm))[..., None, None]
-        factor = np.ones(logarithm.shape[:-2])
-        points = size * ebin_geodesics.traceless_exp(ebin_tangent.traceless(logarithm), factor)
+        shear = ebin_tangent.traceless(logarithm)
+        points = size * ebin_geodesics.traceless_exp(shear, np.array(1.0))
         return stack_samples(points, n_samples)
 
     def check_point(
@@ -353,10 +353,9 @@ class EbinMetric(BulkMetric):
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         def follow(t: Any) -> ndarray:
             times = self._times(t)[..., 0, 0]
-            start_, end_ = self._with_time_axis(start), self._with_time_axis(end)
-            shape = np.broadcast_shapes(start_.shape, end_.shape)[:-2]
-            shape = (*shape[:-2], len(times), shape[-1])
-            return ebin_geodesics.geodesic(start_, end_, np.broadcast_to(times, shape), self.lam)
+            return ebin_geodesics.geodesic(
+                self._with_time_axis(start), self._with_time_axis(end), times, self.lam
+            )
 
         return follow
 

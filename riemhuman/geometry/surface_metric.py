@@ -149,7 +149,7 @@ class SurfaceMetric(PullbackMetric):
             A path of the same energy with the same ends.
         """
         path = self.check_points(path, "path")
-        sees_rotations = self._weights.get("c", 0.0) > 0 or self._weights.get("b", 0.0) > 0
+        sees_rotations = any(self._weights.get(name, 0.0) > 0 for name in ("b", "c"))
         return still_path(path, self.space.template.vertex_areas, rotations=not sees_rotations)
 
     def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
@@ -211,6 +211,6 @@ class SurfaceMetric(PullbackMetric):
         -------
         array, shape (K, K)
         """
-        flat = self.check_points(vectors, "vectors").reshape(len(vectors), -1)
+        flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)

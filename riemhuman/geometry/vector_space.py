@@ -105,7 +105,7 @@ class FlatMetric(BulkMetric):
         weights = real_array(weights, "weights", (length,), batched=False).copy()
         if weights.min() < 0:
             raise ArgumentError(f"weights must be at least 0; found {weights.min():g}")
-        self._weights = weights.reshape((-1,) + (1,) * (len(space.shape) - 1))
+        self._weights = np.expand_dims(weights, space._point_axes[1:])
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
@@ -187,7 +187,7 @@ class FlatMetric(BulkMetric):
 
         points = self.space.check_point(points, "points")
         weights = np.broadcast_to(self._weights, self.space.shape).ravel()
-        return vector_features(points.reshape(len(points), -1), weights, precision)
+        return vector_features(points.reshape(len(points), weights.size), weights, precision)
 
     def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
         from riemhuman.kernels.compiled_pairs import flat_distances

@@ -82,9 +82,9 @@ def _squared_segments(
 ) -> float:
     """Sum d² over all segments and triangles `first` to `last`; add its gradient."""
     n_times = path.shape[1]
-    kappa = 0.5 / math.sqrt(2.0 * lam) if a > 0.0 else 0.0
-    fu, fv = np.empty((n_times, 3)), np.empty((n_times, 3))
-    normal, normal_slope = np.empty((n_times, 3)), np.empty((n_times, 3))
+    kappa = 0.5 / math.sqrt(2.0 * lam) if a > 0.0 else math.nan
+    fu = np.empty((n_times, 3))
+    fv, normal, normal_slope = np.empty_like(fu), np.empty_like(fu), np.empty_like(fu)
     area, e = np.empty(n_times), np.empty(n_times)
     x, y, s = np.empty(n_times), np.empty(n_times), np.empty(n_times)
     slope_x, slope_y, slope_s = np.empty(n_times), np.empty(n_times), np.empty(n_times)

@@ -89,9 +89,10 @@ def _turns(
     last: int,
     turns: ndarray,
 ) -> None:
-    from_axes, to_axes = np.empty((3, 3)), np.empty((3, 3))
-    before, after = np.empty((2, 3)), np.empty((2, 3))
-    rotation = np.empty((3, 3))
+    from_axes = np.empty((3, 3))
+    to_axes, rotation = np.empty_like(from_axes), np.empty_like(from_axes)
+    before = np.empty((2, 3))
+    after = np.empty_like(before)
     for t in range(first, last):
         _derivatives(start, faces[t], frames[t], before)
         _derivatives(end, faces[t], frames[t], after)
@@ -225,8 +226,9 @@ def _turned_sources(
     last: int,
     source: ndarray,
 ) -> None:
-    before, after = np.empty((2, 3)), np.empty((2, 3))
-    back, blend, wanted = np.empty((2, 3)), np.empty((2, 3)), np.empty((2, 3))
+    before = np.empty((2, 3))
+    after, back = np.empty_like(before), np.empty_like(before)
+    blend, wanted = np.empty_like(before), np.empty_like(before)
     axis = np.empty(3)
     for t in range(first, last):
         one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -308,9 +310,10 @@ def _add_elastic_blocks(
     b: float,
     blocks: ndarray,
 ) -> None:
-    side, other = np.empty(3), np.empty(3)
+    side = np.empty(3)
+    other = np.empty_like(side)
     axes = np.empty((3, 3))
-    along = np.empty((2, 3))
+    gradients = np.empty((2, 3))
     forms = np.empty((8, 9))
     for t in range(first, last):
         one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -319,23 +322,24 @@ def _add_elastic_blocks(
             other[k] = points[three, k] - points[one, k]
         base, reach, height = _frame(side, other, axes)
         # Gradients of the three barycentric coordinates along e₁ and e₂.
-        along[0, 0], along[0, 1], along[0, 2] = -1.0 / base, 1.0 / base, 0.0
-        along[1, 0] = (reach - base) / (base * height)
-        along[1, 1], along[1, 2] = -reach / (base * height), 1.0 / height
+        gradients[0, 0], gradients[0, 1], gradients[0, 2] = -1.0 / base, 1.0 / base, 0.0
+        gradients[1, 0] = (reach - base) / (base * height)
+        gradients[1, 1], gradients[1, 2] = -reach / (base * height), 1.0 / height
         surface_area = 0.5 * base * height
         stretch = math.sqrt(2.0 * a * surface_area)
         growth = 2.0 * math.sqrt(lam * a * surface_area)
         swelling = 0.5 * math.sqrt(b * surface_area)
         bend = math.sqrt(c * areas[t])
         tilt = math.sqrt(b * surface_area)
+        scales = (stretch, stretch, growth, swelling, bend, bend, tilt, tilt)
         for corner in range(3):
             for k in range(3):
                 column = 3 * corner + k
-                strain11 = along[0, corner] * axes[0, k]
-                strain22 = along[1, corner] * axes[1, k]
-                twice12 = along[1, corner] * axes[0, k] + along[0, corner] * axes[1, k]
-                out1 = along[0, corner] * axes[2, k]
-                out2 = along[1, corner] * axes[2, k]
+                strain11 = gradients[0, corner] * axes[0, k]
+                strain22 = gradients[1, corner] * axes[1, k]
+                twice12 = gradients[1, corner] * axes[0, k] + gradients[0, corner] * axes[1, k]
+                out1 = gradients[0, corner] * axes[2, k]
+                out2 = gradients[1, corner] * axes[2, k]
                 forms[0, column] = stretch * (strain11 - strain22)
                 forms[1, column] = stretch * twice12
                 forms[2, column] = growth * (strain11 + strain22)
@@ -343,9 +347,7 @@ def _add_elastic_blocks(
                 forms[4, column], forms[5, column] = bend * out1, bend * out2
                 forms[6, column], forms[7, column] = tilt * out1, tilt * out2
         for row in range(8):
-            if (row < 3 and a == 0.0) or (row in (4, 5) and c == 0.0):
-                continue
-            if row in (3, 6, 7) and b == 0.0:
+            if scales[row] == 0.0:
                 continue
             for i in range(9):
                 for j in range(9):

@@ -42,8 +42,7 @@ def cone_chart(x: ndarray, y: ndarray, s: ndarray, lam: float) -> ndarray:
     # The logarithm lies along the spatial part of the point of the hyperboloid.
     spatial = np.stack([(1.0 - (x**2 + y**2)) / (2.0 * y), x / y], axis=-1)
     size = np.sqrt(np.sum(spatial**2, axis=-1, keepdims=True))
-    safe = np.where(size > 0, size, 1.0)
-    logarithm = np.where(size > 0, np.arcsinh(size) / safe, 1.0) * spatial
+    logarithm = np.arcsinh(size) / np.where(size > 0, size, 1.0) * spatial
     angles = np.sqrt(2.0) * min(angle_per_distance(lam), STEEPEST) * logarithm
     circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
     return 4.0 * np.sqrt(0.5 * lam) * s[..., None] * circles

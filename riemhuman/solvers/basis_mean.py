@@ -131,8 +131,6 @@ class BasisMean:
         if self.start in ("euclidean", "lowest"):
             average = np.tensordot(dispersion.weights, points, axes=1)
             candidates.append(space.regularize(average))
-        if len(candidates) == 1:
-            return candidates[0]
         return min(candidates, key=dispersion.value)
 
     def _directions(self, dispersion: Dispersion, origin: ndarray) -> ndarray:
@@ -156,12 +154,12 @@ class BasisMean:
         # Distances of points that coincide to rounding error have no gradient to follow.
         if variance <= (1e-14 * np.abs(origin).max()) ** 2:
             values = np.array([variance])
-            return Minimum(start, variance, values, 0, 1, True, False, "all points coincide")
+            return Minimum(start, variance, values, 0, 1, True, "all points coincide")
 
         def around(coefficients: ndarray) -> LocalProblem:
             point = family.point(coefficients)
             unit = dispersion.value(point)
-            vectors = family.directions.reshape(-1, *point.shape)
+            vectors = family.directions.reshape(len(start), *point.shape)
             gram = dispersion.metric.gram_matrix(vectors, point)
             factor = CholeskyFactor(2.0 * gram / unit)
 

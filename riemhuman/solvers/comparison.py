@@ -179,7 +179,7 @@ def measure_path(
         raise ArgumentError("metrics must be metrics on surfaces over a template")
     path = template.check_points(path, "path")
     faces, edges = template.faces, template.edges
-    deviations = np.full((1, 1), np.nan)
+    deviations = np.array(np.nan)
     if reference is not None:
         reference = real_array(reference, "reference", path.shape, batched=False)
         deviations = 1000.0 * np.linalg.norm(path - reference, axis=-1)

@@ -239,9 +239,8 @@ def basis_with(basis: DeformationBasis, direction: ndarray) -> DeformationBasis:
     outside = direction - basis.project(direction)
     if np.abs(outside).max() <= _OUTSIDE * np.abs(direction).max():
         return basis
-    scaled = outside[None] / np.abs(outside).max()
     return DeformationBasis(
-        np.concatenate([basis.vectors, scaled]),
+        np.concatenate([basis.vectors, outside[None]]),
         orthonormalize=True,
         vertex_weights=basis.vertex_weights,
     )

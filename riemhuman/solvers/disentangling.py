@@ -189,7 +189,7 @@ class Disentangling:
         value, rounding = sum_.value_and_gradient(start)[0], sum_.rounding(start)
         if value <= rounding:
             message = "the start is at no distance from either"
-            return Minimum(shift, value, np.array([value]), 0, 1, True, False, message)
+            return Minimum(shift, value, np.array([value]), 0, 1, True, message)
         with single_threaded_libraries():
             return minimize_in_rounds(
                 lambda shift: self._local_problem(sum_, start, shift),
@@ -218,7 +218,7 @@ class Disentangling:
             value, gradient = sum_.value_and_gradient(start + position(variables))
             if not np.isfinite(value):
                 return _WALL, np.zeros_like(variables)
-            return value / unit, factor.solve(gradient.reshape(-1, 1))[:, 0] / unit
+            return value / unit, factor.solve(gradient.ravel()[:, None]).ravel() / unit
 
         return LocalProblem(objective, position, unit)
 

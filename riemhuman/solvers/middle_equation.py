@@ -203,8 +203,9 @@ class MiddleEquation:
 
     def _rounding(self, point: ndarray) -> float:
         """Return the energy of a step that is no longer than rounding errors."""
-        noise = np.random.default_rng(0).uniform(-_ROUNDING, _ROUNDING, point.shape)
-        return self._squared_dist(point, self._regular(point * (1.0 + noise)))
+        low, high = 1.0 - _ROUNDING, 1.0 + _ROUNDING
+        noise = np.random.default_rng(0).uniform(low, high, point.shape)
+        return self._squared_dist(point, self._regular(point * noise))
 
     def _preconditioner(
         self, middle: ndarray, scale: float
@@ -250,7 +251,7 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
         return "the next point leaves the manifold"
     if not hasattr(space, "normal_field"):
         return ""
-    cosines = np.sum(space.normal_field(before) * space.normal_field(after), axis=-1)
+    cosines = np.sum(space.normal_field(before) * space.normal_field(after), axis=1)
     worst = int(np.argmin(cosines))
     if cosines[worst] >= _LEAST_COSINE:
         return ""

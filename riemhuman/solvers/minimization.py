@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,10 @@ from tqdm import tqdm
 _PATIENCE = 15
 _STILL = 0.01
 
+# Iterations after which a preconditioner is formed anew, and steps that SciPy remembers.
+_ROUND = 25
+_MEMORY = 20
+
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 
 
@@ -25,7 +29,7 @@ class Minimum:
     Attributes
     ----------
     x : array, shape (n,)
-        The best point evaluated.
+        The best point evaluated, the first of several.
     value : float
         Its value.
     values : array, shape (n_iterations + 1,)
@@ -34,10 +38,10 @@ class Minimum:
         Iterations, and evaluations of value and gradient.
     converged : bool
         Whether the stopping test was met.
-    interrupted : bool
-        Whether it was stopped from the keyboard.
     message : str
         Why it stopped.
+    interrupted : bool
+        Whether it was stopped from the keyboard.
     """
 
     x: ndarray
@@ -46,21 +50,19 @@ class Minimum:
     n_iterations: int
     n_evaluations: int
     converged: bool
-    interrupted: bool
     message: str
+    interrupted: bool = False
 
 
-@dataclass
 class _Record:
     """The objective, remembering the best point and the last gradient."""
 
-    objective: Objective
-    n_evaluations: int = 0
-    best_value: float = np.inf
-    best_x: ndarray = field(default_factory=lambda: np.empty(0))
-    last_x: ndarray = field(default_factory=lambda: np.empty(0))
-    last_value: float = np.inf
-    last_gradient: ndarray = field(default_factory=lambda: np.empty(0))
+    def __init__(self, objective: Objective, start: ndarray) -> None:
+        self.objective = objective
+        self.last_value, self.last_gradient = objective(start)
+        self.last_x = self.best_x = start.copy()
+        self.best_value = self.last_value
+        self.n_evaluations = 1
 
     def __call__(self, x: ndarray) -> tuple[float, ndarray]:
         if np.array_equal(x, self.last_x):
@@ -116,13 +118,15 @@ def minimize(
     -------
     Minimum
     """
-    record = _Record(objective)
-    value, gradient = record(start)
+    record = _Record(objective, start)
+    value = record.last_value
     values = [value]
     if not np.isfinite(value):
         message = "the value at the start is not finite"
-        return Minimum(start, value, np.array(values), 0, 1, False, False, message)
-    met_test = expected_decrease is not None and _is_met(expected_decrease, value, gradient)
+        return Minimum(start, value, np.array(values), 0, 1, False, message)
+    met_test = expected_decrease is not None and _is_met(
+        expected_decrease, value, record.last_gradient
+    )
     stands_still = False
 
     def after_iteration(intermediate_result: optimize.OptimizeResult) -> None:
@@ -142,16 +146,14 @@ def minimize(
 
     settings: dict[str, Any] = {"maxiter": max_iterations}
     if method == "L-BFGS-B":
-        settings["maxfun"] = 20 * max_iterations
+        settings["maxfun"] = np.inf
     if expected_decrease is not None:
-        settings |= {"ftol": 0.0, "gtol": 0.0, "maxcor": 20}
+        settings |= {"ftol": 0.0, "gtol": 0.0, "maxcor": _MEMORY}
     settings |= options or {}
 
-    interrupted = False
+    converged, interrupted, message = met_test, False, ""
     with tqdm(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
-        if met_test:
-            message, converged = "the start meets the stopping test", True
-        else:
+        if not met_test:
             try:
                 result = optimize.minimize(
                     record,
@@ -178,8 +180,8 @@ def minimize(
         len(values) - 1,
         record.n_evaluations,
         converged,
-        interrupted,
         message,
+        interrupted,
     )
 
 
@@ -208,7 +210,7 @@ def minimize_in_rounds(
     *,
     max_iterations: int,
     expected_decrease: float,
-    iterations_per_round: int = 25,
+    iterations_per_round: int = _ROUND,
     options: Mapping[str, Any] | None = None,
     callback: Callable[[int, float, ndarray], Any] | None = None,
     progress: bool = False,
@@ -255,8 +257,8 @@ def minimize_in_rounds(
                 len(values) - 1,
                 n_evaluations,
                 False,
-                True,
                 "interrupted from the keyboard",
+                interrupted=True,
             )
         n_before = max(len(values) - 1, 0)
 
@@ -288,8 +290,8 @@ def minimize_in_rounds(
                 n_iterations,
                 n_evaluations,
                 found.converged,
-                found.interrupted,
                 found.message,
+                found.interrupted,
             )
 
 
@@ -300,4 +302,5 @@ def _is_met(expected_decrease: float, value: float, gradient: ndarray) -> bool:
 def _stands_still(expected_decrease: float, values: list[float]) -> bool:
     if len(values) <= _PATIENCE:
         return False
-    return values[-1 - _PATIENCE] - values[-1] <= _STILL * expected_decrease * abs(values[-1])
+    before, now = values[-1 - _PATIENCE], values[-1]
+    return before - now <= _STILL * expected_decrease * abs(now)

@@ -144,7 +144,7 @@ def _checked(parameters: Any, name: str) -> ModelParameters:
         )
     betas, pose, trans = values
     pose = real_array(pose, f"pose of {name}")
-    if pose.ndim == 0 or pose.size % 3 or (pose.ndim > 1 and pose.shape[1:] != (3,)):
+    if pose.size % 3 or (pose.ndim > 1 and pose.shape[1:] != (3,)):
         raise ArgumentError(
             f"pose of {name} must have shape (n_joints, 3) or (3 n_joints,); found {pose.shape}"
         )
@@ -164,4 +164,4 @@ def _rotation_geodesics(start: ndarray, end: ndarray, n_times: int) -> ndarray:
 
 
 def _largest_distance(points: ndarray, others: ndarray) -> float:
-    return float(np.linalg.norm(points - others, axis=-1).max())
+    return float(np.linalg.norm(points - others, axis=1).max())

@@ -172,7 +172,7 @@ class _Transfer:
         displacement = surface - self._reference
         shifted = self._target + displacement
         moved = self._interpolator.surface_of(derivatives, shifted)
-        weights = self._areas / (_STILL**2 + np.sum(displacement**2, axis=-1))
+        weights = self._areas / (_STILL**2 + np.sum(displacement**2, axis=1))
         return moved + np.average(shifted - moved, axis=0, weights=weights)
 
 

@@ -171,25 +171,20 @@ class _Descent:
         if found is None or len(self._path) < self._solver.n_times:
             self._path = self._better_start(self._solver.n_times - 1)
             value = self._energy(self._path)
-            found = Minimum(
-                self._path,
-                value,
-                np.array([value]),
-                0,
-                0,
-                False,
-                True,
-                "interrupted from the keyboard",
-            )
+            values, converged = np.array([value]), False
+            message = "interrupted from the keyboard"
+        else:
+            value, values = found.value, found.values
+            converged, message = found.converged, found.message
         remove_drift = self._metric.remove_drift if self._solver.remove_drift else np.copy
         return PathResult(
             remove_drift(self._on_manifold(self._path)),
-            found.value,
-            found.values,
-            found.n_iterations,
+            value,
+            values,
+            len(values) - 1,
             self._n_evaluations,
-            found.converged,
-            found.message,
+            converged,
+            message,
         )
 
     def _descend(self, is_last: bool) -> Minimum:
@@ -246,7 +241,7 @@ class _Descent:
         """Return the energy and its slope in the coordinates of the interior points."""
         points = self._on_manifold(path)
         if not self._belongs(points):
-            return np.inf, np.zeros_like(path[1:-1])
+            return np.inf, np.zeros_like(path)
         value, gradient = self._solver.energy.value_and_gradient(self._metric, points)
         pull_back, _ = make_vjp(self._metric.space.regularize, path[1:-1])
         return value, pull_back(gradient[1:-1]).reshape(len(path) - 2, -1)

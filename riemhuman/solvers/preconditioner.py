@@ -72,10 +72,8 @@ class PathPreconditioner:
     """
 
     def __init__(self, gram: CholeskyFactor, n_segments: int) -> None:
-        n_interior = n_segments - 1
-        second_difference = 2.0 * np.eye(n_interior)
-        second_difference -= np.eye(n_interior, k=1) + np.eye(n_interior, k=-1)
-        self._time = CholeskyFactor(second_difference)
+        steps = np.diff(np.eye(n_segments), axis=0)
+        self._time = CholeskyFactor(steps @ steps.T)
         self._gram = gram
         self._scale = 1.0 / np.sqrt(2.0 * n_segments)
 

@@ -175,8 +175,8 @@ def linear_path(start: ndarray, end: ndarray, n_times: int) -> ndarray:
     -------
     array, shape (n_times, \*shape)
     """
-    t = np.linspace(0.0, 1.0, n_times).reshape((-1,) + (1,) * start.ndim)
-    return (1.0 - t) * start + t * end
+    t = np.linspace(0.0, 1.0, n_times)
+    return np.multiply.outer(1.0 - t, start) + np.multiply.outer(t, end)
 
 
 def known_path(

@@ -92,7 +92,7 @@ class BlockCholeskyFactor(CholeskyFactor):
     """
 
     def __init__(self, blocks: ndarray) -> None:
-        k = blocks.shape[-1]
+        _, _, k = blocks.shape
         sizes = np.trace(blocks, axis1=-2, axis2=-1) / k
         ridge = _RIDGE_OF_BLOCKS * (sizes + (sizes.mean() if sizes.any() else 1.0))
         lower = np.linalg.cholesky(blocks + ridge[:, None, None] * np.eye(k))
@@ -128,7 +128,8 @@ class BlockCholeskyFactor(CholeskyFactor):
 
     @staticmethod
     def _apply(blocks: ndarray, columns: ndarray) -> ndarray:
-        return (blocks @ columns.reshape(*blocks.shape[:2], -1)).reshape(columns.shape)
+        m, k, _ = blocks.shape
+        return (blocks @ columns.reshape(m, k, *columns.shape[1:])).reshape(columns.shape)
 
 
 def spatial_factor(metric: RiemannianMetric, points: ndarray, scale: float) -> CholeskyFactor:

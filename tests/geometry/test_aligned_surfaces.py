@@ -238,6 +238,8 @@ def test_surfaces_with_degenerate_triangles_are_legal_without_normals():
         metric = ElasticMetric(space, 1.0, lam, 0.0)
         limit = metric.dist(flat, g)
         assert metric.dist(flat, flat) == 0
+        target = metric.target_metric
+        assert target.dist(metric.map(flat), metric.map(g)) == pytest.approx(limit, rel=1e-10)
         for step in (1e-3, 1e-5, 1e-7):
             gap = abs(metric.dist(flat + step * (f - flat), g) - limit)
             assert gap < 20 * np.sqrt(lam * step)

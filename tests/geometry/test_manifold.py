@@ -1,5 +1,7 @@
 """What every space owes, in geomstats' spelling."""
 
+import inspect
+
 import numpy as np
 import pytest
 from cases import (
@@ -83,6 +85,9 @@ def test_random_tangent_vectors(space, dim, shape, metric_class):
         assert vectors.shape == expected
         assert np.all(space.is_tangent(vectors, base))
         np.testing.assert_allclose(space.to_tangent(vectors, base), vectors, atol=1e-14)
+    np.testing.assert_array_equal(
+        space.random_tangent_vec(points), space.random_tangent_vec(points, 1, rng=0)
+    )
     assert space.is_tangent(np.zeros(shape), points).shape == (4,)
     assert space.is_tangent(vectors, points).shape == (3, 4)
 
@@ -160,6 +165,23 @@ def test_spaces_without_a_default_metric():
     assert isinstance(space.equip_with_metric(HyperbolicDistance).metric, HyperbolicDistance)
     space.equip_with_metric(HyperbolicInnerProduct, geodesic_solver="any")
     assert space.metric.geodesic_solver == "any"
+
+
+def test_manifolds_of_users_come_with_their_default_metric():
+    class Plane(HalfPlane):
+        def default_metric(self):
+            return HyperbolicDistance
+
+    assert isinstance(Plane().metric, HyperbolicDistance)
+    assert not hasattr(HalfPlane(), "metric")
+
+
+@every_space
+@pytest.mark.parametrize("name", ["belongs", "to_tangent", "random_point", "check_point"])
+def test_optional_arguments_are_those_of_every_manifold(space, dim, shape, metric_class, name):
+    found = inspect.signature(getattr(type(space), name)).parameters
+    for argument, declared in inspect.signature(getattr(Manifold, name)).parameters.items():
+        assert found[argument].default == declared.default
 
 
 def test_manifolds_are_abstract():

@@ -549,6 +549,13 @@ def test_squared_dist_alone_is_enough():
         metric.dist(points[0], points[1]), hyperbolic_dist(points[0], points[1]), rtol=1e-12
     )
     assert np.all(metric.norm(0 * a, points) == 0)
+    # Dilations are isometries; and norms grow with vectors, of any length.
+    for factor in (1e-4, 1e4):
+        found = metric.inner_product(factor * a, factor * b, factor * points)
+        np.testing.assert_allclose(found, truth.inner_product(a, b, points), rtol=1e-6)
+    for factor in (1e-9, 1e9):
+        found = metric.inner_product(factor * a, b, points)
+        np.testing.assert_allclose(found, factor * truth.inner_product(a, b, points), rtol=1e-6)
 
 
 def test_map_and_target_are_enough():
@@ -645,6 +652,31 @@ def test_solver_interpolates_between_its_times():
     np.testing.assert_allclose(
         metric.geodesic(a, b)(np.array([0.0, 0.2, 0.5, 0.9, 1.0]))[:, 0], [0, 0.4, 1, 1.8, 2]
     )
+
+
+def test_solver_interpolates_along_bends():
+    """Every part of the path is that between its own two times, to the ends and beyond."""
+    corners = np.array([[0.0, 1.0], [1.0, 3.0], [-2.0, 2.0], [-2.0, 7.0]])
+
+    class Bent:
+        def solve(self, metric, start, end):
+            return SimpleNamespace(path=corners)
+
+    metric = HyperbolicInnerProduct(HalfPlane(), geodesic_solver=Bent())
+    geodesic = metric.geodesic(corners[0], corners[-1])
+    times = np.array([-0.5, 0.0, 0.2, 1 / 3, 0.5, 0.9, 1.0, 1.2])
+    expected = [
+        [-1.5, -2.0],
+        [0.0, 1.0],
+        [0.6, 2.2],
+        [1.0, 3.0],
+        [-0.5, 2.5],
+        [-2.0, 5.5],
+        [-2.0, 7.0],
+        [-2.0, 10.0],
+    ]
+    np.testing.assert_allclose(geodesic(times), expected, rtol=1e-14, atol=1e-14)
+    np.testing.assert_allclose(geodesic(0.5), [[-0.5, 2.5]], rtol=1e-14)
 
 
 # Bad input.

@@ -107,6 +107,7 @@ def test_lengths_are_one_to_a_tolerance(sign):
         assert not SPACE.belongs(scaled, atol=0.9 * off)
     scaled[7] = n[7] * (1.0 + 1e-10 * sign)
     assert SPACE.belongs(scaled)
+    assert SPACE.belongs(np.tile([0.0, sign, 0.0], (80, 1)), atol=0.0)
 
 
 def test_inner_product_broadcasts_over_base_points():

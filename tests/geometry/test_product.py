@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 from autograd import grad
-from cases import CASES, HalfPlane, HyperbolicInnerProduct, sphere_template, triangle_template
+from cases import (
+    CASES,
+    HalfPlane,
+    HyperbolicDistance,
+    HyperbolicInnerProduct,
+    sphere_template,
+    triangle_template,
+)
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
@@ -106,6 +113,25 @@ def test_products_of_products():
     points = outer.random_point(3, rng=5)
     assert points.shape == (3, 9)
     assert np.all(outer.belongs(points))
+
+
+def test_tables_of_distances_in_products_of_users_spaces():
+    plane = HalfPlane().equip_with_metric(HyperbolicDistance)
+    for factors, weights in (
+        ([plane], [2.0]),
+        ([NormalFields(triangle_template()), plane], [3, 1]),
+    ):
+        space = ProductManifold(factors)
+        metric, points = ProductMetric(space, weights), space.random_point(4, rng=8)
+        expected = np.sqrt(
+            sum(
+                weight * factor.metric.dist_pairwise(space.component(points, k)) ** 2
+                for k, (factor, weight) in enumerate(zip(factors, weights, strict=True))
+            )
+        )
+        np.testing.assert_allclose(metric.dist_pairwise(points), expected, rtol=1e-6)
+        np.testing.assert_allclose(metric.cdist(points[:3], points), expected[:3], rtol=1e-6)
+        np.testing.assert_allclose(metric.dist(points[0], points[1]), expected[0, 1], rtol=1e-6)
 
 
 def test_the_factor_that_fails_is_named():

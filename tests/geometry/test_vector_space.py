@@ -46,3 +46,15 @@ def test_weights_are_checked_and_kept():
     before = metric.squared_dist(a, b)
     weights[:] = 7.0
     assert metric.squared_dist(a, b) == before
+
+
+def test_weights_of_vectors_and_of_fields_of_matrices():
+    weights = [2.0, 0.5, 3.0]
+    for shape in ((3,), (3, 2, 2)):
+        metric = FlatMetric(VectorSpace(shape), weights=weights)
+        a, b = np.random.default_rng(1).standard_normal((2, *shape))
+        expected = sum(w * np.sum((a[k] - b[k]) ** 2) for k, w in enumerate(weights))
+        np.testing.assert_allclose(metric.squared_dist(a, b), expected, rtol=1e-14)
+        found = metric.cdist(a[None], np.stack([a, b]), precision="double")
+        np.testing.assert_allclose(found, [[0.0, np.sqrt(expected)]], rtol=1e-14)
+        assert metric.features(a[None][:0])[0].shape[0] == 0

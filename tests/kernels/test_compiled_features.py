@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import open_template, sphere_template, surfaces
+from cases import open_template, sphere_template, surfaces, triangle_template
 
 from riemhuman.kernels import compiled_features as kernel
 from riemhuman.kernels import ebin, surface
@@ -115,6 +115,22 @@ def test_square_root_normals_of_surfaces(template, precision):
     np.testing.assert_allclose(found, again, rtol=TOLERANCES[precision], atol=1e-12)
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_triangles_pressed_to_an_edge_along_an_axis(axis):
+    template = triangle_template()
+    edge = np.array([[0.0], [0.7], [0.4]]) * np.eye(3)[axis]
+    edge[2, axis - 1] = 1e-9
+    points = np.stack([template.vertices[0] + edge, edge])
+    faces, frames, areas, precision = arguments(template, "double")
+    fields, _ = kernel.surface_metric_field_features(points, faces, frames, areas, 0.3, precision)
+    np.testing.assert_array_equal(fields[:, [0, 3]], 0.0)
+    normals, _, degenerate = kernel.surface_normal_features(points, faces, frames, areas, precision)
+    assert degenerate.tolist() == [[True], [True]]
+    np.testing.assert_array_equal(normals, 0.0)
+    roots, _ = kernel.surface_root_normal_features(points, faces, frames, areas, precision)
+    np.testing.assert_array_equal(roots, 0.0)
 
 
 def test_range_of_single_precision():

@@ -1,5 +1,6 @@
 """The compiled distances of pairs: their polynomials against mpmath, their sums against NumPy."""
 
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
 import numba
@@ -217,6 +218,29 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     monkeypatch.setattr(compiled_pairs, "_TILE_WORK", 1)
     np.testing.assert_array_equal(distances(a, b), whole)
     np.testing.assert_array_equal(distances(a, a, 2), within)
+
+
+def test_threads_run_where_they_are_asked_for(monkeypatch):
+    asked = []
+
+    def pool(n_threads):
+        asked.append(n_threads)
+        return ThreadPoolExecutor(n_threads)
+
+    monkeypatch.setattr(compiled_pairs, "ThreadPoolExecutor", pool)
+    (ebin_a, ebin_b, _), (normal_a, normal_b, _) = ebin_pairs("single"), normal_pairs("single")
+    flat_a, flat_b, _ = flat_pairs("single")
+    calls = [
+        partial(compiled_pairs.ebin_distances, ebin_a, ebin_b, 0.3),
+        partial(compiled_pairs.normal_distances, normal_a, normal_b, WEIGHTS),
+        partial(compiled_pairs.flat_distances, flat_a, flat_b),
+    ]
+    for call in calls:
+        alone = call()
+        np.testing.assert_array_equal(call(1), alone)
+        assert asked == []
+        np.testing.assert_array_equal(call(3), alone)
+        assert asked.pop() == 3
 
 
 @each_kernel

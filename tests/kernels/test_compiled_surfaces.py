@@ -47,9 +47,10 @@ def with_normals(template, points):
 
 
 @each_template
-def test_sources_by_polar_decomposition(template, threaded):
-    start, end = surfaces(template, 2, rng=4, size=0.6)
-    turn = Rotation.from_rotvec([0.5, 2.2, -0.4]).as_matrix()
+@pytest.mark.parametrize(("size", "turned"), [(0.6, 1.0), (1e-3, 1e-3)], ids=["far", "near"])
+def test_sources_by_polar_decomposition(template, size, turned, threaded):
+    start, end = surfaces(template, 2, rng=4, size=size)
+    turn = Rotation.from_rotvec(turned * np.array([0.5, 2.2, -0.4])).as_matrix()
     end = end @ turn.T
     times = np.array([0.0, 0.2, 0.5, 1.0])
     faces, frames = template.faces, template.frame_coefficients
@@ -73,6 +74,19 @@ def test_sources_by_polar_decomposition(template, threaded):
         np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
 
 
+def test_sources_without_turns_are_those_of_the_straight_path():
+    template = TEMPLATES["open"]
+    start, end = surfaces(template, 2, rng=5)
+    found = compiled_surfaces.turned_sources(
+        *(start, end, np.zeros((template.n_faces, 3)), np.array([0.3, 1.0])),
+        *(template.faces, template.frame_coefficients, template.face_areas),
+    )
+    operator, weights = template.differential_operator, np.tile(template.face_areas, 2)[:, None]
+    for i, points in enumerate((0.7 * start + 0.3 * end, end)):
+        expected = operator.T @ (weights * (operator @ points))
+        np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
+
+
 ROTATIONS = [
     [0.0, 0.0, 0.0],
     [1e-9, 0.0, -1e-9],
@@ -91,7 +105,7 @@ def test_angle_and_axis(vector):
     matrix = Rotation.from_rotvec(vector).as_matrix()
     axis = np.empty(3)
     angle = compiled_surfaces._rotation_vector.py_func(matrix, axis)
-    assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-14) or angle == 0.0
+    assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-14)
     assert 0.0 <= angle <= np.pi
     if angle > 0.0:
         back = Rotation.from_rotvec(angle * axis).as_matrix()

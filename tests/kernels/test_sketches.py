@@ -48,6 +48,20 @@ def test_cone_chart_is_tight_near_the_identity():
     np.testing.assert_allclose(bound, exact, rtol=1e-3)
 
 
+def test_cone_chart_winds_logarithms_as_long_as_the_distance_from_the_identity():
+    rng = np.random.default_rng(5)
+    lam, s = 50.0, rng.uniform(0.5, 2.0, 40)
+    x, y = rng.uniform(-4.0, 4.0, 40), np.exp(rng.uniform(-3.0, 3.0, 40))
+    x[0], y[0] = 0.0, 1.0
+    first, second = np.split(cone_chart(x, y, s, lam), 2, axis=-1)
+    radii = 4.0 * np.sqrt(0.5 * lam) * s
+    np.testing.assert_allclose(np.hypot(first, second), radii[:, None] * [1.0, 1.0], rtol=1e-13)
+    lengths = np.linalg.norm(np.arctan2(second, first), axis=-1)
+    distances = ebin.hyperbolic_distance(ebin.excess(x, y, 0.0, 1.0))
+    expected = np.sqrt(2.0) * ebin.angle_per_distance(lam) * distances
+    np.testing.assert_allclose(lengths, expected, rtol=1e-12, atol=1e-15)
+
+
 def test_cone_chart_sees_the_apex():
     apex = cone_chart(np.zeros(1), np.ones(1), np.zeros(1), 0.3)
     other = cone_chart(np.array([0.4]), np.array([2.0]), np.array([1.7]), 0.3)

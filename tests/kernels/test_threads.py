@@ -6,7 +6,7 @@ import os
 import numpy as np
 import pytest
 from scipy import sparse
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from riemhuman.kernels import threads
 
@@ -50,8 +50,14 @@ def blas_threads():
     return [entry["num_threads"] for entry in threadpool_info() if entry["user_api"] == "blas"]
 
 
-def test_blas_runs_in_one_thread_and_gets_its_threads_back():
-    before = blas_threads()
+@pytest.fixture
+def two_blas_threads():
+    with threadpool_limits(limits=2, user_api="blas"):
+        yield blas_threads()
+
+
+def test_blas_runs_in_one_thread_and_gets_its_threads_back(two_blas_threads):
+    before = two_blas_threads
     with threads.single_threaded_libraries():
         assert set(blas_threads()) == {1}
         with threads.single_threaded_libraries():
@@ -60,14 +66,18 @@ def test_blas_runs_in_one_thread_and_gets_its_threads_back():
     assert blas_threads() == before
 
 
-def test_libraries_in_one_thread_for_overlapping_users():
-    before = blas_threads()
+def test_libraries_in_one_thread_for_overlapping_users(two_blas_threads):
+    before = two_blas_threads
     first, second = threads.single_threaded_libraries(), threads.single_threaded_libraries()
     first.__enter__()
     second.__enter__()
     first.__exit__(None, None, None)
     assert set(blas_threads()) == {1}
     second.__exit__(None, None, None)
+    assert blas_threads() == before
+    # And once more, after all have left.
+    with threads.single_threaded_libraries():
+        assert set(blas_threads()) == {1}
     assert blas_threads() == before
 
 

@@ -14,7 +14,14 @@ from riemhuman.errors import (
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.solvers import BasisPath, FiniteDifferenceEnergy, LinearPath, PoissonPath
+from riemhuman.geometry.vector_space import FlatMetric
+from riemhuman.solvers import (
+    BasisPath,
+    FiniteDifferenceEnergy,
+    LinearPath,
+    PoissonPath,
+    SegmentEnergy,
+)
 from riemhuman.surfaces import DeformationBasis
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
@@ -196,6 +203,93 @@ def test_users_metrics_run_unchanged(metric_class):
     )
     assert result.energies[0] > 1.02 * straight_energy
     assert result.energy == pytest.approx(straight_energy, rel=1e-5)
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.96, True), (1.04, False)])
+def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
+    """Between flat points a bulge of the path costs its own energy, and one step takes it off."""
+    metric = FlatMetric(bodies.space())
+    start, end = bodies.body("resting"), bodies.body("arm raised")
+    few = bodies.basis().truncated(5)
+    bulge = np.zeros((6, *start.shape))
+    bulge[1:-1] = few.combine(np.random.default_rng(4).uniform(-0.2, 0.2, (4, 5)))
+    path = LinearPath(6).solve(metric, start, end).path + bulge
+    gain = 5.0 * np.sum(np.diff(bulge, axis=0) ** 2) / metric.energy(path)
+    solver = BasisPath(few, n_times=6, tolerance=float(gain) / share)
+    result = solver.solve(metric, start, end, initial_path=path)
+    assert result.converged
+    assert (result.n_iterations == 0) == is_met
+    if is_met:
+        np.testing.assert_array_equal(result.path, path)
+        assert result.n_evaluations == 1
+        np.testing.assert_array_equal(result.energies, [result.energy])
+    else:
+        assert result.n_iterations <= 2
+
+
+class Level(SegmentEnergy):
+    """An energy that is the same everywhere, but in the middle where it is not asked for."""
+
+    asked = []  # noqa: RUF012
+
+    def value(self, metric, path):
+        self.asked.append(len(path))
+        return 3.0
+
+    def value_and_gradient(self, metric, path):
+        return 3.0, np.zeros_like(path)
+
+
+def test_where_the_middles_cost_the_same_it_starts_straight():
+    """It looks at the middles alone, and no step lowers this energy."""
+    metric, energy = elastic((1, 1, 0)), Level()
+    ends = bodies.body("resting"), bodies.body("elbow bent")
+    energy.asked.clear()
+    solver = BasisPath(bodies.basis(), n_times=6, energy=energy, remove_drift=False)
+    result = solver.solve(metric, *ends)
+    np.testing.assert_array_equal(result.path, LinearPath(6).solve(metric, *ends).path)
+    assert (result.n_iterations, result.n_evaluations, result.energy) == (0, 1, 3.0)
+    assert set(energy.asked) == {3}
+
+
+class Counting(SegmentEnergy):
+    """The energy, counting its gradients."""
+
+    counts = []  # noqa: RUF012
+
+    def value_and_gradient(self, metric, path):
+        self.counts.append(len(path))
+        return super().value_and_gradient(metric, path)
+
+
+@pytest.mark.parametrize("method", ["preconditioned", "l-bfgs-b"])
+def test_evaluations_are_counted_and_seen_by_the_callback(method):
+    metric, energy, seen = VertexDistance(bodies.space()), Counting(), []
+    ends = bodies.body("resting"), bodies.body("arm raised")
+    few = bodies.basis().truncated(3)
+    bulge = LinearPath(4).solve(metric, *ends).path
+    bulge[1:-1] += few.combine(np.random.default_rng(4).uniform(-0.2, 0.2, (2, 3)))
+    solver = BasisPath(
+        few, n_times=4, method=method, energy=energy, callback=lambda *s: seen.append(s)
+    )
+    energy.counts.clear()
+    result = solver.solve(metric, *ends, initial_path=bulge)
+    # The start is looked at once for all rounds.
+    assert result.n_evaluations == len(energy.counts)
+    assert [iteration for iteration, _, _ in seen] == list(range(1, result.n_iterations + 1))
+    for iteration, value, path in seen:
+        assert value == pytest.approx(result.energies[iteration], rel=1e-12)
+        assert metric.energy(path) == pytest.approx(value, rel=1e-12)
+    assert result.energies[0] == pytest.approx(metric.energy(bulge), rel=1e-12)
+
+
+def test_a_single_segment_has_no_search():
+    ends = bodies.body("resting"), bodies.body("arm raised")
+    found = BasisPath(bodies.basis(), n_times=2).solve(elastic((1, 1, 0)), *ends)
+    assert (found.n_iterations, found.n_evaluations, found.converged) == (0, 1, True)
+    assert found.message == "a single segment"
+    np.testing.assert_array_equal(found.energies, [found.energy])
+    np.testing.assert_array_equal(found.path, ends)
 
 
 def test_as_geodesic_solver_of_a_metric():

@@ -1,5 +1,7 @@
 """Paths of several solvers beside each other."""
 
+from time import perf_counter
+
 import bodies_in_motion
 import numpy as np
 import pytest
@@ -93,6 +95,14 @@ def test_rows_for_tables(rows):
     assert table[0]["area_change_quantile_99"] == rows[0].measures.area_change.quantile_99
 
 
+def test_seconds_are_those_of_each_solver():
+    case = CASES["all sphere"]
+    solvers = {name: (LinearPath(n), "all") for name, n in (("short", 3), ("long", 9))}
+    began = perf_counter()
+    rows = compare_paths({"all": case.metric}, *case.points[:2], solvers)
+    assert 0 < sum(row.seconds for row in rows) <= perf_counter() - began
+
+
 def test_rigid_motion_distorts_nothing():
     case = CASES["all sphere"]
     surface = case.points[0]
@@ -131,6 +141,10 @@ def test_bad_input():
         measure_path({}, path)
     with pytest.raises(ArgumentError, match=r"reference must have shape \(4, 42, 3\); found \(3"):
         measure_path(metrics, path, path[1:])
+    with pytest.raises(
+        ArgumentError, match=r"reference must have shape \(4, 42, 3\); found \(1, 4"
+    ):
+        measure_path(metrics, path, path[None])
     with pytest.raises(ArgumentError, match="path has 20 vertices"):
         measure_path(metrics, CASES["all open"].points)
     flat = CASES["half-plane, distance"]

@@ -8,6 +8,7 @@ from cases import (
     HalfPlane,
     HyperbolicInnerProduct,
     cases_that,
+    deformations,
     name_of,
     sphere_template,
 )
@@ -22,8 +23,9 @@ from riemhuman.errors import (
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm
+from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm, discrete_exponential
 from riemhuman.solvers.discrete_exponential import basis_with
+from riemhuman.solvers.middle_equation import Triple
 from riemhuman.surfaces import DeformationBasis
 
 # The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
@@ -63,8 +65,82 @@ def test_second_order_against_closed_forms(case):
 def test_exact_in_flat_space():
     case = CASES["flat"]
     start, velocity = case.points[0], case.tangent_vecs[0]
-    result = DiscreteExponential(n_steps=3).solve(case.metric, start, velocity)
+    solver = DiscreteExponential(n_steps=3)
+    result = solver.solve(case.metric, start, velocity)
     np.testing.assert_allclose(result.end, start + velocity, atol=1e-12)
+    assert (result.complete, result.converged) == (True, True)
+    assert result.message == "all steps were made"
+    one_more = solver.extend(case.metric, result.path, 1)
+    np.testing.assert_allclose(one_more.end, start + 4.0 / 3.0 * velocity, atol=1e-12)
+
+
+def test_counts_are_those_of_all_steps(monkeypatch):
+    case = CASES["mixed triangle"]
+    calls = []
+    energy_and_gradient = case.metric.energy_and_gradient
+
+    def counted(path):
+        calls.extend([path] * (len(path) == 3))
+        return energy_and_gradient(path)
+
+    monkeypatch.setattr(case.metric, "energy_and_gradient", counted)
+    solver = DiscreteExponential(n_steps=4)
+    result = solver.solve(case.metric, case.points[0], 0.2 * case.tangent_vecs[0])
+    assert result.n_evaluations == len(calls)
+    # Besides one an iteration, each step takes one for its first guess.
+    assert result.n_iterations == result.n_evaluations - 4 > 4
+    resting = solver.solve(case.metric, case.points[0], np.zeros(case.space.shape))
+    assert (resting.n_iterations, resting.n_evaluations) == (0, 4)
+
+
+MIRROR = np.array([-1.0, 1.0, 1.0])
+
+
+class Scripted:
+    """Steps that shrink a point, and say how well their equation is solved."""
+
+    def __init__(self, factors, errors):
+        self.steps = zip(factors, errors, strict=True)
+
+    def both_sides(self, middle, displacement):
+        factor, error = next(self.steps)
+        return Triple(np.stack([middle, middle, factor * middle]), 1, 2, error, error <= 1e-8)
+
+    def next_point(self, before, middle):
+        return self.both_sides(middle, middle - before)
+
+
+@pytest.mark.parametrize(
+    ("factors", "errors", "message"),
+    [
+        ([0.9, 0.9, 0.9], [0.0, 0.0, 1e-8], "all steps were made"),
+        # A thousandth is the most with which a step is made.
+        ([0.9, 0.9, 0.9], [0.0, 1e-3, 0.0], "step 2 of 3: the equation is solved to 1.0e-03 only"),
+        ([0.9, 0.9], [0.0, 1.1e-3], "step 2 of 3: no next point solves the geodesic equation; use"),
+        ([0.9], [1.0], "step 1 of 3: no next point solves the geodesic equation; use"),
+        # The step before the one that fails has left little of the surface.
+        ([0.4, 0.9], [0.0, 1.0], "step 2 of 3: triangle [0-9]+ degenerates: one step left 16%"),
+        ([0.9, 0.4, 0.9], [0.0, 0.0, 1.0], "step 3 of 3: triangle [0-9]+ degenerates: one step"),
+        ([0.9, MIRROR], [0.0, 0.0], "step 2 of 3: triangle [0-9]+ degenerates: its normal has"),
+    ],
+)
+def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
+    case = CASES["all sphere"]
+    monkeypatch.setattr(
+        discrete_exponential, "MiddleEquation", lambda *settings: Scripted(factors, errors)
+    )
+    solver, velocity = DiscreteExponential(n_steps=3), np.ones(case.space.shape)
+    if message == "all steps were made":
+        result = solver.solve(case.metric, case.points[0], velocity)
+    else:
+        with pytest.warns(ConvergenceWarning, match=message):
+            result = solver.solve(case.metric, case.points[0], velocity)
+    made = len(factors) - (len(factors) < 3 or errors[-1] > 1e-3)
+    scales = np.cumprod([1.0, *factors[:made]])
+    np.testing.assert_allclose(result.path, scales[:, None, None] * case.points[0], rtol=1e-12)
+    assert result.complete == (made == 3)
+    assert result.converged == (message == "all steps were made")
+    assert (result.n_iterations, result.n_evaluations) == (len(factors), 2 * len(factors))
 
 
 @pytest.mark.parametrize("case", SURFACES + PLANES, ids=name_of)
@@ -147,6 +223,25 @@ def test_extension_continues_what_solve_began(elbow):
     reference = twice.solve(metric, start, velocity)
     np.testing.assert_allclose(whole.path, reference.path, atol=1e-5)
     np.testing.assert_allclose(whole.energies, 0.25 * reference.energies, rtol=1e-4)
+
+
+def test_extension_stays_in_the_basis_and_the_last_segment():
+    case = CASES["mixed sphere"]
+    start, velocity = case.points[0], 0.3 * case.tangent_vecs[0]
+    basis = DeformationBasis(deformations(sphere_template(), 4, rng=9), orthonormalize=True)
+    joined = basis_with(basis, velocity)
+    assert len(joined) == 5
+    half = DiscreteExponential(basis, n_steps=3).solve(case.metric, start, velocity)
+    whole = DiscreteExponential(basis).extend(case.metric, half.path, 2)
+    assert whole.converged
+    difference = whole.path - start
+    np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
+    expected = DiscreteExponential(joined, n_steps=3).solve(case.metric, start, velocity)
+    expected = DiscreteExponential(joined).extend(case.metric, expected.path, 2)
+    np.testing.assert_allclose(whole.path, expected.path, atol=1e-6)
+    # The last segment decides alone.
+    last = DiscreteExponential(basis).extend(case.metric, half.path[-2:], 2)
+    np.testing.assert_allclose(last.path[1:], whole.path[-3:], atol=1e-12)
 
 
 def test_extension_beyond_the_end_of_a_geodesic():

@@ -13,6 +13,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import Disentangling
 from riemhuman.solvers.disentangling import turned_as
+from riemhuman.solvers.minimization import _ROUND
 from riemhuman.surfaces import DeformationBasis
 
 
@@ -183,6 +184,61 @@ def test_callback_and_iterations():
     assert [iteration for iteration, _, _ in seen] == [1, 2]
     assert seen[-1][1] == pytest.approx(found.values[-1])
     assert seen[-1][2].shape == shape.shape
+    (shape_metric, pose_metric) = metrics(bodies.space())
+    for _, value, surface in seen:
+        expected = shape_metric.squared_dist(shape, surface)
+        expected += 50.0 * pose_metric.squared_dist(pose, surface)
+        assert value == pytest.approx(expected, rel=1e-9)
+    assert found.n_iterations == 2
+
+
+class Noting(ElasticMetric):
+    """A metric that notes where its matrix and its gradient are asked for."""
+
+    def __init__(self, *parameters):
+        super().__init__(*parameters)
+        self.centres = []
+
+    def metric_matrix(self, points):
+        self.centres.append(points)
+        return super().metric_matrix(points)
+
+
+def test_rounds_begin_where_the_last_ended():
+    """Iterations run in rounds; each is preconditioned at the surface it begins with."""
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    shape, pose = space.template.vertices + deformations(space.template, 2, rng=1, size=0.7)
+    metric, seen = Noting(space, 1.0, 1.0, 0.0), [(0, 0.0, shape)]
+    solver = Disentangling(tolerance=1e-8, callback=lambda *state: seen.append(state))
+    found = solver.solve(metric, metrics(space)[1], shape, pose, initial=shape)
+    assert found.n_iterations > _ROUND
+    assert len(metric.centres) == 1 + (found.n_iterations - 1) // _ROUND
+    for k, centre in enumerate(metric.centres):
+        np.testing.assert_allclose(centre, seen[k * _ROUND][2], atol=1e-10)
+    for iteration, value, _ in seen[1:]:
+        assert value == pytest.approx(found.values[iteration])
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.96, True), (1.04, False)])
+def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
+    """Between bodies so near to each other that the sum is a polynomial of second degree."""
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    fields = deformations(space.template, 2, rng=1, size=1e-5)
+    shape, pose = space.template.vertices + fields
+    pair = metrics(space)
+    best = Disentangling(pose_weight=2.0, tolerance=1e-10).solve(*pair, shape, pose)
+    noise = np.random.default_rng(2).uniform(-1e-7, 1e-7, shape.shape)
+    start = best.surface + noise
+
+    def value(surface):
+        return pair[0].squared_dist(shape, surface) + 2.0 * pair[1].squared_dist(pose, surface)
+
+    gain = 1.0 - best.value / value(start)
+    solver = Disentangling(pose_weight=2.0, tolerance=float(gain) / share)
+    found = solver.solve(*pair, shape, pose, initial=start)
+    assert found.converged
+    assert found.values[0] == pytest.approx(value(start), rel=1e-6)
+    assert (found.n_iterations == 0) == is_met
 
 
 @pytest.mark.parametrize(
@@ -228,6 +284,14 @@ def test_a_body_is_itself_at_once():
     assert (found.n_iterations, found.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(found.values, [found.value])
     assert 0.0 <= found.value < 1e-20
+
+
+def test_a_body_is_itself_at_once_for_metrics_blind_to_scale():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    body = space.template.vertices + deformations(space.template, 1, rng=1, size=0.3)[0]
+    normals = metrics(space)[1]
+    found = Disentangling().solve(normals, normals, body, body + [0.3, -1.0, 2.0])
+    assert found.message == "the start is at no distance from either"
 
 
 def test_where_the_bodies_are_makes_no_difference():

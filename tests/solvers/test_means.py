@@ -234,7 +234,100 @@ def test_steps_that_never_lower_the_variance_end():
         found = GradientDescentMean().solve(metric, points)
     np.testing.assert_array_equal(found.point, points[0])
     assert (found.n_iterations, found.variance, found.converged) == (0, 5.0, False)
-    assert 10 < found.n_evaluations < 40
+    # 2⁻¹⁹ is the last step above a millionth.
+    assert found.n_evaluations == 21
+    with pytest.warns(ConvergenceWarning, match="no step along .* lowers the variance"):
+        found = GradientDescentMean(step=4e-6).solve(metric, points)
+    # A millionth itself is still tried.
+    assert found.n_evaluations == 4
+
+
+LINE = VectorSpace((1,))
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_descent_stops_within_a_share_of_the_standard_deviation(scale):
+    solver, points = GradientDescentMean(tolerance=1e-2), scale * np.array([[-1.0], [1.0]])
+    for start, n_iterations in ((0.9e-2, 0), (1.1e-2, 1)):
+        found = solver.solve(LINE.metric, points, initial_point=np.array([start * scale]))
+        assert found.converged
+        assert found.n_iterations == n_iterations
+
+
+def test_no_step_raises_the_variance():
+    # The whole step leads from 1 to −1.005, where the variance is half a hundredth larger.
+    points, start = np.array([[-1.0], [1.0]]), np.array([1.0])
+    found = GradientDescentMean(step=2.005).solve(LINE.metric, points, initial_point=start)
+    np.testing.assert_allclose(found.variances[:2], [2.0, 1.0 + 0.0025**2], rtol=1e-12)
+    assert np.all(np.diff(found.variances) <= 1e-12)
+
+
+@pytest.mark.parametrize("scale", [2.0**-30, 2.0**30])
+def test_median_takes_as_many_rounds_at_any_scale(scale):
+    numbers, weights = np.array([[0.0], [1.0], [2.0], [3.0], [100.0]]), [1.0, 1.0, 3.0, 2.0, 1.0]
+    one, other = (
+        GeometricMedian(LINE, GradientDescentMean()).fit(factor * numbers, weights=weights)
+        for factor in (1.0, scale)
+    )
+    assert one.n_iter_ == other.n_iter_
+    np.testing.assert_allclose(other.estimate_, scale * one.estimate_, rtol=1e-9)
+
+
+def test_settings_of_medians():
+    median = GeometricMedian(LINE, GradientDescentMean())
+    assert (median.tolerance, median.max_iterations) == (1e-9, 200)
+    for settings in ({"tolerance": 0.0}, {"max_iterations": 0}):
+        with pytest.raises(ArgumentError, match=next(iter(settings))):
+            GeometricMedian(LINE, GradientDescentMean(), **settings)
+
+
+def test_median_counts_the_evaluations_of_all_means():
+    counts = []
+
+    class Counted:
+        """A solver that remembers how many evaluations it took."""
+
+        def solve(self, *arguments, **settings):
+            found = GradientDescentMean().solve(*arguments, **settings)
+            counts.append(found.n_evaluations)
+            return found
+
+    median = GeometricMedian(LINE, Counted()).fit(np.array([[0.0], [1.0], [5.0]]))
+    assert median.n_iter_ == len(counts) - 1 > 1
+    assert median.result_.n_evaluations == sum(counts)
+
+
+def test_gradient_of_the_dispersion():
+    space = FIELDS["metrics"]
+    points = near_points(space, 4)
+    weights = np.array([3.0, 0.0, 1.0, 0.5])
+    seen = []
+
+    class Watched(EbinMetric):
+        def energy_and_gradient(self, path):
+            seen.append(path[0])
+            return super().energy_and_gradient(path)
+
+    dispersion = Dispersion(Watched(space, lam=2.0), points, weights)
+    x = space.regularize(points.mean(axis=0))
+    value, gradient = dispersion.value_and_gradient(x)
+    # Points of no weight are not looked at.
+    np.testing.assert_array_equal(seen, points[weights > 0])
+    squared = np.array([space.metric.squared_dist(point, x) for point in points])
+    assert value == pytest.approx(weights @ squared / 4.5, rel=1e-12)
+    assert dispersion.value(x) == pytest.approx(value, rel=1e-12)
+    direction = space.random_tangent_vec(x, rng=3)
+    ahead, behind = (dispersion.value(x + step * direction) for step in (1e-5, -1e-5))
+    assert np.sum(gradient * direction) == pytest.approx((ahead - behind) / 2e-5, rel=1e-7)
+
+
+def test_weights_of_any_sum():
+    for sum_of_weights in (1e-6, 0.5, 1.0, 40.0):
+        weights = sum_of_weights * np.array([0.25, 0.0, 0.75])
+        np.testing.assert_allclose(check_weights(weights, 3), [0.25, 0.0, 0.75], rtol=1e-12)
+    np.testing.assert_array_equal(check_weights(None, 4), [0.25] * 4)
+    with pytest.raises(ArgumentError, match=r"weights must have shape \(3\); found \(1, 3\)"):
+        check_weights(np.ones((1, 3)), 3)
 
 
 def test_points_of_no_weight_are_not_looked_at():
@@ -368,3 +461,128 @@ def test_descent_from_the_mean_itself_takes_no_step(space):
     assert found.converged
     assert (found.n_iterations, found.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(found.point, point)
+
+
+@pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+@pytest.mark.parametrize("start", STARTS)
+def test_where_the_search_over_a_basis_starts(space, start):
+    points = near_points(space)
+    weights = np.array([1.0, 2.0, 0.5, 3.0, 1.5])
+    value = Dispersion(space.metric, points, weights).value
+    at_points = [value(point) for point in points]
+    average = value(space.regularize(np.average(points, axis=0, weights=weights)))
+    expected = {
+        "first": at_points[0],
+        "medoid": min(at_points),
+        "euclidean": average,
+        "lowest": min(*at_points, average),
+    }
+    solver = BasisMean(AllDirections(int(np.prod(space.shape))), start=start)
+    found = solver.solve(space.metric, points, weights)
+    assert found.variances[0] == pytest.approx(expected[start], rel=1e-12)
+    assert found.converged
+
+
+def test_the_lowest_start_may_be_a_point():
+    """Of a heavy point and one beyond a fold the average is worse than either."""
+
+    class Folded(RiemannianMetric):
+        def squared_dist(self, point_a, point_b):
+            """Return the squared distance on the parabola y = 30 x²."""
+            lift = anp.stack([point_a, 30.0 * point_a**2]) - anp.stack([point_b, 30.0 * point_b**2])
+            return anp.sum(lift**2, axis=(0, -1))
+
+    metric, points = Folded(VectorSpace((1,))), np.array([[-1.0], [1.0], [1.1]])
+    found = BasisMean(AllDirections(1)).solve(metric, points, weights=np.array([1.0, 9.0, 0.0]))
+    # d² from the other is 4; the rest of the weight is at the point.
+    assert found.variances[0] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.97, True), (1.03, False)])
+def test_tolerance_of_means_is_the_share_that_a_newton_step_would_gain(share, is_met):
+    """Among vectors a shift s from their average adds ‖s‖² to the variance."""
+    space = FIELDS["vectors"]
+    points, weights = space.random_point(6), np.arange(1.0, 7.0)
+    average = np.average(points, axis=0, weights=weights)
+    start = average + 0.1 * space.random_point(rng=5)
+    gain = np.sum((start - average) ** 2)
+    variance = Dispersion(space.metric, points, weights).value(start)
+    solver = BasisMean(
+        AllDirections(8), with_differences=False, tolerance=float(gain / variance / share)
+    )
+    found = solver.solve(space.metric, points, weights, initial_point=start)
+    assert found.converged
+    assert (found.n_iterations == 0) == is_met
+    assert found.variances[0] == pytest.approx(variance)
+    if is_met:
+        np.testing.assert_allclose(found.point, start, rtol=1e-14)
+        assert found.n_evaluations == 1
+
+
+@dataclass(frozen=True)
+class Rows:
+    """A basis of these vectors."""
+
+    flat: np.ndarray
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_differences_join_the_basis(scale):
+    """From the first point and a vector of the basis alone the average is out of reach."""
+    space = FIELDS["vectors"]
+    points = scale * (2.0 + 1e-3 * space.random_point(5, rng=4))
+    basis = Rows(np.eye(8)[:1])
+    found = BasisMean(basis, start="first", tolerance=1e-14).solve(space.metric, points)
+    np.testing.assert_allclose(found.point, points.mean(axis=0), atol=1e-7 * scale)
+    without = BasisMean(basis, start="first", with_differences=False).solve(space.metric, points)
+    np.testing.assert_array_equal(without.point.ravel()[1:], points[0].ravel()[1:])
+    assert without.variance > found.variance
+
+
+@pytest.mark.parametrize("height", [0.0, 1.0])
+def test_nothing_but_differences_joins_the_basis(height):
+    """Points on a line stay on it, though the metric would have their mean elsewhere."""
+
+    class Bent(RiemannianMetric):
+        def squared_dist(self, point_a, point_b):
+            """Return the squared distance of (x, y + x²)."""
+            x, y = (point_a - point_b)[..., 0], (point_a - point_b)[..., 1]
+            return x**2 + (y + point_a[..., 0] ** 2 - point_b[..., 0] ** 2) ** 2
+
+    metric = Bent(VectorSpace((2,)))
+    points = np.array([[0.0, height], [1.0, height], [-1.5, height]])
+    line = Rows(np.array([[1.0, 0.0]]))
+    found = BasisMean(line, start="first").solve(metric, points)
+    assert found.n_iterations > 0
+    assert found.point[1] == height
+    free = BasisMean(AllDirections(2), start="first").solve(metric, points)
+    assert free.variance < found.variance
+    lift = (1 + 1.5**2) / 3 - (0.5 / 3) ** 2
+    np.testing.assert_allclose(free.point[1], height + lift, atol=1e-3)
+
+
+@pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
+def test_callback_of_the_search_over_a_basis(space):
+    points, seen = near_points(space), []
+    solver = BasisMean(
+        AllDirections(int(np.prod(space.shape))),
+        start="first",
+        tolerance=1e-14,
+        callback=lambda *state: seen.append(state),
+    )
+    found = solver.solve(space.metric, points)
+    assert [iteration for iteration, _, _ in seen] == list(range(1, found.n_iterations + 1))
+    value = Dispersion(space.metric, points).value
+    for iteration, variance, point in seen:
+        assert variance == pytest.approx(found.variances[iteration], rel=1e-12)
+        assert value(point) == pytest.approx(variance, rel=1e-10)
+    assert found.n_evaluations >= found.n_iterations + 1
+    assert value(found.point) == pytest.approx(found.variance, rel=1e-10)
+
+
+def test_zeros_coincide():
+    zeros = np.zeros((3, 4, 2))
+    found = BasisMean(AllDirections(8)).solve(FIELDS["vectors"].metric, zeros)
+    assert (found.variance, found.n_evaluations, found.converged) == (0.0, 1, True)
+    assert found.message == "all points coincide"
+    np.testing.assert_array_equal(found.point, zeros[0])

@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
-from cases import CASES, cases_that, name_of
+from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
+from riemhuman.surfaces import DeformationBasis
 
 FIELDS = [case for case in cases_that("dist", "exp") if "product" not in case.name]
 OTHERS = [CASES[name] for name in ("mixed sphere", "all open", "srnf open", "half-plane, distance")]
@@ -80,6 +81,54 @@ def test_the_points_found_are_those_asked_for(case):
     np.testing.assert_allclose(between[1], 0.5 * (point + other), atol=0.05 * size)
 
 
+@pytest.mark.parametrize("case", FIELDS + OTHERS, ids=name_of)
+def test_the_error_is_by_how_much_the_point_is_off(case):
+    """Of the one segment, or of half of that which is halved, up to a factor √2."""
+    metric, point = case.metric, case.points[0]
+    other = case.space.regularize(point + 0.02 * (case.points[1] - point))
+    step = case.space.to_tangent(other - point, point)
+    segment = np.sqrt(metric.energy(np.stack([point, other])))
+    for method, arguments, length, unknown in (
+        ("next_point", (point, other), segment, 2),
+        ("both_sides", (point, step), metric.norm(step, point) / np.sqrt(2.0), 2),
+        ("middle_point", (point, other), 0.5 * segment / np.sqrt(2.0), 1),
+    ):
+        guess, found = (
+            getattr(MiddleEquation(metric, tolerance=1e-12, max_iterations=count), method)(
+                *arguments
+            )
+            for count in (0, 50)
+        )
+        start, end = (triple.points[unknown] for triple in (guess, found))
+        off = metric.norm(case.space.to_tangent(end - start, start), start)
+        assert guess.error == pytest.approx(off / length, rel=0.02, abs=1e-12)
+
+
+@pytest.mark.parametrize("case", FIELDS + OTHERS, ids=name_of)
+@pytest.mark.parametrize("size", [1e-9, 1e-14])
+def test_steps_within_rounding_errors_are_solved(case, size):
+    equation = MiddleEquation(case.metric, tolerance=5e-8)
+    point = case.points[0]
+    step = size * case.space.to_tangent(case.points[1] - point, point)
+    other = case.space.regularize(point + step)
+    for triple in (
+        equation.next_point(point, other),
+        equation.both_sides(point, step),
+        equation.middle_point(point, other),
+    ):
+        assert triple.converged
+        np.testing.assert_allclose(triple.points, [point] * 3, atol=10.0 * size + 1e-13)
+
+
+def test_no_error_is_within_no_tolerance():
+    metric, points = CASES["flat"].metric, np.zeros((2, 3, 2))
+    points[1] = 1.0
+    found = MiddleEquation(metric, tolerance=0.0).next_point(*points)
+    np.testing.assert_array_equal(found.points[2], 2.0 * points[1])
+    assert (found.n_iterations, found.n_evaluations, found.error) == (0, 1, 0.0)
+    assert found.converged
+
+
 @pytest.mark.parametrize("case", FIELDS, ids=name_of)
 def test_follows_closed_form_geodesics(case):
     """On a geodesic every point is halfway between its neighbours, at any distance."""
@@ -103,6 +152,30 @@ def test_unseen_displacements_cost_nothing():
     resting = equation.next_point(case.points[0], case.points[0])
     assert resting.converged
     np.testing.assert_allclose(resting.points[2], case.points[0], atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1, 5])
+def test_within_a_basis(size):
+    """Guesses are left along its vectors alone, against which the equation is solved."""
+    case = CASES["mixed sphere"]
+    vectors = deformations(case.space.template, size, rng=9)
+    basis = DeformationBasis(vectors, orthonormalize=True)
+    point, other = near(case)
+    step = other - point
+    equation = MiddleEquation(case.metric, basis, tolerance=1e-10)
+    for triple, unknown, guess in (
+        (equation.next_point(point, other), 2, other + step),
+        (equation.both_sides(point, step), 2, point + step),
+        (equation.middle_point(point, other), 1, point + 0.5 * step),
+    ):
+        assert triple.converged
+        assert triple.n_iterations > 0
+        shift = triple.points[unknown] - guess
+        assert np.abs(shift).max() > 1e-6
+        np.testing.assert_allclose(basis.project(shift), shift, atol=1e-12)
+        _, gradient = case.metric.energy_and_gradient(triple.points)
+        slopes = basis.flat @ gradient[1].ravel()
+        assert np.abs(slopes).max() < 1e-7 * np.abs(gradient[0]).max()
 
 
 def test_basis_must_fit():
@@ -140,6 +213,7 @@ def test_vanishing_triangles_are_told():
     assert vanishing(case.metric, point, 0.9 * point) == ""
     told = vanishing(case.metric, point, 0.4 * point)
     assert "degenerates: one step left 16% of its area" in told
+    assert "degenerates: one step left 0% of its area" in vanishing(case.metric, point, 0 * point)
     assert vanishing(CASES["ebin 1 sphere"].metric, point, point) == ""
 
 
@@ -177,3 +251,27 @@ def test_the_triangle_that_vanishes_is_named():
         found = vanishing(case.metric, point, shrunk)
         assert found.startswith(told)
         assert bool(found) == bool(told)
+
+
+class Fields:
+    """A space whose points are the fields of its surfaces."""
+
+    def belongs(self, point):
+        return True
+
+    def normal_field(self, point):
+        return point
+
+    def metric_field(self, point):
+        return point
+
+
+def test_at_the_bounds_of_what_is_told():
+    class Metric:
+        space = Fields()
+
+    # A normal that has turned by 120 degrees has not turned over yet; half an area is too little.
+    before, after = np.array([[1.0, 0.0, 0.0]]), np.array([[-0.5, np.sqrt(0.75), 0.0]])
+    assert degeneration(Metric(), before, after) == ""
+    told = vanishing(Metric(), np.eye(2)[None], np.diag([0.25, 1.0])[None])
+    assert told == "triangle 0 degenerates: one step left 50% of its area"

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 from riemhuman.solvers import minimization
 from riemhuman.solvers.minimization import LocalProblem, minimize, minimize_in_rounds
@@ -26,6 +27,8 @@ def test_minimum_of_a_quadratic(method):
     np.testing.assert_allclose(found.x, 1.0, atol=1e-4)
     assert found.converged
     assert not found.interrupted
+    assert "still" not in found.message
+    assert "tolerance" not in found.message
     assert found.value == quadratic(found.x)[0]
     assert found.n_iterations == len(found.values) - 1 > 0
     assert found.n_evaluations >= found.n_iterations + 1
@@ -60,6 +63,101 @@ def test_start_at_the_minimum():
     np.testing.assert_array_equal(found.values, [1.0])
     assert (found.converged, found.n_iterations, found.n_evaluations) == (True, 0, 1)
     np.testing.assert_array_equal(found.x, 1.0)
+
+
+def test_a_minimum_of_value_zero_is_one():
+    found = minimize(lambda x: (0.0, 0 * x), np.zeros(2), expected_decrease=1e-9)
+    assert (found.converged, found.n_iterations, found.n_evaluations) == (True, 0, 1)
+    assert found.message == "the expected decrease is below the tolerance"
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.99, True), (1.01, False)])
+def test_the_start_is_taken_where_a_newton_step_would_gain_little(share, is_met):
+    """With the identity for Hessian, from x with value 2 + ½x² it gains ½x²."""
+    tolerance = 0.125
+    # The x with ½x² = share · tolerance · (2 + ½x²).
+    x = np.sqrt(4.0 * share * tolerance / (1.0 - share * tolerance))
+    found = minimize(
+        lambda x: (2.0 + 0.5 * float(x @ x), x), np.array([x]), expected_decrease=tolerance
+    )
+    assert found.converged
+    assert (found.n_iterations == 0) == is_met
+
+
+def scripted(monkeypatch, script):
+    """Have SciPy make these steps, each (value, slope, whether an iteration ends with it)."""
+
+    def objective(x):
+        value, slope, _ = script[int(x[0])]
+        return value, np.array([slope])
+
+    def walk(function, start, *, callback, **_):
+        function(start)
+        for place, (value, _, ends) in enumerate(script[1:], start=1):
+            x = np.array([float(place)])
+            function(x)
+            try:
+                if ends:
+                    callback(optimize.OptimizeResult(x=x, fun=value))
+            except StopIteration:
+                break
+        return optimize.OptimizeResult(success=True, message="the end of the script")
+
+    monkeypatch.setattr(optimize, "minimize", walk)
+    return objective
+
+
+def test_the_test_is_of_the_last_value_and_gradient(monkeypatch):
+    """A gradient with ½‖∇‖² = 2 is small beside 1000, where it began, and large beside 1."""
+    script = [(1000.0, 99.0, True), (400.0, 40.0, True), (1.0, 2.0, True), (0.9, 0.1, True)]
+    objective = scripted(monkeypatch, [*script, (0.8, 0.0, True)])
+    found = minimize(objective, np.zeros(1), expected_decrease=0.01)
+    np.testing.assert_array_equal(found.values, [1000.0, 400.0, 1.0, 0.9])
+    assert found.x == [3.0]
+    assert (found.value, found.n_iterations, found.n_evaluations) == (0.9, 3, 4)
+    assert found.converged
+    assert found.message == "the expected decrease is below the tolerance"
+
+
+def test_the_end_of_scipy_is_no_convergence_where_decrease_is_expected(monkeypatch):
+    objective = scripted(monkeypatch, [(3.0, 9.0, True), (2.0, 9.0, True)])
+    found = minimize(objective, np.zeros(1), expected_decrease=0.01)
+    assert (found.converged, found.message) == (False, "the end of the script")
+    assert minimize(objective, np.zeros(1)).converged
+
+
+@pytest.mark.parametrize("method", ["L-BFGS-B", "BFGS"])
+def test_iterations_alone_are_limited(monkeypatch, method):
+    """SciPy would count evaluations, too."""
+    given = []
+
+    def refuse(*_, options, **__):
+        given.append(options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(optimize, "minimize", refuse)
+    assert minimize(quadratic, np.zeros(3), method=method).interrupted
+    minimize(quadratic, np.zeros(3), method=method, max_iterations=7)
+    assert [options["maxiter"] for options in given] == [1000, 7]
+    assert all(options.get("maxfun", np.inf) == np.inf for options in given)
+
+
+def test_standing_still_for_fifteen_iterations_ends_it(monkeypatch):
+    level = [(2.0, 9.0, True)] * 20
+    objective = scripted(monkeypatch, [(5.0, 9.0, True), (3.0, 9.0, True), *level])
+    found = minimize(objective, np.zeros(1), expected_decrease=1e-3)
+    np.testing.assert_array_equal(found.values, [5.0, 3.0, *[2.0] * 16])
+    assert found.converged
+    assert found.message == "the value has stood still for 15 iterations"
+    without = minimize(objective, np.zeros(1))
+    assert (without.n_iterations, without.message) == (21, "the end of the script")
+
+
+def test_the_best_point_may_be_one_that_ends_no_iteration(monkeypatch):
+    steps = [(5.0, 1.0, True), (2.0, 1.0, False), (4.0, 1.0, True), (2.0, 1.0, True)]
+    found = minimize(scripted(monkeypatch, steps), np.zeros(1))
+    np.testing.assert_array_equal(found.values, [5.0, 4.0, 2.0])
+    assert (found.value, found.x) == (2.0, [1.0])
 
 
 def test_start_without_a_finite_value():
@@ -192,6 +290,64 @@ def test_rounds_keep_one_history():
         np.testing.assert_allclose(value, rosenbrock(x)[0], rtol=1e-12)
 
 
+def counting(local_problem):
+    """Return local problems that list where they are asked for."""
+    asked = []
+
+    def around(x):
+        asked.append(x)
+        return local_problem(x)
+
+    return around, asked
+
+
+def test_rounds_have_their_length():
+    around, asked = counting(whitened(rosenbrock))
+    settings = {"max_iterations": 7, "expected_decrease": 1e-10}
+    start = np.array([-1.2, 1.0])
+    seen = []
+    found = minimize_in_rounds(
+        around, start, iterations_per_round=3, callback=lambda *s: seen.append(s), **settings
+    )
+    assert found.n_iterations == 7
+    assert len(asked) == 3
+    np.testing.assert_array_equal(asked[0], start)
+    np.testing.assert_allclose(asked[1:], [seen[2][2], seen[5][2]], rtol=1e-12)
+    around, asked = counting(whitened(rosenbrock))
+    assert minimize_in_rounds(around, start, iterations_per_round=1, **settings).n_iterations == 7
+    assert len(asked) == 7
+
+
+def test_rounds_end_where_no_step_lowers_the_value(capsys):
+    def misled(x):
+        value, gradient = quadratic(x)
+        return value, -gradient
+
+    around, asked = counting(whitened(misled))
+    found = minimize_in_rounds(around, np.zeros(3), max_iterations=50, expected_decrease=1e-6)
+    assert (found.converged, found.interrupted, found.n_iterations) == (False, False, 0)
+    assert found.value == pytest.approx(quadratic(np.zeros(3))[0])
+    assert len(asked) == 1
+    assert capsys.readouterr().err == ""
+
+
+def test_rounds_count_every_evaluation():
+    counted = []
+
+    def counted_rosenbrock(x):
+        counted.append(x)
+        return rosenbrock(x)
+
+    settings = {"expected_decrease": 1e-10, "iterations_per_round": 4}
+    start = np.array([-1.2, 1.0])
+    for limit in (6, 200):
+        counted.clear()
+        found = minimize_in_rounds(
+            whitened(counted_rosenbrock), start, max_iterations=limit, **settings
+        )
+        assert found.n_evaluations == len(counted)
+
+
 def test_rounds_stop_at_the_limit_and_on_interruption():
     start = np.array([-1.2, 1.0])
     settings = {"expected_decrease": 1e-10, "iterations_per_round": 3}
@@ -224,6 +380,9 @@ def test_standing_still_is_measured_over_many_iterations():
     assert minimization._stands_still(1e-3, values)
     assert not minimization._stands_still(1e-4, values[:15])
     assert not minimization._stands_still(1e-9, values)
+    assert not minimization._stands_still(1e-3, [*[2.0] * 30, 1.0])
+    assert minimization._stands_still(1e-3, [9.0] * 5 + [2.0] * 16)
+    assert not minimization._stands_still(1e-3, [9.0] * 5 + [2.0] * 15)
     level = [2.0] * minimization._PATIENCE
     assert not minimization._stands_still(1e-3, level)
     assert minimization._stands_still(1e-3, [2.0, *level])

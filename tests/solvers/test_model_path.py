@@ -112,6 +112,10 @@ def test_message_says_how_far_the_surfaces_are(metric):
         metric, model(*first), shifted, start_parameters=first, end_parameters=last
     )
     assert "up to 5 mm from start and end" in result.message
+    result = ModelPath(model, n_times=3).solve(
+        metric, shifted, model(*first), start_parameters=last, end_parameters=first
+    )
+    assert "up to 5 mm from start and end" in result.message
 
 
 def test_as_geodesic_solver():
@@ -119,6 +123,7 @@ def test_as_geodesic_solver():
     known = {model(*values)[0, 0]: values for values in (first, last)}
     solver = ModelPath(model, parameters=lambda surface: known[surface[0, 0]])
     metric = ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 1.0, geodesic_solver=solver)
+    assert len(solver.solve(metric, model(*first), model(*last)).path) == 11
     geodesic = metric.geodesic(model(*first), model(*last))
     np.testing.assert_allclose(geodesic([0.0, 1.0])[1], model(*last), atol=1e-12)
 
@@ -135,9 +140,15 @@ def test_parameters_are_needed(metric):
     ("change", "message"),
     [
         ({"pose": np.zeros((5, 4))}, r"pose of end_parameters must have shape .*\(5, 4\)"),
+        ({"pose": np.zeros((3, 4))}, r"pose of end_parameters must have shape .*\(3, 4\)"),
+        ({"pose": np.zeros((2, 2, 3))}, r"pose of end_parameters must have shape .*\(2, 2, 3\)"),
+        ({"pose": np.zeros(8)}, r"pose of end_parameters must have shape .*\(8,\)"),
+        ({"pose": 0.0}, r"pose of end_parameters must have shape .*found \(\)"),
         ({"pose": np.full((3, 3), np.nan)}, "pose of end_parameters holds 9 NaN"),
         ({"betas": "tall"}, "betas of end_parameters must be an array of real numbers"),
         ({"trans": np.zeros(2)}, "trans of end_parameters must have shape"),
+        ({"trans": np.zeros((1, 3))}, "trans of end_parameters must have shape"),
+        ({"betas": np.zeros((1, 3))}, "betas of end_parameters must have shape"),
         ({"pose": np.zeros((3, 3))}, "pose of one shape"),
         ({"betas": np.zeros(1)}, "betas of one shape"),
     ],

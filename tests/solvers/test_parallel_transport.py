@@ -3,7 +3,7 @@
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
-from cases import CASES, cases_that, name_of
+from cases import CASES, cases_that, deformations, name_of
 
 from riemhuman.errors import (
     ArgumentError,
@@ -13,6 +13,7 @@ from riemhuman.errors import (
     OutsideManifoldError,
 )
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.normal_fields import NormalFieldMetric
 from riemhuman.geometry.vector_space import VectorSpace
 from riemhuman.solvers import (
     BasisPath,
@@ -21,6 +22,8 @@ from riemhuman.solvers import (
     PoleLadder,
     SchildLadder,
 )
+from riemhuman.solvers.discrete_exponential import basis_with
+from riemhuman.surfaces import DeformationBasis
 
 LADDERS = [PoleLadder, SchildLadder]
 FIELDS = cases_that("exp", "log", "geodesic")
@@ -147,6 +150,63 @@ def test_half_plane_against_the_known_transport():
     np.testing.assert_allclose(found.tangent_vec, 2.0 * vector, rtol=2e-2)
 
 
+@pytest.mark.parametrize("case", SPHERES + CURVED, ids=name_of)
+def test_where_closed_forms_serve_nothing_is_solved(case):
+    start, end = case.points[:2]
+    u, _ = vectors_at(case)
+    exact = PoleLadder().solve(case.metric, u, start, end)
+    np.testing.assert_array_equal(exact.path, [start, end])
+    np.testing.assert_array_equal(exact.tangent_vecs, [u, exact.tangent_vec])
+    climbed = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end)
+    for result, message in ((exact, "closed form"), (climbed, "1 rungs")):
+        assert (result.n_iterations, result.n_evaluations) == (0, 0)
+        assert (result.converged, result.message) == (True, message)
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 1.4])
+def test_sides_are_of_the_segments_length_times_the_scale(scale):
+    case, lengths = CASES["normals sphere"], []
+
+    class Watched(NormalFieldMetric):
+        def exp(self, tangent_vec, base_point):
+            if np.array_equal(base_point, case.points[0]):
+                lengths.append(float(self.norm(tangent_vec, base_point)))
+            return super().exp(tangent_vec, base_point)
+
+    metric, start, end = Watched(case.space), *case.points[:2]
+    vector = 7.0 * vectors_at(case)[0]
+    path = np.stack([start, end])
+    carried = PoleLadder(scale=scale).solve(metric, vector, start, path=path).tangent_vec
+    segment = float(metric.dist(start, end))
+    # Half the way to the end, and either side.
+    np.testing.assert_allclose(np.sort(lengths), np.sort([0.5, scale, scale]) * segment, rtol=1e-9)
+    exact = metric.parallel_transport(vector, start, end_point=end)
+    np.testing.assert_allclose(carried, exact, atol=1e-9)
+
+
+@pytest.mark.parametrize("ladder", LADDERS)
+def test_path_and_vector_join_the_basis(ladder):
+    case = CASES["mixed sphere"]
+    start, vector = case.points[0], case.tangent_vecs[0]
+    path = np.stack([start, 0.8 * start + 0.2 * case.points[1]])
+    basis = DeformationBasis(deformations(case.space.template, 4, rng=9), orthonormalize=True)
+    joined = basis_with(basis_with(basis, path[1] - path[0]), vector)
+    assert len(joined) == 6
+    found, expected = (
+        ladder(basis=each, tolerance=1e-9).solve(case.metric, vector, start, path=path).tangent_vec
+        for each in (basis, joined)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+    np.testing.assert_allclose(joined.project(found), found, atol=1e-10)
+    # Of a path that bends, its two ends count.
+    bent = np.stack([start, 0.5 * path.sum(axis=0) + 0.05 * case.tangent_vecs[1], path[1]])
+    found, expected = (
+        ladder(basis=each, tolerance=1e-9).solve(case.metric, vector, start, path=bent).tangent_vec
+        for each in (basis, joined)
+    )
+    np.testing.assert_allclose(found, expected, atol=1e-7)
+
+
 def test_on_bodies_in_a_basis():
     metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
     basis = bodies.basis(30)
@@ -213,6 +273,8 @@ def test_bad_input():
         ladder.solve(case.metric, vector, start, end)
     with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
         ladder.solve(case.metric, vector[:2], start, path=case.points)
+    with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
+        ladder.solve(case.metric, vector[None], start, path=case.points)
     with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
         ladder.solve(case.metric, vector, start, path=case.points[:1])
     with pytest.raises(ArgumentError, match="path must start at base_point; it is off by"):
@@ -231,6 +293,8 @@ def test_the_start_of_a_path_may_be_off_by_rounding(scale):
     metric = VectorSpace((3,)).metric
     vector, start = np.array([0.3, -0.1, 0.2]), scale * np.array([1.0, -2.0, 0.5])
     path = start * np.array([1.0, 1.3, 1.7])[:, None]
+    at_origin = PoleLadder().solve(metric, vector, np.zeros(3), path=path - path[0])
+    np.testing.assert_allclose(at_origin.tangent_vec, vector)
     for share, legal in ((0.9e-9, True), (-1.1e-9, False)):
         base_point = start + [0.0, 2.0 * share * scale, 0.0]
         if legal:

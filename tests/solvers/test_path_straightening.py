@@ -19,9 +19,10 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarnin
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
-from riemhuman.solvers.path_straightening import PathStraightening
+from riemhuman.solvers.path_straightening import PathStraightening, _refined
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath, linear_path
 
 # With λ = 1e-4 nearly all triangles of two surfaces are at θ = π, where d² has a corner.
@@ -185,6 +186,34 @@ def test_other_energies():
     np.testing.assert_allclose(result.energy, solve(case, n_times=9).energy, rtol=1e-2)
 
 
+class Counting(SegmentEnergy):
+    """The energy, counting its gradients."""
+
+    def __init__(self):
+        object.__setattr__(self, "counts", [])
+
+    def value_and_gradient(self, metric, path):
+        self.counts.append(len(path))
+        return super().value_and_gradient(metric, path)
+
+
+@pytest.mark.parametrize("coarse_segments", [(), (2, 4)])
+def test_every_evaluation_on_every_level_is_counted(coarse_segments):
+    energy = Counting()
+    result = solve(CASES["pose sphere"], n_times=6, energy=energy, coarse_segments=coarse_segments)
+    assert result.n_evaluations == len(energy.counts)
+    assert sorted(set(energy.counts)) == [*(n + 1 for n in coarse_segments), 6]
+
+
+def test_motions_that_the_metric_does_not_see_are_taken_out():
+    case = CASES["stretch sphere"]
+    kept = solve(case, n_times=4, remove_drift=False)
+    removed = solve(case, n_times=4)
+    assert np.abs(kept.path - removed.path).max() > 1e-6
+    np.testing.assert_allclose(removed.path, case.metric.remove_drift(kept.path), atol=1e-12)
+    assert removed.energy == kept.energy
+
+
 # Starts.
 
 
@@ -241,12 +270,91 @@ def test_ends_that_the_metric_does_not_tell_apart():
     np.testing.assert_allclose(result.path, linear_path(start, end, 4), rtol=1e-14)
 
 
+@pytest.mark.parametrize("name", ["normals sphere", "ebin 1 sphere", "flat"])
+def test_ends_that_differ_by_rounding(name):
+    case = CASES[name]
+    noise = np.random.default_rng(3).uniform(-1.0, 1.0, case.space.shape)
+    start = case.points[0]
+    for size, coincide in ((1e-15, True), (1e-9, False)):
+        end = case.space.regularize(start * (1.0 + size * noise))
+        if name.startswith("ebin"):
+            end = 0.5 * (end + np.swapaxes(end, -1, -2))
+        result = PathStraightening(n_times=4).solve(case.metric, start, end)
+        assert ("no distance apart" in result.message) == coincide
+        assert result.converged
+        np.testing.assert_array_equal(result.path[[0, -1]], [start, end])
+
+
+def test_ends_at_zero():
+    zero = np.zeros((3, 2))
+    result = PathStraightening(n_times=4).solve(CASES["flat"].metric, zero, zero)
+    assert (result.energy, result.n_evaluations, result.converged) == (0.0, 1, True)
+    assert "no distance apart" in result.message
+    np.testing.assert_array_equal(result.path, np.zeros((4, 3, 2)))
+
+
+def test_three_times():
+    """The point between the ends is the middle of the geodesic."""
+    case = CASES["ebin 1 sphere"]
+    result = solve(case, n_times=3, tolerance=1e-12)
+    middle = ClosedFormGeodesic(3).solve(case.metric, *case.points[:2]).path[1]
+    assert case.metric.dist(result.path[1], middle) < 1e-4 * np.sqrt(result.energy)
+    assert result.n_iterations > 0
+
+
+@pytest.mark.parametrize(("share", "is_met"), [(0.96, True), (1.04, False)])
+@pytest.mark.parametrize("name", ["flat", "vectors"])
+def test_tolerance_is_the_share_that_a_newton_step_would_gain(name, share, is_met):
+    """Between flat points a bulge b of the path costs its own energy, and one step takes it off."""
+    metric = CASES["flat"].metric if name == "flat" else FlatMetric(VectorSpace((20, 3)))
+    rng = np.random.default_rng(5)
+    start, end = rng.standard_normal((2, *metric.space.shape))
+    bulge = np.zeros((6, *metric.space.shape))
+    bulge[1:-1] = 0.1 * rng.standard_normal((4, *metric.space.shape))
+    path = linear_path(start, end, 6) + bulge
+    gain = metric.energy(bulge) / metric.energy(path)
+    solver = PathStraightening(n_times=6, tolerance=float(gain) / share)
+    result = solver.solve(metric, start, end, path)
+    assert result.converged
+    assert result.energies[0] == pytest.approx(metric.energy(path))
+    assert (result.n_iterations == 0) == is_met
+    if is_met:
+        np.testing.assert_allclose(result.path, path, rtol=1e-14)
+        assert result.n_evaluations == 1
+
+
+def test_a_given_path_is_where_it_starts():
+    """Even where the straight one has less energy."""
+    case = CASES["normals sphere"]
+    path = linear_path(*case.points[:2], 5)
+    path[2] += 0.5
+    path[1:-1] = case.space.regularize(path[1:-1])
+    result = PathStraightening(n_times=5).solve(case.metric, *case.points[:2], path)
+    straight = LinearPath(5).solve(case.metric, *case.points[:2]).energy
+    assert result.energies[0] == pytest.approx(case.metric.energy(path), rel=1e-12)
+    assert result.energies[0] > 1.1 * straight
+    assert result.energy < straight
+
+
+def test_paths_are_refined_along_cubics():
+    def curve(n_segments):
+        t = np.linspace(0.0, 1.0, n_segments + 1)[:, None, None]
+        return np.array([[1.0, -2.0]]) * t**3 + [[0.3, 1.0]] * t**2 + [[0.5, 0.7]]
+
+    for n_before, n_after in ((3, 8), (5, 7), (8, 3)):
+        refined = _refined(curve(n_before), n_after)
+        np.testing.assert_allclose(refined, curve(n_after), atol=1e-12)
+        np.testing.assert_array_equal(refined[[0, -1]], curve(n_before)[[0, -1]])
+    np.testing.assert_allclose(_refined(curve(1), 4), linear_path(*curve(1), 4 + 1), atol=1e-14)
+
+
 def test_two_times():
     case = CASES["all sphere"]
     result = solve(case, n_times=2)
     np.testing.assert_array_equal(result.path, case.points[:2])
     squared_dist = case.metric.squared_dist(*case.points[:2])
     np.testing.assert_allclose(result.energy, squared_dist, rtol=1e-12)
+    assert (result.n_iterations, result.n_evaluations, result.converged) == (0, 1, True)
 
 
 def test_arguments_are_left_alone():
@@ -271,9 +379,14 @@ def test_not_converging_is_said_and_warned_of_once():
     assert result.n_iterations == 1
 
 
-def test_callback_sees_the_last_level():
+@pytest.mark.parametrize("n_times", [5, 6])
+def test_callback_sees_the_last_level(n_times):
+    """It has as many segments as the coarse one before it, or one more."""
     case, seen = CASES["normals sphere"], []
-    result = solve(case, n_times=6, tolerance=1e-8, callback=lambda *state: seen.append(state))
+    result = solve(
+        case, n_times=n_times, tolerance=1e-8, callback=lambda *state: seen.append(state)
+    )
+    assert result.n_iterations > 0
     assert [iteration for iteration, _, _ in seen] == list(range(1, result.n_iterations + 1))
     for iteration, energy, path in seen:
         assert energy == result.energies[iteration]
@@ -358,6 +471,18 @@ def test_points_of_another_space_are_refused():
         PathStraightening().solve(case.metric, *case.points[:2], path)
     with pytest.raises(ArgumentError, match="run from start to end"):
         PathStraightening(n_times=7).solve(case.metric, *case.points[1:3], path)
+
+
+@pytest.mark.parametrize("place", [1, 2, 3])
+def test_every_point_of_the_start_must_lie_on_the_manifold(place):
+    """Below the half-plane the inner product stays finite."""
+    metric = HyperbolicInnerProduct(HalfPlane())
+    start, end = np.array([0.0, 1.0]), np.array([1.0, 1.0])
+    path = linear_path(start, end, 5)
+    path[place, 1] = -0.3
+    assert np.isfinite(metric.energy(path))
+    with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
+        PathStraightening(n_times=5).solve(metric, start, end, path)
 
 
 def test_starts_off_the_manifold_are_refused():

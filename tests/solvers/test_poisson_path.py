@@ -8,7 +8,8 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers import LinearPath, PoissonPath
+from riemhuman.solvers import LinearPath, PoissonPath, SegmentEnergy
+from riemhuman.solvers.poisson_path import best_turns, turned_path
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,27 @@ def test_less_energy_than_the_straight_path(bodies, poses):
     turning = PoissonPath().solve(metric, start, end)
     assert turning.energy < 0.7 * LinearPath().solve(metric, start, end).energy
     np.testing.assert_array_equal(turning.path[[0, -1]], [start, end])
+
+
+def test_the_better_turns_and_the_energy_of_their_middle(bodies):
+    metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.0)
+    interpolator = bodies.template.interpolator
+    start, end = pose_pair(bodies, "arms_up", "bent_elbows")
+    turns, energy = best_turns(metric, SegmentEnergy(), start, end)
+    np.testing.assert_array_equal(turns, interpolator.mended(interpolator.turns(start, end)))
+    (middle,) = interpolator.interpolate(start, end, np.array([0.5]), turns)
+    halves = metric.squared_dist(np.stack([start, middle]), np.stack([middle, end]))
+    assert energy == pytest.approx(2.0 * halves.sum(), rel=1e-12)
+
+
+def test_turned_paths_are_at_equal_times(bodies):
+    metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.0)
+    interpolator = bodies.template.interpolator
+    start, end = pose_pair(bodies, "squat", "hands_on_hips")
+    turns = interpolator.turns(start, end)
+    path = turned_path(metric, start, end, 4, turns)
+    inner = interpolator.interpolate(start, end, np.array([1 / 3, 2 / 3]), turns)
+    np.testing.assert_allclose(path, np.stack([start, *inner, end]), atol=1e-12)
 
 
 def test_a_triangle_without_area_has_no_rotation():

@@ -28,6 +28,12 @@ def test_singular_matrices_get_a_ridge():
         assert np.all(np.isfinite(CholeskyFactor(matrix).solve(np.eye(5))))
 
 
+def test_what_is_not_finite_is_passed_on():
+    factor = CholeskyFactor(positive_matrix(3))
+    for solve in (factor.solve, factor.solve_transposed):
+        assert not np.isfinite(solve(np.full((3, 1), np.nan))).any()
+
+
 def hessian_in_variables(gram, n_segments, assumed_gram):
     """Return the Hessian in β of n Σ (x_{i+1} − x_i)ᵀ G (x_{i+1} − x_i), ends fixed."""
     change = PathPreconditioner(CholeskyFactor(assumed_gram), n_segments)

@@ -10,7 +10,6 @@ import pytest
 
 from riemhuman import solvers
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.solvers import minimization
 from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
 
 
@@ -57,7 +56,7 @@ DATACLASSES = [
 ]
 
 
-@pytest.mark.parametrize("cls", [cls for cls in DATACLASSES if cls is not minimization._Record])
+@pytest.mark.parametrize("cls", [c for c in DATACLASSES if not c.__name__.startswith("_")])
 def test_solvers_and_results_are_frozen(cls):
     instance = object.__new__(cls)
     for field in dataclasses.fields(cls):
@@ -70,6 +69,48 @@ def test_solvers_say_nothing_unless_asked_to(cls):
     defaults = {field.name: field.default for field in dataclasses.fields(cls)}
     assert not defaults.get("progress", False)
     assert defaults.get("callback") is None
+
+
+PATH, DESCENT = {"n_times": 11}, {"tolerance": 1e-8, "max_iterations": 50}
+LADDER = {"n_rungs": 10, "exact": True, "scale": 1.0, "tolerance": 1e-10, "max_iterations": 50}
+DRIFT = {"remove_drift": True, "max_iterations": 1000}
+SEARCH = {"progress": False}
+DEFAULTS = {
+    "BasisMean": {**SEARCH, "with_differences": True, "tolerance": 1e-8, "max_iterations": 500},
+    "BasisPath": {**PATH, **DRIFT, **SEARCH, "tolerance": 1e-4},
+    "ClosedFormGeodesic": PATH,
+    "DiscreteExponential": {**DESCENT, "n_steps": 10},
+    "DiscreteLogarithm": {**DESCENT, "n_steps": 10},
+    "Disentangling": {
+        **SEARCH,
+        "shape_weight": 1.0,
+        "pose_weight": 50.0,
+        "tolerance": 1e-3,
+        "max_iterations": 300,
+    },
+    "GradientDescentMean": {"step": 1.0, "tolerance": 1e-8, "max_iterations": 2000},
+    "LinearPath": PATH,
+    "MiddleEquation": DESCENT,
+    "ModelPath": PATH,
+    "PathStraightening": {
+        **PATH,
+        **DRIFT,
+        **SEARCH,
+        "coarse_segments": (2, 4),
+        "tolerance": 1e-5,
+    },
+    "PoissonPath": PATH,
+    "PoleLadder": LADDER,
+    "SchildLadder": LADDER,
+}
+
+
+@pytest.mark.parametrize("cls", [c for c in DATACLASSES if c.__name__ in DEFAULTS])
+def test_numbers_that_results_were_computed_with_stay(cls):
+    """Figures that are printed without settings depend on them."""
+    kinds = (bool, int, float, tuple)
+    found = {field.name: field.default for field in dataclasses.fields(cls)}
+    assert {k: v for k, v in found.items() if isinstance(v, kinds)} == DEFAULTS[cls.__name__]
 
 
 LEAST = {"n_times": 2, "max_iterations": 1, "n_steps": 1, "n_rungs": 1}

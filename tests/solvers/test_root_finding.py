@@ -42,6 +42,9 @@ def test_linear_systems_need_no_more_steps_than_unknowns():
 def test_a_root_at_the_start_takes_one_evaluation():
     found = find_root(lambda x: x, np.zeros(3), tolerance=1e-12, max_iterations=5)
     assert (found.n_iterations, found.n_evaluations, found.residual) == (0, 1, 0.0)
+    # A norm of exactly the tolerance is within it.
+    found = find_root(lambda x: x + 1.0, np.zeros(1), tolerance=1.0, max_iterations=5)
+    assert (found.n_iterations, found.n_evaluations, found.residual) == (0, 1, 1.0)
 
 
 def test_steps_that_leave_the_domain_are_halved():
@@ -50,7 +53,8 @@ def test_steps_that_leave_the_domain_are_halved():
 
     found = find_root(function, np.zeros(1), tolerance=1e-9, max_iterations=50)
     np.testing.assert_allclose(found.x, 0.9, rtol=1e-8)
-    assert find_root(function, np.ones(1) * 2, tolerance=1e-9, max_iterations=5).residual == np.inf
+    outside = find_root(function, np.ones(1) * 2, tolerance=1e-9, max_iterations=5)
+    assert outside == (2.0, np.inf, 0, 1)
 
 
 def test_stops_at_the_most_iterations_with_the_best_point():
@@ -73,7 +77,7 @@ def points_asked(function, start, max_iterations):
     return asked, found
 
 
-@pytest.mark.parametrize(("slope", "halved"), [(2.9, False), (3.1, True)])
+@pytest.mark.parametrize(("slope", "halved"), [(2.9, False), (3.0, False), (3.1, True)])
 def test_steps_that_more_than_double_the_residual_are_halved(slope, halved):
     # From 0 a whole step leads to the slope, where the residual is slope − 1 times that at 0.
     asked, found = points_asked(lambda x: slope * (x - 1.0), 0.0, 1)
@@ -89,8 +93,9 @@ def test_a_domain_without_a_way_on_ends_the_search():
     assert (found.n_iterations, found.n_evaluations) == (0, 9)
 
 
-def test_the_best_point_tells_the_step_that_found_it():
-    values = iter([4.0, 2.0, 3.0, 2.5])
+@pytest.mark.parametrize("residuals", [[4.0, 2.0, 3.0, 2.5], [4.0, 2.0, 2.5, 2.0]])
+def test_the_best_point_tells_the_step_that_found_it_first(residuals):
+    values = iter(residuals)
     found = find_root(
         lambda x: np.array([next(values)]), np.zeros(1), tolerance=1e-9, max_iterations=3
     )

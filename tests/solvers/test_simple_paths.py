@@ -94,6 +94,24 @@ def test_linear_path_is_exact_at_its_ends():
     np.testing.assert_allclose(np.diff(path, axis=0), (end - start) / 7 + np.zeros((7, 4)))
 
 
+def test_linear_path_at_uneven_times_of_any_shape():
+    for shape in ((), (2,), (4, 3)):
+        start, end = np.random.default_rng(1).standard_normal((2, *shape))
+        path = linear_path(start, end, 5)
+        assert path.shape == (5, *shape)
+        np.testing.assert_allclose(path[1], 0.75 * start + 0.25 * end, rtol=1e-14)
+
+
+def test_initial_paths_between_zeros_are_legal():
+    metric, zero = CASES["flat"].metric, np.zeros((3, 2))
+    path = np.zeros((4, 3, 2))
+    path[1:-1] = 0.5
+    np.testing.assert_array_equal(check_initial_path(metric, zero, zero, 4, path), path)
+    path[-1] = 1e-9
+    with pytest.raises(ArgumentError, match="off by up to 1e-09"):
+        check_initial_path(metric, zero, zero, 4, path)
+
+
 def test_initial_paths_are_checked():
     metric, (start, end) = CASES["all triangle"].metric, CASES["all triangle"].points[:2]
     path = linear_path(start, end, 5)
