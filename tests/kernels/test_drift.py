@@ -45,6 +45,15 @@ def test_surfaces_move_rigidly():
         assert handed == pytest.approx(np.linalg.det(path[1, 1:4] - path[1, 0]))
 
 
+@pytest.mark.parametrize("rotations", [True, False])
+def test_a_body_goes_evenly_from_one_end_to_the_other(rotations):
+    times = np.linspace(0.0, 1.0, 5)[:, None, None]
+    expected = BODY + times * [3.0, -1.0, 2.0]
+    path = expected + 4.0 * times * (1.0 - times) * [0.5, 1.5, -0.2]
+    still = still_path(path, WEIGHTS, rotations=rotations)
+    np.testing.assert_allclose(still, expected, atol=1e-9)
+
+
 def test_two_surfaces_have_nothing_between_them():
     path = RNG.normal(size=(2, 60, 3))
     np.testing.assert_array_equal(still_path(path, WEIGHTS, rotations=True), path)
