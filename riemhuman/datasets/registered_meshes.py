@@ -12,6 +12,7 @@ from typing import overload
 import numpy as np
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
@@ -165,9 +166,7 @@ def load_registered(
     meshes = RegisteredMeshes(files, reference)
     if not progress:
         return meshes[:], meshes.faces
-    from tqdm import tqdm
-
-    numbers = tqdm(range(len(meshes)), desc="Meshes", unit="mesh")
+    numbers = ProgressBar(range(len(meshes)), desc="Meshes", unit="mesh")
     return np.stack([meshes[number] for number in numbers]), meshes.faces
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy import ndarray
-from tqdm import tqdm
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.progress import ProgressBar
 
 if TYPE_CHECKING:
     from riemhuman.geometry.bulk_distances import BulkDistances
@@ -199,7 +199,7 @@ def distances(
         return result
     n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
     size = _block_size(rows, columns, memory)
-    with tqdm(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
+    with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for row in _slices(len(rows), size):
             features_a = rows.features(row)
             for column in _slices(len(columns), size):

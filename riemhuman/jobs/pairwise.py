@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from tqdm import tqdm
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import (
@@ -34,6 +33,7 @@ from riemhuman.jobs.tiles import (
     memory_of_tile,
     tiles_of,
 )
+from riemhuman.progress import ProgressBar
 
 RESULT = "D.npy"
 """Name of the file of distances."""
@@ -155,7 +155,7 @@ def pairwise_job(
         room.make_tables(tables)
 
         kept = [] if complete else list(arrays)
-        for block in tqdm(blocks, desc="Points", disable=not progress, unit=" blocks"):
+        for block in ProgressBar(blocks, desc="Points", disable=not progress, unit=" blocks"):
             _keep_features(room, metric, points, block, layout["block"], precision, kept, tiles)
         if not complete:
             reader = TileReader(str(room.path), len(features), n_jobs)
@@ -296,7 +296,7 @@ def _compute_tiles(
         else:
             computed = tiles_on_cluster(client, metric, reader, todo)
         n_pairs = sum(tile.n_pairs for tile in tiles)
-        bar = tqdm(
+        bar = ProgressBar(
             total=n_pairs,
             initial=n_pairs - sum(tile.n_pairs for _, tile in todo),
             desc="Distances",

@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.progress import ProgressBar
 from riemhuman.retrieval.scores import RetrievalScores, scores
 
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
@@ -99,7 +99,7 @@ def benchmark(
     labels = _labels(bodies)
 
     records = []
-    bar = tqdm(representations.items(), disable=not progress, unit="representation")
+    bar = ProgressBar(representations.items(), disable=not progress, unit="representation")
     for name, representation in bar:
         bar.set_description(name)
         try:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy import optimize
-from tqdm import tqdm
+
+from riemhuman.progress import ProgressBar
 
 # Iterations that together must gain more than `_STILL` times the expected decrease.
 _PATIENCE = 15
@@ -152,7 +153,7 @@ def minimize(
     settings |= options or {}
 
     converged, interrupted, message = met_test, False, ""
-    with tqdm(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
+    with ProgressBar(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
         if not met_test:
             try:
                 result = optimize.minimize(

@@ -9,6 +9,7 @@ import numpy as np
 
 from riemhuman.checks import check_shape, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.progress import ProgressBar
 
 
 def frames_apart(
@@ -115,10 +116,8 @@ def _iterate(items: Any, name: str) -> Iterator[Any]:
 
 
 def _with_progress(listed: Iterator[Any], motions: Any) -> Iterator[Any]:
-    from tqdm import tqdm
-
     n_motions = len(motions) if hasattr(motions, "__len__") else None
-    return iter(tqdm(listed, desc="Motions", total=n_motions, unit="motion"))
+    return iter(ProgressBar(listed, desc="Motions", total=n_motions, unit="motion"))
 
 
 def _frames_of(run: Any, number: int, name: str) -> np.ndarray:
