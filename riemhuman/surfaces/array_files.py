@@ -47,9 +47,15 @@ def save_arrays(
     FileError
         If the file cannot be written.
     """
-    write = np.savez_compressed if compressed else np.savez
-    with whole_file(file_path(path)) as neighbour, neighbour.open("wb") as stream:
-        write(stream, **arrays)
+    compression = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
+    # Not by `np.savez`, which in NumPy 2.0 leaves the archive open where the disk is full.
+    with (
+        whole_file(file_path(path)) as neighbour,
+        zipfile.ZipFile(neighbour, "w", compression) as archive,
+    ):
+        for name, array in arrays.items():
+            with archive.open(name + _ENDING, "w", force_zip64=True) as member:
+                np.lib.format.write_array(member, np.asanyarray(array), allow_pickle=False)
 
 
 def load_arrays(
