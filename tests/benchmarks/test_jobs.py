@@ -118,7 +118,7 @@ def test_on_a_cluster(benchmark, tmp_path):
     seconds = time.perf_counter() - begin
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None
+            n_workers=2, threads_per_worker=1, dashboard_address=":0"
         ) as cluster,
         distributed.Client(cluster) as client,
     ):
