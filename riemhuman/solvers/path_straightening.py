@@ -241,7 +241,7 @@ class _Descent:
         """Return the energy and its slope in the coordinates of the interior points."""
         points = self._on_manifold(path)
         if not self._belongs(points):
-            return np.inf, np.zeros_like(path)
+            return np.inf, np.zeros((len(path) - 2, path[0].size))
         value, gradient = self._solver.energy.value_and_gradient(self._metric, points)
         pull_back, _ = make_vjp(self._metric.space.regularize, path[1:-1])
         return value, pull_back(gradient[1:-1]).reshape(len(path) - 2, -1)
