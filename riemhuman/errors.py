@@ -30,7 +30,7 @@ class OutsideManifoldError(RiemhumanError, ValueError):
 
 
 class FrameIndexError(RiemhumanError, IndexError):
-    """A motion is asked for a frame it does not have."""
+    """A sequence is asked for an item it does not have: a motion for a frame, bodies for one."""
 
 
 class FileError(RiemhumanError, OSError):

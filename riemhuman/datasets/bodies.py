@@ -2,19 +2,35 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import operator
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, overload
 
 import numpy as np
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import integer_array, real_array
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, FrameIndexError
+from riemhuman.optional import import_optional
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.surfaces.html_pictures import surfaces_html
 from riemhuman.surfaces.template import Template
 
+Class = int | str
 
-@dataclass(frozen=True, eq=False)
+_FORMAT_VERSION = 1
+_NAMES = ("subject_names", "pose_names", "ids")
+_STORED = ("points", "subject", "pose", "betas", "pose_vectors", "translations")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Bodies:
     """Registered body surfaces with the person and the pose of each.
+
+    ``bodies[3]`` is surface 3, shape (V, 3); ``bodies[2:8]``, ``bodies[mask]`` and
+    ``bodies[[0, 5]]`` are the `Bodies` chosen, and `select` chooses by person and pose.
 
     Parameters
     ----------
@@ -94,6 +110,195 @@ class Bodies:
         """Return the number of surfaces."""
         return len(self.points)
 
+    @overload
+    def __getitem__(self, index: int) -> np.ndarray: ...
+    @overload
+    def __getitem__(self, index: slice | Sequence[int] | np.ndarray) -> Bodies: ...
+    def __getitem__(self, index: Any) -> np.ndarray | Bodies:
+        if not isinstance(index, slice) and np.ndim(index) == 0:
+            try:
+                number = operator.index(index)
+            except TypeError as error:
+                raise ArgumentTypeError(
+                    "bodies are indexed by a whole number, a slice, a mask or several numbers; "
+                    f"found {index!r}"
+                ) from error
+            if not -len(self) <= number < len(self):
+                raise FrameIndexError(f"{self!r} has no surface {number}")
+            return self.points[number]
+        return self._chosen(np.arange(len(self))[index] if isinstance(index, slice) else index)
+
+    def select(
+        self,
+        subject: Class | Sequence[Class] | None = None,
+        pose: Class | Sequence[Class] | None = None,
+    ) -> Bodies:
+        """Return the surfaces of some people in some poses.
+
+        Parameters
+        ----------
+        subject : int, str, or sequence of them, optional
+            Indices into `subject_names`, or names; by default everybody.
+        pose : int, str, or sequence of them, optional
+            Indices into `pose_names`, or names; by default every pose.
+
+        Returns
+        -------
+        Bodies
+            In the order they have here; the names of all classes stay.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no such person or pose.
+
+        Examples
+        --------
+        >>> import riemhuman as rh
+        >>> bodies = rh.datasets.load_open_bodies("coarse")
+        >>> bodies.select(subject="lanky man", pose=["squat", "arms_up"]).points.shape
+        (2, 1202, 3)
+        """
+        chosen = np.ones(len(self), dtype=bool)
+        for name, wanted in (("subject", subject), ("pose", pose)):
+            if wanted is not None:
+                labels = _labels(wanted, name, getattr(self, f"{name}_names"))
+                chosen &= np.isin(getattr(self, name), labels)
+        return self._chosen(chosen)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the surfaces and their labels to an .npz file; the body model is left out.
+
+        Parameters
+        ----------
+        path : path_like
+            The file, with its ending; an existing file is replaced, whole or not at all.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        arrays = {
+            "format_version": np.array(_FORMAT_VERSION),
+            "template_vertices": self.template.vertices,
+            "template_faces": self.template.faces,
+        }
+        for name in _STORED:
+            if getattr(self, name) is not None:
+                arrays[name] = np.asarray(getattr(self, name))
+        # An empty list of names would be an array of numbers.
+        arrays |= {name: np.array(getattr(self, name), dtype=np.str_) for name in _NAMES}
+        save_arrays(path, arrays)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Bodies:
+        """Read surfaces and labels that `save` wrote.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+
+        Returns
+        -------
+        Bodies
+            Without a body model.
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it does not hold bodies.
+        """
+        required = ("format_version", "template_vertices", "template_faces", "points")
+        arrays = load_arrays(path, required, (*_STORED, *_NAMES))
+        version = arrays["format_version"].tolist()
+        if version != _FORMAT_VERSION:
+            raise FileFormatError(
+                f"{path} is of format version {str(version)[:60]}; this release reads version "
+                f"{_FORMAT_VERSION}"
+            )
+        try:
+            template = Template(arrays["template_vertices"], arrays["template_faces"])
+            values: dict[str, Any] = {name: arrays[name] for name in _STORED if name in arrays}
+            values |= {name: tuple(arrays[name].tolist()) for name in _NAMES if name in arrays}
+            return cls(template=template, **values)
+        except (ArgumentError, ArgumentTypeError, TypeError) as error:
+            raise FileFormatError(f"{path} does not hold bodies: {error}") from error
+
+    def to_frame(self) -> Any:
+        """Return the labels as a table of pandas, one row a surface.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The index holds `ids`; the columns are "subject" and "pose", by name.
+
+        Raises
+        ------
+        MissingDependencyError
+            If pandas is not installed.
+        """
+        pandas = import_optional("pandas", "tables")
+        columns = {
+            name: [getattr(self, f"{name}_names")[label] for label in getattr(self, name)]
+            for name in ("subject", "pose")
+        }
+        return pandas.DataFrame(columns, index=pandas.Index(self.ids, name="id"))
+
+    def __repr__(self) -> str:
+        people, poses = len(np.unique(self.subject)), len(np.unique(self.pose))
+        return (
+            f"<Bodies: {len(self)} surfaces, {people} people in {poses} poses, "
+            f"{self.template.n_vertices:,} vertices, {self.template.n_faces:,} triangles"
+            f"{'' if self.model is None else ', with their body model'}>"
+        )
+
+    def _repr_html_(self) -> str:
+        return surfaces_html(self.points, self.template.faces, repr(self).strip("<>"))
+
+    def _chosen(self, index: Any) -> Bodies:
+        """Return the surfaces at the indices, or where the mask holds."""
+        index = np.asarray(index)
+        is_mask = index.dtype == bool
+        if index.ndim != 1 or not (is_mask or index.dtype.kind in "iu" or index.size == 0):
+            raise ArgumentTypeError(
+                "bodies are indexed by a whole number, a slice, a mask or several numbers; found "
+                f"an array of dtype {index.dtype} and shape {index.shape}"
+            )
+        if is_mask and len(index) != len(self):
+            raise ArgumentError(
+                f"a mask must have an entry for each of {len(self)} surfaces; found {len(index)}"
+            )
+        numbers = np.flatnonzero(index) if is_mask else index.astype(np.int64)
+        if numbers.size and not -len(self) <= numbers.min() <= numbers.max() < len(self):
+            raise FrameIndexError(
+                f"{self!r} has no surface {numbers.min() if numbers.min() < 0 else numbers.max()}"
+            )
+        values = {name: getattr(self, name) for name in _STORED}
+        kept: dict[str, Any] = {
+            name: value[numbers] for name, value in values.items() if value is not None
+        }
+        return replace(self, **kept, ids=tuple(self.ids[number] for number in numbers))
+
     def _keep(self, **values: object) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+
+def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
+    """Return the labels of classes given by name or number."""
+    single = isinstance(wanted, str) or np.ndim(wanted) == 0
+    labels = []
+    for each in [wanted] if single else wanted:
+        if isinstance(each, str) and each in names:
+            labels.append(names.index(each))
+        elif not isinstance(each, str) and 0 <= operator.index(each) < len(names):
+            labels.append(operator.index(each))
+        else:
+            raise ArgumentError(
+                f"{name} must name or number one of {', '.join(names[:20])}; found {each!r}"
+            )
+    return labels

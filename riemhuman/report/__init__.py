@@ -5,7 +5,6 @@ from riemhuman.report.contributions import Contributions, contributions
 from riemhuman.report.embedding import embed
 from riemhuman.report.make import make_report
 from riemhuman.report.rankings import confusion, precision_recall
-from riemhuman.report.rendering import View, render
 from riemhuman.report.result_plots import (
     plot_confusion,
     plot_embedding,
@@ -14,6 +13,7 @@ from riemhuman.report.result_plots import (
     plot_sweep,
 )
 from riemhuman.report.viewer import Viewer, view_bodies, view_path
+from riemhuman.surfaces.rendering import View, render
 
 __all__ = [
     "Contributions",

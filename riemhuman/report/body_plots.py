@@ -13,8 +13,8 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.report.colors import value_colors
-from riemhuman.report.rendering import SKIN, View, render, window_around
 from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.rendering import SKIN, View, render, window_around
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -12,7 +12,6 @@ from riemhuman.report.body_plots import per_area, plot_body, plot_path
 from riemhuman.report.figures import new_figure
 from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SRNF_PATH
 from riemhuman.report.plan import name_of, spoken
-from riemhuman.report.rendering import MEAN, SKIN
 from riemhuman.report.result_plots import (
     plot_confusion,
     plot_embedding,
@@ -20,6 +19,7 @@ from riemhuman.report.result_plots import (
     plot_precision_recall,
     plot_sweep,
 )
+from riemhuman.surfaces.rendering import MEAN, SKIN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -8,8 +8,8 @@ from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
 from riemhuman.report.path_experiments import OURS
 from riemhuman.report.plan import name_of
-from riemhuman.report.rendering import MEAN
 from riemhuman.report.viewer import ViewedBody, Viewer
+from riemhuman.surfaces.rendering import MEAN
 
 
 def difference_section(materials: Materials) -> Section | None:

@@ -16,7 +16,7 @@ from riemhuman.optional import import_optional
 from riemhuman.report.body_plots import new_axes
 from riemhuman.report.colors import class_colors
 from riemhuman.report.rankings import confusion, precision_recall
-from riemhuman.report.rendering import View, render, window_around
+from riemhuman.surfaces.rendering import View, render, window_around
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -22,10 +22,10 @@ from riemhuman.errors import ArgumentError
 from riemhuman.report.body_plots import colour_limit
 from riemhuman.report.colors import value_colors
 from riemhuman.report.reduction import lighter_mesh
-from riemhuman.report.rendering import SKIN, View
 from riemhuman.report.text_files import write_text
 from riemhuman.report.web_files import scripts, styles
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.rendering import SKIN, View
 
 # Above this, a body shows no more in a window, and a path becomes heavy.
 MAX_VERTICES = 7000

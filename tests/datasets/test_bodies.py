@@ -6,8 +6,14 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import Bodies
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileFormatError,
+    FrameIndexError,
+)
 from riemhuman.surfaces import Template
+from riemhuman.surfaces.array_files import save_arrays
 
 TEMPLATE = Template(np.eye(4, 3), [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 
@@ -101,3 +107,108 @@ def test_ids():
     for ids in (list("abc"), list("abcdee")):
         with pytest.raises(ArgumentError, match="ids must be as many different names"):
             Bodies(**fields(ids=ids))
+
+
+def test_a_number_gives_a_surface():
+    bodies = Bodies(**fields())
+    np.testing.assert_array_equal(bodies[2], bodies.points[2])
+    np.testing.assert_array_equal(bodies[np.int64(-1)], bodies.points[5])
+    assert len(list(bodies)) == 6
+
+
+@pytest.mark.parametrize(
+    ("index", "chosen"),
+    [
+        (slice(1, None, 2), [1, 3, 5]),
+        ([4, 0, -1], [4, 0, 5]),
+        (np.array([True, False, False, True, False, False]), [0, 3]),
+        ([], []),
+    ],
+)
+def test_slices_masks_and_numbers_give_bodies(index, chosen):
+    bodies = Bodies(**fields(ids=list("abcdef")))
+    some = bodies[index]
+    for name in ("points", "subject", "pose", "betas", "pose_vectors", "translations"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(bodies, name)[chosen])
+    assert some.ids == tuple("abcdef"[i] for i in chosen)
+    assert some.subject_names == bodies.subject_names
+    assert some.template is bodies.template
+
+
+@pytest.mark.parametrize(
+    ("index", "error", "message"),
+    [
+        (6, FrameIndexError, "has no surface 6"),
+        ([0, -7], FrameIndexError, "has no surface -7"),
+        (1.5, ArgumentTypeError, "indexed by a whole number"),
+        ([0.5], ArgumentTypeError, "dtype float64"),
+        ([[0]], ArgumentTypeError, r"shape \(1, 1\)"),
+        ([True, False], ArgumentError, "an entry for each of 6 surfaces; found 2"),
+    ],
+)
+def test_indices_that_are_refused(index, error, message):
+    with pytest.raises(error, match=message):
+        Bodies(**fields())[index]
+
+
+def test_select():
+    bodies = Bodies(**fields())
+    assert bodies.select(subject="Ben").ids == ("3", "4", "5")
+    assert bodies.select(subject=0, pose=["aside", 0]).ids == ("0", "2")
+    assert len(bodies.select()) == 6
+    for wrong in ({"subject": "Eve"}, {"pose": 3}, {"pose": ["up", -1]}):
+        with pytest.raises(ArgumentError, match="must name or number one of"):
+            bodies.select(**wrong)
+
+
+@pytest.mark.parametrize("left_out", [(), ("betas", "pose_vectors", "translations")])
+def test_save_and_load(tmp_path, left_out):
+    bodies = Bodies(**fields(ids=list("abcdef"), **dict.fromkeys(left_out)))
+    bodies.save(tmp_path / "bodies.npz")
+    again = Bodies.load(tmp_path / "bodies.npz")
+    for name in ("points", "subject", "pose", "betas", "pose_vectors", "translations"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(bodies, name))
+    np.testing.assert_array_equal(again.template.vertices, TEMPLATE.vertices)
+    np.testing.assert_array_equal(again.template.faces, TEMPLATE.faces)
+    for name in ("subject_names", "pose_names", "ids"):
+        assert getattr(again, name) == getattr(bodies, name)
+
+
+def test_empty_bodies_survive_a_file(tmp_path):
+    Bodies(**fields())[[]].save(tmp_path / "none.npz")
+    assert len(Bodies.load(tmp_path / "none.npz")) == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"format_version": np.array(9)}, "format version 9"),
+        ({"subject": np.full(6, 7)}, "does not hold bodies: subject holds labels"),
+        ({"template_faces": np.full((4, 3), 9)}, "does not hold bodies"),
+        ({"ids": np.zeros(())}, "does not hold bodies"),
+        ({"subject": None}, "does not hold bodies"),
+    ],
+)
+def test_files_that_are_refused(tmp_path, change, message):
+    path = tmp_path / "bodies.npz"
+    Bodies(**fields()).save(path)
+    with np.load(path) as archive:
+        arrays = dict(archive) | change
+    save_arrays(path, {name: array for name, array in arrays.items() if array is not None})
+    with pytest.raises(FileFormatError, match=message):
+        Bodies.load(path)
+
+
+def test_table_of_labels():
+    pytest.importorskip("pandas")
+    frame = Bodies(**fields(ids=list("abcdef"))).to_frame()
+    assert frame.index.tolist() == list("abcdef")
+    assert frame.loc["d"].tolist() == ["Ben", "up"]
+
+
+def test_what_is_shown():
+    bodies = Bodies(**fields())
+    assert repr(bodies) == "<Bodies: 6 surfaces, 2 people in 3 poses, 4 vertices, 4 triangles>"
+    assert "6 surfaces, 2 people" in bodies._repr_html_()
+    assert "<img" in bodies._repr_html_()
+    assert "<img" not in bodies[[]]._repr_html_()

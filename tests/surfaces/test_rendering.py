@@ -6,7 +6,7 @@ import trimesh
 from cases import sphere_template
 
 from riemhuman.errors import ArgumentError
-from riemhuman.report.rendering import View, Window, render, window_around
+from riemhuman.surfaces.rendering import View, Window, render, window_around
 
 FRONT = View(0.0, 0.0)
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])

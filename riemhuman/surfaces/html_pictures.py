@@ -1,0 +1,75 @@
+"""Small pictures of surfaces for notebooks, which show the `_repr_html_` of an object."""
+
+from __future__ import annotations
+
+import base64
+import struct
+import zlib
+from collections.abc import Sequence
+from html import escape
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.surfaces.rendering import View, render, window_around
+
+_HEIGHT = 160
+_MOST_SHOWN = 8
+
+
+def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption: str) -> str:
+    """Return a picture of at most eight surfaces side by side, with a caption.
+
+    Parameters
+    ----------
+    surfaces : sequence of array, each of shape (V, 3)
+        Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    caption : str
+        Plain text below the picture.
+
+    Returns
+    -------
+    str
+        An HTML fragment that needs no other file.
+    """
+    shown = np.linspace(0, len(surfaces) - 1, min(len(surfaces), _MOST_SHOWN)).round().astype(int)
+    chosen = np.stack([surfaces[i] for i in shown]) if len(shown) else np.zeros((0, 1, 3))
+    text = f"<figcaption>{escape(caption)}</figcaption>"
+    if len(chosen) == 0:
+        return f"<figure>{text}</figure>"
+    # Each stands on the same spot, in one scale.
+    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
+    view = View()
+    window = window_around(chosen, view)
+    strip = np.concatenate(
+        [render(f, faces, height=_HEIGHT, view=view, window=window) for f in chosen], axis=1
+    )
+    source = base64.b64encode(png_bytes(strip)).decode()
+    image = f'<img src="data:image/png;base64,{source}" alt="{escape(caption, quote=True)}">'
+    return f'<figure style="margin:0">{image}{text}</figure>'
+
+
+def png_bytes(picture: ndarray) -> bytes:
+    """Return a picture as a PNG file.
+
+    Parameters
+    ----------
+    picture : array of uint8, shape (height, width, 4)
+        Red, green, blue and opacity.
+
+    Returns
+    -------
+    bytes
+    """
+    height, width, _ = picture.shape
+    # Each row begins with the number of its filter, 0 for none.
+    rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)
+    rows[:, 1:] = picture.reshape(height, -1)
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
