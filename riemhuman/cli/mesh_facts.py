@@ -11,10 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.errors import ArgumentError
 from riemhuman.surfaces.distortion import signed_volume, triangle_areas
 from riemhuman.surfaces.template import Template
-
-# Largest extents of human bodies, from infants to men with their arms raised.
-_BODY_METRES = (0.45, 2.8)
-_UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 39.37}
+from riemhuman.surfaces.units import body_units
 
 
 def mesh_facts(vertices: np.ndarray, faces: np.ndarray) -> dict[str, Any]:
@@ -70,9 +67,7 @@ def _n_degenerate(vertices: np.ndarray, faces: np.ndarray) -> int:
 
 def _unit(extent: float) -> str:
     """Guess the unit in which a body has this largest extent."""
-    low, high = _BODY_METRES
-    fitting = [name for name, size in _UNITS.items() if low * size <= extent <= high * size]
-    return " or ".join(fitting) or "none in which this is the size of a human body"
+    return " or ".join(body_units(extent)) or "none in which this is the size of a human body"
 
 
 def _template_problem(vertices: np.ndarray, faces: np.ndarray) -> str | None:

@@ -11,11 +11,13 @@ from typing import overload
 
 import numpy as np
 
+from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.units import SCALES, refuse_other_scale
 
 MESH_ENDINGS = (".ply", ".obj", ".off")
 
@@ -67,6 +69,9 @@ class RegisteredMeshes:
         Mesh files (PLY, OBJ or OFF); at least one.
     reference : path_like, optional
         Mesh file whose number of vertices and triangles all must have; by default the first.
+    scale : {"template"} or None
+        Whether a mesh more than eight times as large or as small as the reference is refused,
+        because it must be in another unit.
 
     Raises
     ------
@@ -82,13 +87,14 @@ class RegisteredMeshes:
         self,
         files: Sequence[str | os.PathLike[str]],
         reference: str | os.PathLike[str] | None = None,
+        scale: str | None = "template",
     ) -> None:
+        self._scale = one_of(scale, "scale", SCALES)
         self._files = tuple(Path(file) for file in files)
         if not self._files:
             raise ArgumentError("files holds no mesh file; at least one is needed")
         self._reference = self._files[0] if reference is None else Path(reference)
-        vertices, self._faces = load_mesh(self._reference)
-        self._shape = vertices.shape
+        self._vertices, self._faces = load_mesh(self._reference)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -110,7 +116,7 @@ class RegisteredMeshes:
     def __getitem__(self, index: int | slice) -> np.ndarray:
         if isinstance(index, slice):
             files = self._files[index]
-            surfaces = np.empty((len(files), *self._shape))
+            surfaces = np.empty((len(files), *self._vertices.shape))
             for number, file in enumerate(files):
                 surfaces[number] = self._read(file)
             return surfaces
@@ -118,14 +124,17 @@ class RegisteredMeshes:
 
     def _read(self, file: Path) -> np.ndarray:
         vertices, faces = load_mesh(file)
-        if vertices.shape != self._shape:
+        if vertices.shape != self._vertices.shape:
             raise FileFormatError(
                 f"{file} is not registered to {self._reference}: it has {len(vertices)} vertices, "
-                f"that one has {self._shape[0]}"
+                f"that one has {len(self._vertices)}"
             )
         difference = face_difference(faces, self._faces)
         if difference:
             raise FileFormatError(f"{file} is not registered to {self._reference}: {difference}")
+        if self._scale is not None:
+            names = str(file), str(self._reference)
+            refuse_other_scale(vertices, self._vertices, *names, error=FileFormatError)
         return vertices
 
 
@@ -133,6 +142,7 @@ def load_registered(
     files: Sequence[str | os.PathLike[str]],
     reference: str | os.PathLike[str] | None = None,
     *,
+    scale: str | None = "template",
     progress: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Read meshes that share number of vertices and triangles.
@@ -143,6 +153,9 @@ def load_registered(
         Mesh files (PLY, OBJ or OFF); at least one.
     reference : path_like, optional
         Mesh file whose number of vertices and triangles all must have; by default the first.
+    scale : {"template"} or None
+        Whether a mesh more than eight times as large or as small as the reference is refused,
+        because it must be in another unit.
     progress : bool
         Whether to show a progress bar over files.
 
@@ -160,10 +173,10 @@ def load_registered(
     FileError
         If a file is missing or cannot be read.
     FileFormatError
-        If a file is damaged, or has other triangles or another number of vertices than the
-        reference: it is named, and what differs.
+        If a file is damaged, or has other triangles, another number of vertices or another unit of
+        length than the reference: it is named, and what differs.
     """
-    meshes = RegisteredMeshes(files, reference)
+    meshes = RegisteredMeshes(files, reference, scale)
     if not progress:
         return meshes[:], meshes.faces
     numbers = ProgressBar(range(len(meshes)), desc="Meshes", unit="mesh")

@@ -81,11 +81,30 @@ def face_difference(found: np.ndarray, expected: np.ndarray) -> str | None:
     differs = (found != expected).any(axis=1)
     if not differs.any():
         return None
+    count = "all" if differs.all() else f"{int(differs.sum())} of {len(expected)}"
     first = int(differs.argmax())
-    return (
-        f"{int(differs.sum())} of {len(expected)} triangles differ, the first at index {first}: "
-        f"{tuple(found[first].tolist())} found, {tuple(expected[first].tolist())} expected"
+    example = (
+        f"the first at index {first}: {tuple(found[first].tolist())} found, "
+        f"{tuple(expected[first].tolist())} expected"
     )
+    turned, wanted = _from_smallest(found), _from_smallest(expected)
+    if np.array_equal(turned, wanted):
+        return f"the corners of {count} triangles begin at another vertex, {example}"
+    if np.array_equal(_from_smallest(found[differs, ::-1]), wanted[differs]):
+        return f"{count} triangles are flipped, inside out, {example}"
+    if np.array_equal(_sorted_rows(turned), _sorted_rows(wanted)):
+        return f"the triangles are the same in another order, {example}"
+    return f"{count} triangles differ, {example}"
+
+
+def _from_smallest(faces: np.ndarray) -> np.ndarray:
+    """Return triangles with their corners turned so that the smallest index comes first."""
+    turns = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
+    return np.take_along_axis(faces, turns, axis=1)
+
+
+def _sorted_rows(faces: np.ndarray) -> np.ndarray:
+    return faces[np.lexsort(faces.T[::-1])]
 
 
 def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> None:

@@ -71,7 +71,8 @@ def test_the_first_that_differs_is_named(folder, mesh):
     points, faces = mesh
     save_mesh(files[1], points[1], np.roll(faces, 1, axis=1))
     with pytest.raises(
-        FileFormatError, match=r"body_10\.ply is not registered to .*body_2\.obj: 80 of 80"
+        FileFormatError,
+        match=r"body_10\.ply is not registered to .*body_2\.obj: the corners of all triangles",
     ):
         load_registered(files)
     save_mesh(files[1], points[1], faces[1:])
@@ -100,3 +101,13 @@ def test_folders_and_files_that_cannot_be_read(folder):
     (folder / NAMES[1]).write_bytes(b"ply\n")
     with pytest.raises(FileFormatError, match=r"body_10\.ply"):
         load_registered(find_meshes(folder))
+
+
+def test_meshes_in_another_unit_are_refused(folder, mesh):
+    vertices, faces = mesh[0][0], mesh[1]
+    files = [*find_meshes(folder)[:1], folder / "in_mm.ply"]
+    save_mesh(files[1], 1000 * vertices, faces)
+    with pytest.raises(FileFormatError, match=r"in_mm.ply is .*one were in millimetres and the"):
+        load_registered(files)
+    points, _ = load_registered(files, scale=None)
+    np.testing.assert_array_equal(points[1], 1000 * vertices)

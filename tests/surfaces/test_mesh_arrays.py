@@ -18,10 +18,23 @@ def test_arguments_go_by_the_names_given():
         mesh_arrays(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]], names=("v", "f"))
 
 
-def test_face_difference():
-    faces = np.array([[0, 1, 2], [2, 1, 3]])
-    assert face_difference(faces, faces.copy()) is None
-    assert face_difference(faces[:1], faces) == "1 triangles found, 2 expected"
-    assert face_difference(faces[:, [1, 2, 0]] * [[1], [0]] + faces * [[0], [1]], faces) == (
-        "1 of 2 triangles differ, the first at index 0: (1, 2, 0) found, (0, 1, 2) expected"
-    )
+FACES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]])
+
+
+@pytest.mark.parametrize(
+    ("found", "difference"),
+    [
+        (FACES[:1], "1 triangles found, 3 expected"),
+        (FACES[[0, 1, 1]], "1 of 3 triangles differ, the first at index 2: (2, 1, 3) found"),
+        (FACES[:, [1, 2, 0]], "the corners of all triangles begin at another vertex, the first"),
+        (FACES[:, ::-1], "all triangles are flipped, inside out, the first at index 0: (2, 1, 0)"),
+        (
+            np.concatenate([FACES[:1], FACES[1:, [0, 2, 1]]]),
+            "2 of 3 triangles are flipped, inside out, the first at index 1: (2, 3, 1) found",
+        ),
+        (FACES[[2, 1, 0]], "the triangles are the same in another order, the first at index 0"),
+    ],
+)
+def test_where_triangulations_differ(found, difference):
+    assert face_difference(FACES, FACES.copy()) is None
+    assert face_difference(found, FACES).startswith(difference)
