@@ -1,4 +1,4 @@
-"""The open bodies: ten people in ten poses, made from the body model that ships."""
+"""The open bodies: ten people in ten poses, plain or natural, from the body model that ships."""
 
 from __future__ import annotations
 
@@ -9,20 +9,39 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.checks import one_of
+from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.open_poses import OPEN_POSES, joint_turns, pose_vectors
+from riemhuman.datasets.natural_bodies import natural_performances, natural_surfaces
+from riemhuman.datasets.open_poses import (
+    NATURAL_POSES,
+    OPEN_POSES,
+    joint_turns,
+    pose_vectors,
+)
+from riemhuman.datasets.surface_noise import surface_noise
 from riemhuman.kernels.threads import single_threaded_libraries
 
 _FOLDER = Path(__file__).parent / "data"
 _RESOLUTIONS = ("full", "coarse")
+_VARIANTS = ("plain", "natural")
 
 # Shape coefficients in standard deviations; those not written are zero.
 _SUBJECTS: dict[str, tuple[float, ...]] = {
     "tall slim woman": (0.8, 2.4, 1.2, 0.0, 0.3, 0.9, -1.7, -0.8, 0.8, 0.3),
     "short stout woman": (-1.5, 0.4, -0.2, 0.2, -0.4, -1.4, 2.1, 0.4, 0.4, 0.0),
     "athletic woman": (0.0, 2.2, 1.6, 0.2, 1.0, 0.4, -2.2, -0.2, -0.7, 0.2),
-    "older full-figured woman": (-0.4, -0.3, -1.4, -1.4, -1.0, -2.1, 0.8, -0.3, 0.4, -2.1),
+    "older full-figured woman": (
+        -0.4,
+        -0.3,
+        -1.4,
+        -1.4,
+        -1.0,
+        -2.1,
+        0.8,
+        -0.3,
+        0.4,
+        -2.1,
+    ),
     "petite woman": (-2.3, 1.0, 1.0, 0.9, -0.1, 1.5, 0.5, -0.8, 0.9, 1.7),
     "tall muscular man": (1.9, -0.8, 0.3, -2.4, 1.7, 1.1, 1.1, 1.0, -1.9, 0.5),
     "short stocky man": (-0.9, -1.8, 0.4, 1.1, -0.2, 0.0, 0.1, -2.1, -1.3, -0.6),
@@ -49,12 +68,10 @@ _VARIATION = {
 }
 _HEADING_DEGREES = 2.0
 _PLACE_METRES = 0.02
-# Surface noise: a sum of plane waves over the template. Both walls of a thin fold (lips, ears,
-# nostrils) move alike, so that they do not run into each other.
 _NOISE_METRES = 0.002
-_N_WAVES = 12
 _WAVELENGTHS = (0.25, 0.8)
 _SEED = 2022
+_EXTREME = 2.0  # standard deviations of people who are drawn
 
 
 def load_open_model(resolution: str = "full") -> BodyModel:
@@ -83,7 +100,9 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     return _read_model(one_of(resolution, "resolution", _RESOLUTIONS))
 
 
-def load_open_bodies(resolution: str = "full") -> Bodies:
+def load_open_bodies(
+    resolution: str = "full", variant: str = "plain", people: int | None = None
+) -> Bodies:
     """Return ten adults in ten poses: 100 registered surfaces.
 
     Five women and five men of different builds, in poses in the spirit of FAUST. Every
@@ -92,47 +111,81 @@ def load_open_bodies(resolution: str = "full") -> Bodies:
     subject ``i // 10`` in pose ``i % 10``. The same surfaces come at every call, and both
     resolutions show the same performances.
 
+    The plain bodies are little more than the body model. The natural ones have what made real
+    registered bodies harder: habits in how a person holds every pose (hands some 6 cm from another
+    person's in the same pose), two poses that differ by a tilted head alone, hands that lie on
+    hips and head, a surface of each person's own that the shape coefficients do not describe,
+    and soft tissue that moves with the pose in its own way in each.
+
     Parameters
     ----------
     resolution : {"full", "coarse"}
         Resolution of the model, see `load_open_model`.
+    variant : {"plain", "natural"}
+        Which bodies.
+    people : int, optional
+        Seed of ten other people with performances of their own, for methods to be tried on people
+        they were not tuned on. By default the ten that are the same in both variants.
 
     Returns
     -------
     bodies : Bodies
-        Surfaces with labels, model, betas, pose vectors and translations; the noise comes on
-        top of ``model(betas, pose_vectors, translations)``.
+        Surfaces with labels, model, betas, pose vectors and translations; the noise, and in the
+        natural variant each person's own surface and soft tissue, come on top of
+        ``model(betas, pose_vectors, translations)``.
 
     Raises
     ------
+    ArgumentTypeError
+        If `people` is no whole number.
     ArgumentError
-        If there is no such resolution.
+        If there is no such resolution or variant, or `people` is negative.
     """
     model = load_open_model(resolution)
-    rng = np.random.default_rng(_SEED)
-    n_subjects, n_poses = len(_SUBJECTS), len(OPEN_POSES)
-    betas = np.zeros((n_subjects, n_poses, model.n_betas))
-    for subject, values in enumerate(_SUBJECTS.values()):
-        betas[subject, :, : len(values)] = values
-    poses = _performances(model, n_subjects, rng)
-    places = rng.normal(0.0, _PLACE_METRES, (n_subjects, n_poses, 3))
+    natural = one_of(variant, "variant", _VARIANTS) == "natural"
+    if people is None:
+        rng, names = np.random.default_rng(_SEED), tuple(_SUBJECTS)
+        builds = np.zeros((len(names), model.n_betas))
+        for build, values in zip(builds, _SUBJECTS.values(), strict=True):
+            build[: len(values)] = values
+    else:
+        rng = np.random.default_rng([_SEED, whole_number(people, "people", minimum=0)])
+        names = tuple(f"person {number} of {people}" for number in range(len(_SUBJECTS)))
+        builds = _drawn_builds(len(names), model.n_betas, rng)
+
+    # Joints of the two models differ by millimetres; performances must not.
+    coarse = load_open_model("coarse")
+    if natural:
+        poses = natural_performances(coarse, builds, rng)
+    else:
+        poses = _performances(model, len(builds), rng)
+    n_poses = poses.shape[1]
+    betas = np.repeat(builds[:, None], n_poses, axis=1)
+    places = rng.normal(0.0, _PLACE_METRES, (len(builds), n_poses, 3))
     places[..., 1] = _height_above_ground(model, betas, poses)
 
-    points = np.empty((n_subjects, n_poses, model.n_vertices, 3))
+    points = np.empty((len(builds), n_poses, model.n_vertices, 3))
     with single_threaded_libraries():  # products are small: threads would wait for each other
-        for subject in range(n_subjects):  # one at a time: blended motions fill much memory
-            surfaces = model(betas[subject], poses[subject], places[subject])
-            noise = np.stack([_noise(model.template.vertices, rng) for _ in range(n_poses)])
-            points[subject] = surfaces + noise
+        for subject, build in enumerate(builds):  # one at a time: blended motions fill memory
+            if natural:
+                surfaces = natural_surfaces(model, coarse.joints(), build, poses[subject], rng)
+            else:
+                surfaces = model(betas[subject], poses[subject])
+            surfaces = surfaces + places[subject, :, None]
+            noise = [
+                surface_noise(model.template.vertices, _NOISE_METRES, _WAVELENGTHS, rng)
+                for _ in range(n_poses)
+            ]
+            points[subject] = surfaces + np.stack(noise)
 
     return Bodies(
         points=points.reshape(-1, model.n_vertices, 3),
-        subject=np.repeat(np.arange(n_subjects), n_poses),
-        pose=np.tile(np.arange(n_poses), n_subjects),
+        subject=np.repeat(np.arange(len(builds)), n_poses),
+        pose=np.tile(np.arange(n_poses), len(builds)),
         template=model.template,
         model=model,
-        subject_names=tuple(_SUBJECTS),
-        pose_names=tuple(OPEN_POSES),
+        subject_names=names,
+        pose_names=tuple(NATURAL_POSES if natural else OPEN_POSES),
         betas=betas.reshape(-1, model.n_betas),
         pose_vectors=poses.reshape(-1, model.n_joints, 3),
         translations=places.reshape(-1, 3),
@@ -142,6 +195,13 @@ def load_open_bodies(resolution: str = "full") -> Bodies:
 @lru_cache(maxsize=len(_RESOLUTIONS))
 def _read_model(resolution: str) -> BodyModel:
     return BodyModel.from_file(_FOLDER / f"open_body_{resolution}.npz")
+
+
+def _drawn_builds(n_people: int, n_betas: int, rng: np.random.Generator) -> np.ndarray:
+    """Return shape coefficients of different adults, shape (n_people, n_betas)."""
+    n_drawn = max(map(len, _SUBJECTS.values()))
+    drawn = np.clip(rng.standard_normal((n_people, n_drawn)), -_EXTREME, _EXTREME)
+    return np.pad(drawn, ((0, 0), (0, n_betas - n_drawn)))
 
 
 def _performances(model: BodyModel, n_subjects: int, rng: np.random.Generator) -> np.ndarray:
@@ -160,14 +220,3 @@ def _height_above_ground(model: BodyModel, betas: np.ndarray, poses: np.ndarray)
     feet = [name.endswith(("ankle", "toes")) for name in model.joint_names]
     rest, posed = model.joints(betas), model.joints(betas, poses)
     return (rest - posed)[..., feet, 1].max(axis=-1)
-
-
-def _noise(points: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return a smooth random displacement of every point, shape (V, 3), in metres."""
-    directions, displacements = rng.standard_normal((2, _N_WAVES, 3))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    displacements /= np.linalg.norm(displacements, axis=1, keepdims=True)
-    frequencies = 2 * np.pi / rng.uniform(*_WAVELENGTHS, (_N_WAVES, 1)) * directions
-    phases = rng.uniform(0.0, 2 * np.pi, _N_WAVES)
-    waves = np.cos(points @ frequencies.T + phases)
-    return _NOISE_METRES * np.sqrt(2.0 / _N_WAVES) * (waves @ displacements)

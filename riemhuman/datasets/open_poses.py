@@ -116,7 +116,48 @@ OPEN_POSES: dict[str, dict[str, Angles]] = {
         "ankle": ("x", -20),
     },
 }
-"""The ten poses of the open bodies."""
+"""The ten poses of the plain open bodies."""
+
+_A_STANCE: dict[str, Angles] = {
+    "shoulder": ("xz", 10, -58),
+    "elbow": ("y", -18),
+    "hip": ("z", 5),
+}
+_LEFT_HAND_ON_HIP: dict[str, Angles] = {
+    f"left_{joint}": OPEN_POSES["hands_on_hips"][joint] for joint in ("shoulder", "elbow", "wrist")
+}
+NATURAL_POSES: dict[str, dict[str, Angles]] = {
+    "a_stance": _A_STANCE,
+    "head_tilted": _A_STANCE | {"neck": ("z", 5), "head": ("z", 13)},
+    "arms_up": OPEN_POSES["arms_up"],
+    "arms_forward": OPEN_POSES["arms_forward"],
+    "hands_on_hips": OPEN_POSES["hands_on_hips"],
+    "hands_on_head": {
+        "collar": ("z", 8),
+        "shoulder": ("xz", -75, 25),
+        "elbow": ("y", -125),
+        "hip": ("z", 5),
+    },
+    "hand_on_ear": {
+        **_LEFT_HAND_ON_HIP,
+        "right_shoulder": ("xzy", -80, 20, 20),
+        "right_elbow": ("y", 125),
+        "hip": ("z", 5),
+        "head": ("z", 4),
+    },
+    "lunge": OPEN_POSES["lunge"],
+    "leg_raised": OPEN_POSES["leg_raised"],
+    "squat": OPEN_POSES["squat"],
+}
+"""The ten poses of the natural open bodies: some alike, some whose hands touch the body."""
+
+_HIP, _HEAD, _EAR = (0.155, 1.0, 0.01), (0.055, 1.715, 0.03), (0.08, 1.625, 0.04)
+TOUCHED: dict[str, dict[str, tuple[float, float, float]]] = {
+    "hands_on_hips": {"left": _HIP, "right": _HIP},
+    "hands_on_head": {"left": _HEAD, "right": _HEAD},
+    "hand_on_ear": {"left": _HIP, "right": _EAR},
+}
+"""Where hands touch the body: points of the model's rest surface, metres, on its left side."""
 
 
 def joint_turns(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
@@ -183,7 +224,10 @@ def pose_vectors(turns: np.ndarray, model: BodyModel) -> np.ndarray:
 
 def _mirrored(turn: Angles) -> Angles:
     axes, *degrees = turn
-    return (axes, *(a if axis == "x" else -a for axis, a in zip(axes, degrees, strict=True)))
+    return (
+        axes,
+        *(a if axis == "x" else -a for axis, a in zip(axes, degrees, strict=True)),
+    )
 
 
 def _rest_to_t_pose(model: BodyModel) -> np.ndarray:

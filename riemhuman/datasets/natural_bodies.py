@@ -1,0 +1,198 @@
+"""What real people have and a body model lacks: habits, touch, and flesh that moves by itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel, rotation_matrix
+from riemhuman.bodies.joint_tree import root_first
+from riemhuman.bodies.skinning import chained_motions, skinned
+from riemhuman.datasets.open_poses import (
+    NATURAL_POSES,
+    TOUCHED,
+    joint_turns,
+    pose_vectors,
+)
+from riemhuman.datasets.surface_noise import surface_noise
+
+# How far a person holds a pose from how it is written: standard deviations in degrees.
+_OFFSET_DEGREES = {
+    "pelvis": 1.5,
+    "spine": 1.0,  # each of the three
+    "chest": 1.0,
+    "neck": 2.0,
+    "head": 2.5,
+    "collar": 1.0,
+    "shoulder": 2.5,
+    "elbow": 4.0,
+    "wrist": 5.0,
+    "hip": 1.5,
+    "knee": 2.0,
+    "ankle": 2.0,
+    "toes": 1.0,
+}
+# The share of its variance that is a habit, the same in every pose of the person.
+_HABIT = 0.5
+_PLACE_TOUCHED_METRES = 0.025
+
+# Where the palm of the left hand faces in the model's rest pose, and half a hand's thickness.
+_PALM = np.array([-0.669, -0.691, -0.274])
+_HALF_HAND_METRES = 0.012
+# How much it costs to miss the place, to hold the palm aslant, and to leave the written pose.
+_MISS_METRES, _ASLANT_RADIANS, _TURN_RADIANS = 0.003, 0.3, 0.4
+_N_STEPS = 20
+
+# A person's own surface, which no shape coefficient describes, and flesh that bulges or sinks in
+# about a joint, away from a point near it, in proportion to one minus the cosine of its angle.
+_DETAIL_METRES, _DETAIL_WAVELENGTHS = 0.0015, (0.08, 0.3)
+_BULGE_METRES, _BULGE_WIDTH, _BULGE_SHIFT = 0.02, 0.08, 0.03
+
+
+def natural_performances(
+    model: BodyModel, betas: np.ndarray, rng: np.random.Generator
+) -> np.ndarray:
+    """Return how people hold the natural poses.
+
+    Every person holds every pose a few degrees a joint from how it is written, in part the same
+    way in all of them. Where hands touch the body, the arms are moved until they do.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The open model.
+    betas : array, shape (n_people, B)
+        Shape coefficients.
+    rng : numpy.random.Generator
+        Where offsets and places are drawn from.
+
+    Returns
+    -------
+    poses : array, shape (n_people, n_poses, J, 3)
+        Pose vectors.
+    """
+    turns = np.stack([joint_turns(angles, model) for angles in NATURAL_POSES.values()])
+    degrees = [_OFFSET_DEGREES[name.split("_")[-1]] for name in model.joint_names]
+    shape = (len(betas), len(turns), model.n_joints, 3)
+    habits = rng.standard_normal((len(betas), 1, model.n_joints, 3))
+    anew = rng.standard_normal(shape)
+    offsets = np.sqrt(_HABIT) * habits + np.sqrt(1.0 - _HABIT) * anew
+    offsets = Rotation.from_rotvec((offsets * np.array(degrees)[:, None]).reshape(-1, 3), True)
+    poses = pose_vectors(offsets.as_matrix().reshape(*shape, 3) @ turns, model)
+    for name, places in TOUCHED.items():
+        number = list(NATURAL_POSES).index(name)
+        for side, place in places.items():
+            own = place + rng.normal(0.0, _PLACE_TOUCHED_METRES, (len(betas), 3))
+            poses[:, number] = _reaching(model, betas, poses[:, number], side, own)
+    return poses
+
+
+def natural_surfaces(
+    model: BodyModel,
+    joints: np.ndarray,
+    betas: np.ndarray,
+    poses: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Return the surfaces of one person, with detail and soft tissue of its own.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The open model, at any resolution.
+    joints : array, shape (J, 3)
+        Joints of the mean body in the rest pose, about which flesh moves; metres.
+    betas : array, shape (B,)
+        Shape coefficients.
+    poses : array, shape (n_poses, J, 3)
+        Pose vectors.
+    rng : numpy.random.Generator
+        Where detail and tissue are drawn from.
+
+    Returns
+    -------
+    points : array, shape (n_poses, V, 3)
+        Metres; the pelvis is where `model` puts it.
+    """
+    places = model.template.vertices
+    detail = surface_noise(places, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
+    centres = joints + rng.normal(0.0, _BULGE_SHIFT, joints.shape)
+    sizes = rng.normal(0.0, _BULGE_METRES, len(joints))
+    away = (places[:, None] - centres) / _BULGE_WIDTH
+    bulges = (sizes * np.exp(-0.5 * np.sum(away**2, axis=-1)))[..., None] * away
+    bent = 1.0 - np.cos(np.linalg.norm(poses, axis=-1))
+    rest = model(betas) + detail + np.tensordot(bent, bulges, axes=(1, 1))
+
+    own_joints = model.joints(betas)
+    turns, shifts = chained_motions(
+        own_joints, rotation_matrix(poses), model.parents, root_first(model.parents)
+    )
+    return skinned(rest, model.weights, own_joints, turns, shifts)
+
+
+def _reaching(
+    model: BodyModel,
+    betas: np.ndarray,
+    poses: np.ndarray,
+    side: str,
+    places: np.ndarray,
+) -> np.ndarray:
+    """Return poses with one palm on the body, at places given on the left of the rest surface."""
+    names, mirror = (
+        model.joint_names,
+        np.array([1.0 if side == "left" else -1.0, 1.0, 1.0]),
+    )
+    arm = [names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow", "wrist")]
+    targets, outward = _touched(model, betas, poses, places * mirror)
+    joints, order = model.joints(betas), root_first(model.parents)
+    hand = model.weights[:, arm[-1]] > 0.9
+    palm = model(betas)[:, hand].mean(axis=1) + _HALF_HAND_METRES * mirror * _PALM
+    facing = mirror * _PALM / np.linalg.norm(_PALM)
+    written = rotation_matrix(poses)
+
+    def misses(turns: np.ndarray) -> np.ndarray:
+        """Return what is to become small, shape (people, m, 15), for turns (people, m, 9)."""
+        rotations = np.repeat(written[:, None], turns.shape[1], axis=1)
+        own = rotation_matrix(turns.reshape(*turns.shape[:-1], 3, 3))
+        rotations[..., arm, :, :] = own @ rotations[..., arm, :, :]
+        frames, shifts = chained_motions(joints[:, None], rotations, model.parents, order)
+        frame = frames[..., arm[-1], :, :]
+        lever = (palm - joints[:, arm[-1]])[:, None, :, None]
+        reached = shifts[..., arm[-1], :] + (frame @ lever)[..., 0]
+        parts = (
+            (reached - targets[:, None]) / _MISS_METRES,
+            (frame @ facing + outward[:, None]) / _ASLANT_RADIANS,
+            turns / _TURN_RADIANS,
+        )
+        return np.concatenate(parts, axis=-1)
+
+    # Gauss and Newton's method for all people at once, with differences for derivatives.
+    turns, step = np.zeros((len(betas), 9)), 1e-6
+    nearby = np.concatenate([np.zeros((1, 9)), step * np.eye(9)])
+    for _ in range(_N_STEPS):
+        values = misses(turns[:, None] + nearby)
+        slopes = np.swapaxes(values[:, 1:] - values[:, :1], -1, -2) / step
+        normal = np.swapaxes(slopes, -1, -2) @ slopes
+        change = np.linalg.solve(normal, np.swapaxes(slopes, -1, -2) @ values[:, 0, :, None])
+        turns = turns - np.clip(change[..., 0], -0.3, 0.3)
+    reached = poses.copy()
+    own = rotation_matrix(turns.reshape(-1, 3, 3)) @ written[:, arm]
+    reached[:, arm] = Rotation.from_matrix(own.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 3, 3)
+    return reached
+
+
+def _touched(
+    model: BodyModel, betas: np.ndarray, poses: np.ndarray, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return points of the posed bodies and the directions out of them, shapes (n_people, 3)."""
+    arms = [name.endswith(("elbow", "wrist")) for name in model.joint_names]
+    elsewhere = np.where(model.weights[:, arms].sum(axis=1) < 0.01, 0.0, np.inf)
+    gaps = np.linalg.norm(model.template.vertices - places[:, None], axis=-1) + elsewhere
+    found = gaps.argmin(axis=1)
+    surfaces = model(betas, poses)
+    corners = surfaces[:, model.faces]
+    areas = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    around = (model.faces == found[:, None, None]).any(axis=-1)
+    outward = np.sum(np.where(around[..., None], areas, 0.0), axis=1)
+    people = np.arange(len(betas))
+    return surfaces[people, found], outward / np.linalg.norm(outward, axis=-1, keepdims=True)

@@ -1,0 +1,169 @@
+"""Facts about the natural open bodies: what they have in common with real ones."""
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.datasets.open_poses import NATURAL_POSES, TOUCHED
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.retrieval import scores
+from riemhuman.surfaces.procrustes import procrustes
+
+TRUNK = ("pelvis", "chest", "left_shoulder", "right_shoulder", "left_hip", "right_hip")
+
+PLAIN_37_100 = (-0.15667367454, 1.26220471696, 0.065992859169)
+PLAIN_SPREAD = (0.241330312434, 0.580613537935, 0.192278275052)
+
+
+@pytest.fixture(scope="module", params=[None, 1], ids=["the ten", "others"])
+def bodies(request):
+    return load_open_bodies("coarse", variant="natural", people=request.param)
+
+
+@pytest.fixture(scope="module")
+def plain():
+    return load_open_bodies("coarse")
+
+
+def joint_numbers(bodies, names):
+    return [bodies.model.joint_names.index(name) for name in names]
+
+
+def test_ten_people_in_ten_poses(bodies, plain):
+    assert bodies.pose_names == tuple(NATURAL_POSES)
+    np.testing.assert_array_equal(bodies.subject, plain.subject)
+    np.testing.assert_array_equal(bodies.pose, plain.pose)
+    assert len(set(bodies.subject_names)) == len(set(bodies.pose_names)) == 10
+    gaps = np.linalg.norm(bodies.betas[::10, None] - bodies.betas[None, ::10], axis=-1)
+    assert gaps[~np.eye(10, dtype=bool)].min() > 1.5  # standard deviations
+
+
+def test_hands_are_centimetres_apart_in_the_same_pose(bodies):
+    # On the mean body, so that builds do not matter, and with the trunk in place.
+    joints = bodies.model.joints(pose=bodies.pose_vectors)
+    trunk = joint_numbers(bodies, TRUNK)
+    reference = joints[0, trunk] - joints[0, trunk].mean(axis=0)
+    centred = joints - joints[:, trunk].mean(axis=1, keepdims=True)
+    left, _, right = np.linalg.svd(np.swapaxes(centred[:, trunk], -1, -2) @ reference)
+    hands = joint_numbers(bodies, ("left_wrist", "right_wrist"))
+    places = (centred @ (left @ right))[:, hands].reshape(10, 10, 2, 3)
+    spreads = np.sqrt(2 * places.var(axis=0, ddof=1).sum(axis=-1).mean(axis=-1))
+    assert 0.05 < np.sqrt(np.mean(spreads**2)) < 0.07
+    assert spreads.min() > 0.04
+    assert spreads.max() < 0.09
+
+
+def test_two_poses_differ_by_a_tilted_head_alone(bodies):
+    aligned = procrustes(bodies.points, to=bodies.template.vertices).reshape(10, 10, -1, 3)
+    gaps = np.linalg.norm(aligned[:, :, None] - aligned[:, None], axis=-1).mean(axis=(0, -1))
+    stance, tilted = (bodies.pose_names.index(name) for name in ("a_stance", "head_tilted"))
+    assert gaps[stance, tilted] < 0.03
+    others = gaps[~np.eye(10, dtype=bool)]
+    assert np.sort(others)[2] > 2 * gaps[stance, tilted]
+
+
+def test_poses_of_one_person_are_taken_for_each_other(bodies, plain):
+    def errors(bodies):
+        space = AlignedSurfaces(bodies.template)
+        distances = ElasticMetric(space, a=0.0, lam=0.0, c=1.0).dist_pairwise(bodies.points)
+        np.fill_diagonal(distances, np.inf)
+        nearest = distances.argmin(axis=1)
+        wrong = bodies.pose[nearest] != bodies.pose
+        return wrong, bodies.subject[nearest] == bodies.subject
+
+    wrong, same_person = errors(bodies)
+    assert 10 <= wrong.sum() <= 20  # of a hundred, as on real registered bodies
+    assert same_person[wrong].all()
+    assert not errors(plain)[0].any()
+
+
+def test_people_are_still_told_apart(bodies):
+    metric = ElasticMetric(AlignedSurfaces(bodies.template), a=1.0, lam=1e-4, c=0.0)
+    assert scores(metric.dist_pairwise(bodies.points), bodies.subject).nn == 100
+
+
+def test_hands_touch_hips_and_head():
+    bodies = load_open_bodies("full", "natural")
+    arms = [n for n in bodies.model.joint_names if n.endswith(("shoulder", "elbow", "wrist"))]
+    elsewhere = bodies.model.weights[:, joint_numbers(bodies, arms)].sum(axis=1) < 0.01
+    for name, places in TOUCHED.items():
+        shown = bodies.points[bodies.pose == bodies.pose_names.index(name)]
+        for side in places:
+            hand = bodies.model.weights[:, joint_numbers(bodies, [f"{side}_wrist"])[0]] > 0.9
+            gaps = [cKDTree(points[elsewhere]).query(points[hand])[0].min() for points in shown]
+            assert max(gaps) < 0.02
+            assert np.median(gaps) < 0.01
+
+
+def test_flesh_moves_with_the_pose_as_the_model_cannot(bodies, plain):
+    def unexplained(bodies):
+        fitted = bodies.model(bodies.betas, bodies.pose_vectors, bodies.translations)
+        lengths = np.linalg.norm(bodies.points - fitted, axis=-1)
+        return np.sqrt(np.mean(lengths**2, axis=-1)).reshape(10, 10)
+
+    upright, bent = (bodies.pose_names.index(name) for name in ("a_stance", "squat"))
+    person = unexplained(bodies)
+    assert (person[:, bent] > 1.2 * person[:, upright]).all()
+    assert person[:, bent].std() > 0.1 * person[:, bent].mean()  # more in some people than others
+    fits = [of.model.fit(of.points[9::20]).distances for of in (bodies, plain)]
+    natural, smooth = (np.sqrt(np.mean(gaps**2)) for gaps in fits)
+    assert natural > 1.3 * smooth
+
+
+def test_no_degenerate_triangle(bodies):
+    space = AlignedSurfaces(bodies.template, equip=False)
+    for points in bodies.points:
+        space.check_immersed(points)
+
+
+def test_both_resolutions_show_the_same_performances(bodies):
+    if bodies.subject_names[0].startswith("person"):
+        full = load_open_bodies("full", "natural", people=1)
+    else:
+        full = load_open_bodies("full", "natural")
+    np.testing.assert_array_equal(full.betas, bodies.betas)
+    np.testing.assert_array_equal(full.pose_vectors, bodies.pose_vectors)
+    tree = cKDTree(full.template.vertices)
+    same = tree.query(bodies.template.vertices)[1]
+    shift = np.linalg.norm(full.points[:, same] - bodies.points, axis=-1)
+    assert shift.max() < 0.03
+
+
+def test_the_same_people_come_again_and_others_with_another_seed(plain):
+    for variant in ("plain", "natural"):
+        first = load_open_bodies("coarse", variant, people=3)
+        np.testing.assert_array_equal(
+            load_open_bodies("coarse", variant, people=3).points, first.points
+        )
+        other = load_open_bodies("coarse", variant, people=4)
+        gaps = np.linalg.norm(first.betas[::10, None] - other.betas[None, ::10], axis=-1)
+        assert gaps.min() > 1
+    ten = load_open_bodies("coarse", "natural")
+    np.testing.assert_array_equal(ten.betas, plain.betas)
+    assert ten.subject_names == plain.subject_names
+
+
+def test_plain_bodies_stay_as_they_were(plain):
+    # Written down before there were natural ones.
+    np.testing.assert_allclose(plain.points[37, 100], PLAIN_37_100, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(plain.points.std(axis=(0, 1)), PLAIN_SPREAD, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        (
+            {"variant": "real"},
+            ArgumentError,
+            "variant must be one of 'plain', 'natural'; found",
+        ),
+        ({"people": -1}, ArgumentError, "people"),
+        ({"people": 1.5}, ArgumentTypeError, "people"),
+    ],
+)
+def test_arguments_that_do_not_fit(arguments, error, message):
+    with pytest.raises(error, match=message):
+        load_open_bodies("coarse", **arguments)
