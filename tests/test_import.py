@@ -9,6 +9,18 @@ import riemhuman
 
 HEAVY = ("dask", "h5py", "matplotlib", "numba", "pandas", "torch", "trimesh")
 
+ROOMS = (
+    "bodies",
+    "datasets",
+    "descriptors",
+    "jobs",
+    "report",
+    "retrieval",
+    "solvers",
+    "statistics",
+    "surfaces",
+)
+
 REFUSE_NETWORK = """
 import sys
 
@@ -47,7 +59,14 @@ def test_network_guard_can_fail():
 
 def test_public_names_are_listed_once_and_visible():
     assert len(set(riemhuman.__all__)) == len(riemhuman.__all__)
-    assert set(riemhuman.__all__) <= set(dir(riemhuman))
+    assert dir(riemhuman) == sorted([*riemhuman.__all__, "__version__"])
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_packages_show_public_names_only(room):
+    package = getattr(riemhuman, room)
+    assert dir(package) == sorted(package.__all__)
+    assert all(hasattr(package, name) for name in package.__all__)
 
 
 def test_unknown_name_is_refused():

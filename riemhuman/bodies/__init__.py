@@ -13,3 +13,7 @@ __all__ = [
     "rotation_derivative",
     "rotation_matrix",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -23,3 +23,7 @@ __all__ = [
     "load_open_motions",
     "load_shrec14",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

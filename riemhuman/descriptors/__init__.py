@@ -23,3 +23,7 @@ __all__ = [
     "WaveKernelSignature",
     "spectrum",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

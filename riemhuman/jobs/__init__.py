@@ -3,3 +3,7 @@
 from riemhuman.jobs.pairwise import pairwise_job
 
 __all__ = ["pairwise_job"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

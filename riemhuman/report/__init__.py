@@ -36,3 +36,7 @@ __all__ = [
     "view_bodies",
     "view_path",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

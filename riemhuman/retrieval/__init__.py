@@ -16,3 +16,7 @@ __all__ = [
     "retrieval_table",
     "scores",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -58,3 +58,7 @@ __all__ = [
     "compare_paths",
     "measure_path",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -19,3 +19,7 @@ __all__ = [
     "inverted_triangles",
     "two_sample_test",
 ]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.surfaces.assembly import TriangleAssembler
 from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, refuse_faces
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
+from riemhuman.surfaces.mesh_objects import arrays_of_mesh, to_pyvista, to_trimesh
 from riemhuman.surfaces.poisson import PoissonInterpolator
 
 # A triangle is flat when its height is within rounding of zero: relative to its longest side, or
@@ -36,8 +37,8 @@ class Template:
     Parameters
     ----------
     vertices : array_like, shape (V, 3)
-        Vertex positions, in metres.
-    faces : array_like, shape (F, 3)
+        Vertex positions, in metres; or, without `faces`, a mesh of trimesh or PyVista.
+    faces : array_like, shape (F, 3), optional
         Vertex indices of each triangle, counted from 0. The mesh may be open or non-manifold.
         A vertex that no triangle uses is legal: the metrics do not see it.
 
@@ -58,7 +59,9 @@ class Template:
        the first corner, where tangent is printed.
     """
 
-    def __init__(self, vertices: ArrayLike, faces: ArrayLike) -> None:
+    def __init__(self, vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> None:
+        if faces is None:
+            vertices, faces = arrays_of_mesh(vertices)
         points, triangles = mesh_arrays(vertices, faces)
         refuse_faces(
             np.any(triangles == np.roll(triangles, 1, axis=1), axis=1),
@@ -99,6 +102,39 @@ class Template:
             return cls(vertices, faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(path)}: {error}") from error
+
+    def to_trimesh(self, points: ArrayLike | None = None) -> Any:
+        """Return the template, or a surface registered to it, as a mesh of trimesh.
+
+        Parameters
+        ----------
+        points : array_like, shape (V, 3), optional
+            The surface; by default the template itself.
+
+        Returns
+        -------
+        trimesh.Trimesh
+        """
+        return to_trimesh(self._surface(points), self.faces)
+
+    def to_pyvista(self, points: ArrayLike | None = None) -> Any:
+        """Return the template, or a surface registered to it, as a mesh of PyVista.
+
+        Parameters
+        ----------
+        points : array_like, shape (V, 3), optional
+            The surface; by default the template itself.
+
+        Returns
+        -------
+        pyvista.PolyData
+
+        Raises
+        ------
+        MissingDependencyError
+            If PyVista is not installed.
+        """
+        return to_pyvista(self._surface(points), self.faces)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the template to a PLY, OBJ or OFF file.
@@ -245,6 +281,9 @@ class Template:
         difference = face_difference(integer_array(faces, name, ("n_faces", 3)), self.faces)
         if difference:
             raise ArgumentError(f"{name} must be the triangles of the template: {difference}")
+
+    def _surface(self, points: ArrayLike | None) -> np.ndarray:
+        return self.vertices if points is None else self.check_points(points)
 
     def __repr__(self) -> str:
         return f"Template(n_vertices={self.n_vertices}, n_faces={self.n_faces})"

@@ -1,0 +1,178 @@
+"""Meshes of other libraries, from and to arrays: trimesh, PyVista and meshio.
+
+Vertices keep their order. A polygon with more than three corners is split into triangles by the
+order of its corners alone, (1, 2, 3), (1, 3, 4), …, so that surfaces that share their polygons
+share their triangles.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.optional import import_optional
+from riemhuman.surfaces.file_content import brief, file_path
+from riemhuman.surfaces.mesh_arrays import mesh_arrays
+
+_SURFACE_CELLS = ("triangle", "quad", "polygon")
+
+
+def split_polygons(polygons: Iterable[Sequence[int] | ndarray]) -> ndarray:
+    """Return the triangles of polygons, each split from its first corner.
+
+    Parameters
+    ----------
+    polygons : iterable of sequence of int
+        Vertex indices of each polygon, at least three.
+
+    Returns
+    -------
+    array of int, shape (F, 3)
+
+    Raises
+    ------
+    ArgumentError
+        If a polygon has fewer than three corners.
+    """
+    triangles: list[tuple[int, int, int]] = []
+    for number, corners in enumerate(polygons):
+        if len(corners) < 3:
+            raise ArgumentError(
+                f"a face must have at least 3 corners; face {number} has {len(corners)}"
+            )
+        triangles += [
+            (int(corners[0]), int(second), int(third))
+            for second, third in itertools.pairwise(corners[1:])
+        ]
+    return np.array(triangles, dtype=np.int64).reshape(-1, 3)
+
+
+def arrays_of_mesh(mesh: Any) -> tuple[ndarray, ndarray]:
+    """Return the vertices and triangles of a mesh object of trimesh or PyVista.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh, pyvista.PolyData, or an object with their attributes
+        ``mesh.vertices`` and ``mesh.faces`` of shapes (V, 3) and (F, 3), or ``mesh.points`` and
+        ``mesh.faces``, which lists the number of corners of each polygon before its corners.
+
+    Returns
+    -------
+    vertices : array, shape (V, 3)
+    faces : array of int, shape (F, 3)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is no such object.
+    ArgumentError
+        If it is not a mesh.
+    """
+    faces = getattr(mesh, "faces", None)
+    vertices = getattr(mesh, "vertices", getattr(mesh, "points", None))
+    if faces is None or vertices is None:
+        raise ArgumentTypeError(
+            "mesh must have vertices and faces, as those of trimesh and PyVista have; found "
+            f"{type(mesh).__name__}"
+        )
+    faces = np.asarray(faces)
+    return mesh_arrays(np.asarray(vertices), _counted(faces) if faces.ndim == 1 else faces)
+
+
+def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
+    """Return a mesh of trimesh, its vertices neither merged nor reordered.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (V, 3)
+        Vertex positions.
+    faces : array_like, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    trimesh.Trimesh
+    """
+    import trimesh
+
+    return trimesh.Trimesh(*mesh_arrays(vertices, faces), process=False)
+
+
+def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
+    """Return a mesh of PyVista.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (V, 3)
+        Vertex positions.
+    faces : array_like, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    pyvista.PolyData
+
+    Raises
+    ------
+    MissingDependencyError
+        If PyVista is not installed.
+    """
+    pyvista = import_optional("pyvista", "meshes")
+    vertices, faces = mesh_arrays(vertices, faces)
+    return pyvista.PolyData(vertices, np.insert(faces, 0, 3, axis=1).ravel())
+
+
+def load_with_meshio(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
+    """Read a surface mesh from a file in any format that meshio knows, such as VTK or Gmsh.
+
+    meshio trusts what a file says of its sizes: read only files of a source you trust.
+
+    Parameters
+    ----------
+    path : path_like
+        The mesh file. Lines, points and solids in it are passed over.
+
+    Returns
+    -------
+    vertices : array, shape (V, 3)
+        In the file's order and unit.
+    faces : array of int, shape (F, 3)
+        Triangles, then the halves of quadrilaterals, then the parts of larger polygons.
+
+    Raises
+    ------
+    FileFormatError
+        If meshio cannot read the file, or it holds no surface.
+    MissingDependencyError
+        If meshio is not installed.
+    """
+    meshio = import_optional("meshio", "meshes")
+    file = file_path(path)
+    try:
+        mesh = meshio.read(file)
+        blocks = [
+            block.data for block in mesh.cells if block.type in ("triangle", "quad", "polygon")
+        ]
+        faces = split_polygons(polygon for block in blocks for polygon in block)
+        return mesh_arrays(mesh.points, faces)
+    except (Exception, SystemExit) as error:  # meshio ends the program on some errors
+        raise FileFormatError(f"{file} cannot be read by meshio: {brief(error)}") from error
+
+
+def _counted(faces: ndarray) -> ndarray:
+    """Return the triangles of polygons that are listed in a row, each behind its number."""
+    polygons, place = [], 0
+    while place < len(faces):
+        count = int(faces[place])
+        if count < 0 or place + 1 + count > len(faces):
+            raise ArgumentError(f"faces[{place}] = {count} corners are more than there are")
+        polygons.append(faces[place + 1 : place + 1 + count])
+        place += 1 + count
+    return split_polygons(polygons)
