@@ -26,7 +26,7 @@ def main() -> None:
     )
     paths = {
         "straight": rh.solvers.LinearPath(7).solve(metric, start, end),
-        "geodesic": rh.solvers.BasisPath(basis, n_times=7).solve(metric, start, end),
+        "geodesic": rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, start, end),
     }
     figure, axes = plt.subplots(2, 1, figsize=(13, 6.8), layout="constrained")
     for ax, (name, result) in zip(axes, paths.items(), strict=True):
@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def area_change(path: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return by what share triangles leave the range of areas at the ends, shape (n_times, F)."""
+    """Return by what share triangles leave the range of areas at the ends, shape (n_nodes, F)."""
     corners = path[:, faces]
     sides = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     areas = np.linalg.norm(sides, axis=-1) / 2

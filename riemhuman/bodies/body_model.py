@@ -333,7 +333,7 @@ class BodyModel:
             `correspondence` says otherwise.
         **options
             Further arguments of `fit_model`: correspondence, weights, loss, loss_scale,
-            betas_prior, pose_prior, tolerance, max_iterations.
+            betas_prior, pose_prior, tolerance, max_iter.
 
         Returns
         -------

@@ -98,7 +98,7 @@ def fit_model(
     betas_prior: float = 0.0,
     pose_prior: float = 0.0,
     tolerance: float = 1e-6,
-    max_iterations: int = 100,
+    max_iter: int = 100,
 ) -> ModelFit:
     """Find the shape, pose and translation of a body model for registered surfaces.
 
@@ -137,7 +137,7 @@ def fit_model(
     tolerance : float
         The fit has come to rest when a step moves the points by less than this, in the root mean
         square, metres.
-    max_iterations : int
+    max_iter : int
         Number of steps after which each stage of a fit stops.
 
     Returns
@@ -177,7 +177,7 @@ def fit_model(
         betas_prior=real_number(betas_prior, "betas_prior", minimum=0.0),
         pose_prior=real_number(pose_prior, "pose_prior", minimum=0.0),
         tolerance=real_number(tolerance, "tolerance", minimum=0.0, strict=True),
-        max_iterations=whole_number(max_iterations, "max_iterations", minimum=1),
+        max_iter=whole_number(max_iter, "max_iter", minimum=1),
     )
     lead = surfaces.shape[:-2]
     with single_threaded_libraries():  # the patches are too small to be shared between threads
@@ -186,7 +186,7 @@ def fit_model(
     if failed:
         warnings.warn(
             f"{len(failed)} of {len(fits)} fits, the first of surface {failed[0]}, stopped after "
-            f"up to {max_iterations} steps before they came to rest within {tolerance:g} m",
+            f"up to {max_iter} steps before they came to rest within {tolerance:g} m",
             ConvergenceWarning,
             stacklevel=3,
         )
@@ -219,11 +219,11 @@ class _Fitter:
         betas_prior: float,
         pose_prior: float,
         tolerance: float,
-        max_iterations: int,
+        max_iter: int,
     ) -> None:
         self._skeleton = Skeleton(model)
         self._tolerance = tolerance
-        self._max_iterations = max_iterations
+        self._max_iterations = max_iter
         self._model, self._combine = model, combine
 
         in_pose = np.where(model.parents >= 0, pose_prior, 0.0)

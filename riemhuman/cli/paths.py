@@ -62,7 +62,7 @@ def add_verbs(verbs: Verbs) -> None:
         "(a page to turn and scrub) and summary.json. An output with one of the endings\n"
         ".glb, .png, .html or .npz (the array path) is that file alone.",
         "  riemhuman geodesic sit.ply stand.ply -o path/\n"
-        "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-times 21\n"
+        "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
         "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
     )
     parser.add_argument("a_file", metavar="A", type=path_argument, help="mesh to start from")
@@ -71,7 +71,7 @@ def add_verbs(verbs: Verbs) -> None:
         "-o", "--output", metavar="PATH", required=True, help="folder, or file, to write"
     )
     parser.add_argument(
-        "--n-times", type=int, default=11, metavar="N", help="surfaces of the path (default: 11)"
+        "--n-nodes", type=int, default=11, metavar="N", help="surfaces of the path (default: 11)"
     )
     add_basis_options(parser)
     add_template(parser, "A")
@@ -99,7 +99,7 @@ def _geodesic(options: argparse.Namespace) -> None:
     surfaces = surfaces_in([options.a_file, options.b_file], options)
     metric = chosen_metric(options, surfaces.template)
     basis = chosen_basis(options, surfaces.template, reporter)
-    solver = BasisPath(basis, n_times=options.n_times, progress=reporter.bars)
+    solver = BasisPath(basis, n_nodes=options.n_nodes, progress=reporter.bars)
     start = time.perf_counter()
     with reporter.task(f"Geodesic, {metric_name(metric)}"):
         result = solver.solve(metric, *surfaces[:])
@@ -131,7 +131,7 @@ def _record(
         "from": options.a_file,
         "to": options.b_file,
         "metric": metric_record(metric),
-        "n_times": len(result.path),
+        "n_nodes": len(result.path),
         "energy": result.energy,
         "length": float(metric.length(result.path)),
         "distance": float(metric.dist(result.path[0], result.path[-1])),

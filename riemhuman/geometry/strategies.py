@@ -23,7 +23,7 @@ class GeodesicSolver(Protocol):
         Returns
         -------
         object
-            Its `path`, shape (n_times, \*shape), holds both ends; its `energy` is a float.
+            Its `path`, shape (n_nodes, \*shape), holds both ends; its `energy` is a float.
         """
 
 

@@ -78,7 +78,7 @@ class PathExperiments:
         self._inputs = {
             "bodies": digest,
             "basis": np.asarray(basis.vectors),
-            "n_times": plan.n_times,
+            "n_nodes": plan.n_nodes,
             "tolerance": plan.tolerance,
         }
 
@@ -107,7 +107,7 @@ class PathExperiments:
 
         def compute() -> Computed:
             metric = elastic_metric(self._space, weights)
-            linear = LinearPath(self._plan.n_times)
+            linear = LinearPath(self._plan.n_nodes)
             straight = linear.solve(metric, start, end)
             as_printed = replace(self._solver(), initial=linear)
             with warnings.catch_warnings():
@@ -151,7 +151,7 @@ class PathExperiments:
         Step
             Paths by name, and a row of measures for each.
         """
-        bodies, n_times = self._bodies, self._plan.n_times
+        bodies, n_nodes = self._bodies, self._plan.n_nodes
         start, end = bodies.points[list(pair)]
 
         def compute() -> Computed:
@@ -159,9 +159,9 @@ class PathExperiments:
                 "ours": elastic_metric(self._space, PATH_WEIGHTS),
                 "srnf": SRNFMetric(self._space),
             }
-            srnf = BasisPath(self._basis, n_times, initial=LinearPath(n_times), tolerance=1e-3)
+            srnf = BasisPath(self._basis, n_nodes, initial=LinearPath(n_nodes), tolerance=1e-3)
             solvers: dict[str, tuple[Any, str]] = {
-                LINEAR: (LinearPath(n_times), "ours"),
+                LINEAR: (LinearPath(n_nodes), "ours"),
                 SRNF_PATH: (srnf, "srnf"),
             }
             reference = None
@@ -211,7 +211,7 @@ class PathExperiments:
         )
 
     def _solver(self) -> BasisPath:
-        return BasisPath(self._basis, self._plan.n_times, tolerance=self._plan.tolerance)
+        return BasisPath(self._basis, self._plan.n_nodes, tolerance=self._plan.tolerance)
 
     def _model_path(self, pair: Pair) -> ModelPath | None:
         """Return the path of the body model, where the bodies come with their parameters."""
@@ -226,7 +226,7 @@ class PathExperiments:
             index = pair[int(np.argmin(gaps))]
             return ModelParameters(betas[index], poses[index], places[index])
 
-        return ModelPath(model, self._plan.n_times, parameters=parameters)
+        return ModelPath(model, self._plan.n_nodes, parameters=parameters)
 
 
 def difference_step(

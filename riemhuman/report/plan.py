@@ -26,7 +26,7 @@ class Plan:
 
     Attributes
     ----------
-    n_times : int
+    n_nodes : int
         Surfaces of every path.
     n_components : int
         Deformations of the basis, where the report makes it.
@@ -44,7 +44,7 @@ class Plan:
         Seed of everything drawn at random.
     """
 
-    n_times: int = 11
+    n_nodes: int = 11
     n_components: int = 100
     sequences: tuple[str, ...] | None = None
     lams: tuple[float, ...] = (1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
@@ -55,7 +55,7 @@ class Plan:
 
 
 QUICK = Plan(
-    n_times=7,
+    n_nodes=7,
     n_components=40,
     sequences=("punching", "knees"),
     lams=(1e-4, 1e-2, 1.0),

@@ -49,7 +49,7 @@ class BasisMean:
     tolerance : float
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells.
-    max_iterations : int
+    max_iter : int
         Most iterations.
     callback : callable, optional
         Called with (iteration, variance, point) after each iteration.
@@ -61,14 +61,14 @@ class BasisMean:
     start: str = "lowest"
     with_differences: bool = True
     tolerance: float = 1e-8
-    max_iterations: int = 500
+    max_iter: int = 500
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
     def __post_init__(self) -> None:
         one_of(self.start, "start", STARTS)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,
@@ -180,7 +180,7 @@ class BasisMean:
         return minimize_in_rounds(
             around,
             start,
-            max_iterations=self.max_iterations,
+            max_iter=self.max_iter,
             expected_decrease=self.tolerance,
             callback=report,
             progress=self.progress,

@@ -44,7 +44,7 @@ class BasisPath:
     ----------
     basis : DeformationBasis
         Deformations D_j.
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     method : str
         "preconditioned", or "l-bfgs-b" and "bfgs", which minimise in α with SciPy's stopping tests,
@@ -57,7 +57,7 @@ class BasisPath:
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
         energy, as far as the preconditioned gradient tells.
-    max_iterations : int
+    max_iter : int
         Most iterations.
     remove_drift : bool
         Whether to take motions that the metric does not see, such as rigid motions of interior
@@ -71,20 +71,20 @@ class BasisPath:
     """
 
     basis: DeformationBasis
-    n_times: int = 11
+    n_nodes: int = 11
     method: str = "preconditioned"
     energy: PathEnergy = SegmentEnergy()
     initial: GeodesicSolver | None = None
     tolerance: float = 1e-4
-    max_iterations: int = 1000
+    max_iter: int = 1000
     remove_drift: bool = True
     options: Mapping[str, Any] = field(default_factory=dict)
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
     def __post_init__(self) -> None:
-        whole_number(self.n_times, "n_times", minimum=2)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.max_iter, "max_iter", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         one_of(self.method, "method", METHODS)
 
@@ -103,7 +103,7 @@ class BasisPath:
             A metric on surfaces.
         start, end : array, shape (V, 3)
             Surfaces f₀ and f₁.
-        initial_path : array, shape (n_times, V, 3), optional
+        initial_path : array, shape (n_nodes, V, 3), optional
             Path l between the same ends, for a warm start.
 
         Returns
@@ -129,7 +129,7 @@ class BasisPath:
             if initial_path is None:
                 line = self._default_initial_path(metric, start, end)
             else:
-                line = check_initial_path(metric, start, end, self.n_times, initial_path)
+                line = check_initial_path(metric, start, end, self.n_nodes, initial_path)
             energy, gradient = self.energy.value_and_gradient(metric, line)
             if not np.isfinite(energy):
                 self.energy.value(metric, line)  # names the triangle, if the metric can
@@ -137,7 +137,7 @@ class BasisPath:
                     "the initial path has no finite energy: a surface on it has a triangle "
                     "without area; pass another initial_path"
                 )
-            if self.n_times == 2:
+            if self.n_nodes == 2:
                 return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
             minimum = self._minimize(metric, line, energy, gradient)
         path = self._path(line, minimum.x)
@@ -157,18 +157,18 @@ class BasisPath:
         self, metric: RiemannianMetric, start: ndarray, end: ndarray
     ) -> ndarray:
         if self.method != "preconditioned":
-            return linear_path(start, end, self.n_times)
+            return linear_path(start, end, self.n_nodes)
         turns, turned_energy = best_turns(metric, self.energy, start, end)
         middle = linear_path(start, end, 3)
         if self.energy.value(metric, middle) <= turned_energy:
-            return linear_path(start, end, self.n_times)
-        return turned_path(metric, start, end, self.n_times, turns)
+            return linear_path(start, end, self.n_nodes)
+        return turned_path(metric, start, end, self.n_nodes, turns)
 
     def _minimize(
         self, metric: RiemannianMetric, line: ndarray, line_energy: float, line_gradient: ndarray
     ) -> Minimum:
-        """Return the coefficients α of least energy, shape (n_times − 2, K)."""
-        start = np.zeros((self.n_times - 2, len(self.basis)))
+        """Return the coefficients α of least energy, shape (n_nodes − 2, K)."""
+        start = np.zeros((self.n_nodes - 2, len(self.basis)))
 
         def energy(coefficients: ndarray) -> tuple[float, ndarray]:
             if coefficients.any():
@@ -183,7 +183,7 @@ class BasisPath:
             unit = self.energy.value(metric, path) if coefficients.any() else line_energy
             unit = unit or 1.0
             gram = metric.gram_matrix(self.basis.vectors, path[[1, -2]])
-            change = PathPreconditioner(CholeskyFactor(gram / unit), self.n_times - 1)
+            change = PathPreconditioner(CholeskyFactor(gram / unit), self.n_nodes - 1)
 
             def position(variables: ndarray) -> ndarray:
                 return coefficients + change.coefficients(variables.reshape(start.shape))
@@ -203,7 +203,7 @@ class BasisPath:
             return minimize_in_rounds(
                 around,
                 start,
-                max_iterations=self.max_iterations,
+                max_iter=self.max_iter,
                 expected_decrease=self.tolerance,
                 options=self.options,
                 callback=report,
@@ -219,7 +219,7 @@ class BasisPath:
             flat_energy,
             start.ravel(),
             method=self.method.upper(),
-            max_iterations=self.max_iterations,
+            max_iter=self.max_iter,
             options=self.options,
             callback=report,
             progress=self.progress,

@@ -119,7 +119,7 @@ def compare_paths(
     solvers : mapping of str to (solver, str)
         Each solver with the name of the metric it is given, such as
         ``{"ours": (BasisPath(basis), "elastic"), "SRNF": (BasisPath(basis), "srnf")}``.
-    reference : array, shape (n_times, V, 3), optional
+    reference : array, shape (n_nodes, V, 3), optional
         Path to measure deviations from, such as the body model's own motion.
 
     Returns
@@ -158,9 +158,9 @@ def measure_path(
     ----------
     metrics : mapping of str to RiemannianMetric
         Metrics on the same surfaces.
-    path : array, shape (n_times, V, 3)
+    path : array, shape (n_nodes, V, 3)
         Path.
-    reference : array, shape (n_times, V, 3), optional
+    reference : array, shape (n_nodes, V, 3), optional
         Path to measure deviations from.
 
     Returns

@@ -28,9 +28,9 @@ class ExponentialResult:
 
     Attributes
     ----------
-    path : array, shape (n_times, \*shape)
+    path : array, shape (n_nodes, \*shape)
         Points reached, the base point first.
-    energies : array, shape (n_times - 1,)
+    energies : array, shape (n_nodes - 1,)
         Squared speed on each segment, which the continuous geodesic keeps.
     n_steps : int
         Steps that unit time was divided into.
@@ -82,19 +82,19 @@ class DiscreteExponential:
         Steps in unit time.
     tolerance : float
         Error of each step's equation, as a share of the length of its two segments.
-    max_iterations : int
+    max_iter : int
         Most iterations of each step.
     """
 
     basis: DeformationBasis | None = None
     n_steps: int = 10
     tolerance: float = 1e-8
-    max_iterations: int = 50
+    max_iter: int = 50
 
     def __post_init__(self) -> None:
         whole_number(self.n_steps, "n_steps", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self, metric: RiemannianMetric, base_point: ndarray, tangent_vec: ndarray
@@ -137,7 +137,7 @@ class DiscreteExponential:
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path over unit time, of at least two points; the last two decide.
         n_steps : int
             Number of points to add.
@@ -174,7 +174,7 @@ class DiscreteExponential:
         """Add points, the first of them by a displacement if there is one."""
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else basis_with(self.basis, direction)
-        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iterations)
+        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
         stop, unsolved = "", ""
         for step in range(1, n_steps + 1):

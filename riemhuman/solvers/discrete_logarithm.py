@@ -73,7 +73,7 @@ class DiscreteLogarithm:
         narrow tolerances.
     tolerance : float
         Error of the backward step's equation, as a share of the length of its two segments.
-    max_iterations : int
+    max_iter : int
         Most iterations of the backward step.
     """
 
@@ -81,12 +81,12 @@ class DiscreteLogarithm:
     n_steps: int = 10
     geodesic_solver: GeodesicSolver | None = None
     tolerance: float = 1e-8
-    max_iterations: int = 50
+    max_iter: int = 50
 
     def __post_init__(self) -> None:
         whole_number(self.n_steps, "n_steps", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self, metric: RiemannianMetric, base_point: ndarray, point: ndarray
@@ -116,7 +116,7 @@ class DiscreteLogarithm:
         """
         start, end = check_end_points(metric, base_point, point)
         basis = None if self.basis is None else basis_with(self.basis, end - start)
-        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iterations)
+        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
         found = self._geodesic(metric, basis, start, end)
         path = found.path
         n_steps = len(path) - 1
@@ -145,19 +145,19 @@ class DiscreteLogarithm:
         start: ndarray,
         end: ndarray,
     ) -> PathResult:
-        n_times = self.n_steps + 1
+        n_nodes = self.n_steps + 1
         if self.geodesic_solver is not None:
             return self.geodesic_solver.solve(metric, start, end)
         if basis is None:
-            return PathStraightening(n_times, tolerance=_TOLERANCE, remove_drift=False).solve(
+            return PathStraightening(n_nodes, tolerance=_TOLERANCE, remove_drift=False).solve(
                 metric, start, end
             )
         # A path that turns the limbs is the better start, but only what it has in the basis can
         # be followed by the exponential.
-        solver = BasisPath(basis, n_times, remove_drift=False)
+        solver = BasisPath(basis, n_nodes, remove_drift=False)
         first = solver.solve(metric, start, end)
         initial = start + basis.project(first.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
-            initial = linear_path(start, end, n_times)
+            initial = linear_path(start, end, n_nodes)
         solver = replace(solver, tolerance=_TOLERANCE)
         return solver.solve(metric, start, end, initial_path=initial)

@@ -91,7 +91,7 @@ class Disentangling:
     tolerance : float
         Stop when a Newton step would gain at most this share of the value, as far as the
         preconditioned gradient tells.
-    max_iterations : int
+    max_iter : int
         Most iterations.
     callback : callable, optional
         Called with (iteration, value, surface) after each iteration.
@@ -103,7 +103,7 @@ class Disentangling:
     shape_weight: float = 1.0
     pose_weight: float = 50.0
     tolerance: float = 1e-3
-    max_iterations: int = 300
+    max_iter: int = 300
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
@@ -111,7 +111,7 @@ class Disentangling:
         real_number(self.shape_weight, "shape_weight", minimum=0.0, strict=True)
         real_number(self.pose_weight, "pose_weight", minimum=0.0, strict=True)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,
@@ -194,7 +194,7 @@ class Disentangling:
             return minimize_in_rounds(
                 lambda shift: self._local_problem(sum_, start, shift),
                 shift,
-                max_iterations=self.max_iterations,
+                max_iter=self.max_iter,
                 expected_decrease=self.tolerance,
                 callback=lambda *state: self._report(start, *state),
                 progress=self.progress,

@@ -22,7 +22,7 @@ class PathEnergy(Protocol):
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
@@ -37,13 +37,13 @@ class PathEnergy(Protocol):
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
         -------
         energy : float
-        gradient : array, shape (n_times, \*shape)
+        gradient : array, shape (n_nodes, \*shape)
         """
 
 
@@ -62,7 +62,7 @@ class SegmentEnergy:
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
@@ -78,13 +78,13 @@ class SegmentEnergy:
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
         -------
         energy : float
-        gradient : array, shape (n_times, \*shape)
+        gradient : array, shape (n_nodes, \*shape)
         """
         return metric.energy_and_gradient(path)
 
@@ -103,7 +103,7 @@ class FiniteDifferenceEnergy:
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
@@ -119,13 +119,13 @@ class FiniteDifferenceEnergy:
         ----------
         metric : RiemannianMetric
             The metric.
-        path : array, shape (n_times, \*shape)
+        path : array, shape (n_nodes, \*shape)
             Path.
 
         Returns
         -------
         energy : float
-        gradient : array, shape (n_times, \*shape)
+        gradient : array, shape (n_nodes, \*shape)
         """
         energy = value_and_grad(lambda points: self._energy(metric, points))
         value, gradient = energy(metric.check_points(path, "path"))

@@ -113,7 +113,7 @@ class GeometricMedian(FrechetMean):
         Strategy for Fréchet means.
     tolerance : float
         Stop when a round lowers the sum of distances by at most this share.
-    max_iterations : int
+    max_iter : int
         Most rounds.
 
     Attributes
@@ -133,11 +133,11 @@ class GeometricMedian(FrechetMean):
         space: Manifold,
         solver: MeanSolver,
         tolerance: float = 1e-9,
-        max_iterations: int = 200,
+        max_iter: int = 200,
     ) -> None:
         super().__init__(space, solver)
         self.tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
-        self.max_iterations = whole_number(max_iterations, "max_iterations", minimum=1)
+        self.max_iter = whole_number(max_iter, "max_iter", minimum=1)
 
     def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
         r"""Find the geometric median of points.
@@ -166,7 +166,7 @@ class GeometricMedian(FrechetMean):
         point, n_evaluations = mean.point, mean.n_evaluations
         sums: list[float] = []
         converged, message = False, "the most rounds were made"
-        for _ in range(self.max_iterations):
+        for _ in range(self.max_iter):
             distances = np.sqrt(dispersion.squared_dists(point))
             sums.append(float(dispersion.weights @ distances))
             if len(sums) > 1 and sums[-2] - sums[-1] <= self.tolerance * sums[-2]:

@@ -28,18 +28,18 @@ class GradientDescentMean:
     tolerance : float
         Stop when the norm of the mean of the logarithms is at most this share of the standard
         deviation.
-    max_iterations : int
+    max_iter : int
         Most iterations.
     """
 
     step: float = 1.0
     tolerance: float = 1e-8
-    max_iterations: int = 2000
+    max_iter: int = 2000
 
     def __post_init__(self) -> None:
         real_number(self.step, "step", minimum=0.0, strict=True)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,
@@ -84,7 +84,7 @@ class GradientDescentMean:
         variances = [dispersion.value(point)]
         n_evaluations, step = 1, self.step
         converged, message = False, "the most iterations were made"
-        for _ in range(self.max_iterations):
+        for _ in range(self.max_iter):
             direction = np.tensordot(weights, metric.log(points, point), axes=1)
             size = float(metric.norm(direction, point))
             if size <= self.tolerance * np.sqrt(variances[-1]):

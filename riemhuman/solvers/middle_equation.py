@@ -76,14 +76,14 @@ class MiddleEquation:
         equation is tested; by default all coordinates.
     tolerance : float
         Error at which to stop, as a share of the length of the two segments.
-    max_iterations : int
+    max_iter : int
         Most iterations.
     """
 
     metric: RiemannianMetric
     basis: Basis | None = None
     tolerance: float = 1e-8
-    max_iterations: int = 50
+    max_iter: int = 50
 
     def next_point(self, before: ndarray, middle: ndarray) -> Triple:
         r"""Go on from two points by as much again.
@@ -188,7 +188,7 @@ class MiddleEquation:
             equation,
             np.zeros(middle.size if directions is None else len(directions)),
             tolerance=self.tolerance,
-            max_iterations=self.max_iterations,
+            max_iter=self.max_iter,
         )
         return Triple(
             triple(shift_of(found.x)),

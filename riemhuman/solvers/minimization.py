@@ -82,7 +82,7 @@ def minimize(
     start: ndarray,
     *,
     method: str = "L-BFGS-B",
-    max_iterations: int = 1000,
+    max_iter: int = 1000,
     expected_decrease: float | None = None,
     options: Mapping[str, Any] | None = None,
     callback: Callable[[int, float, ndarray], Any] | None = None,
@@ -99,7 +99,7 @@ def minimize(
         Starting point.
     method : str
         "L-BFGS-B" or "BFGS" of `scipy.optimize.minimize`.
-    max_iterations : int
+    max_iter : int
         Most iterations.
     expected_decrease : float, optional
         For variables in which the Hessian is about the identity: stop when ½‖gradient‖², what a
@@ -145,7 +145,7 @@ def minimize(
         if met_test or stands_still:
             raise StopIteration
 
-    settings: dict[str, Any] = {"maxiter": max_iterations}
+    settings: dict[str, Any] = {"maxiter": max_iter}
     if method == "L-BFGS-B":
         settings["maxfun"] = np.inf
     if expected_decrease is not None:
@@ -209,7 +209,7 @@ def minimize_in_rounds(
     local_problem: Callable[[ndarray], LocalProblem],
     start: ndarray,
     *,
-    max_iterations: int,
+    max_iter: int,
     expected_decrease: float,
     iterations_per_round: int = _ROUND,
     options: Mapping[str, Any] | None = None,
@@ -225,7 +225,7 @@ def minimize_in_rounds(
         Takes x to the problem in preconditioned variables around it.
     start : array
         Starting point.
-    max_iterations : int
+    max_iter : int
         Most iterations of all rounds together.
     expected_decrease : float
         Stopping test, see `minimize`.
@@ -271,7 +271,7 @@ def minimize_in_rounds(
         found = minimize(
             local.objective,
             np.zeros(start.size),
-            max_iterations=min(iterations_per_round, max_iterations - n_before),
+            max_iter=min(iterations_per_round, max_iter - n_before),
             expected_decrease=expected_decrease,
             options=options,
             callback=report,
@@ -283,7 +283,7 @@ def minimize_in_rounds(
         values = np.concatenate([values[:-1], found.values * local.unit])
         n_iterations = len(values) - 1
         stuck = found.n_iterations == 0
-        if found.converged or found.interrupted or stuck or n_iterations >= max_iterations:
+        if found.converged or found.interrupted or stuck or n_iterations >= max_iter:
             return Minimum(
                 x,
                 found.value * local.unit,

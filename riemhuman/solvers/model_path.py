@@ -49,7 +49,7 @@ class ModelPath:
     ----------
     model : callable
         Body model: takes betas, pose and trans to surfaces, as `BodyModel` does.
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     rotations : str
         "axis-angle" interpolates the axis-angle vectors linearly, as the paper; "geodesic" turns
@@ -61,13 +61,13 @@ class ModelPath:
     """
 
     model: Callable[[ndarray, ndarray, ndarray], ndarray]
-    n_times: int = 11
+    n_nodes: int = 11
     rotations: str = "axis-angle"
     energy: PathEnergy = SegmentEnergy()
     parameters: Callable[[ndarray], ModelParameters] | None = None
 
     def __post_init__(self) -> None:
-        whole_number(self.n_times, "n_times", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
         one_of(self.rotations, "rotations", ROTATIONS)
 
     def solve(
@@ -110,10 +110,10 @@ class ModelPath:
                     f"{one.shape} and {other.shape}"
                 )
         betas, pose, trans = (
-            linear_path(one, other, self.n_times) for one, other in zip(first, last, strict=True)
+            linear_path(one, other, self.n_nodes) for one, other in zip(first, last, strict=True)
         )
         if self.rotations == "geodesic":
-            pose = _rotation_geodesics(first.pose, last.pose, self.n_times)
+            pose = _rotation_geodesics(first.pose, last.pose, self.n_nodes)
         path = metric.check_points(self.model(betas, pose, trans), "the model's surfaces")
         gap = max(_largest_distance(path[0], start), _largest_distance(path[-1], end))
         message = f"the model's surfaces are up to {1000.0 * gap:.3g} mm from start and end"
@@ -155,11 +155,11 @@ def _checked(parameters: Any, name: str) -> ModelParameters:
     )
 
 
-def _rotation_geodesics(start: ndarray, end: ndarray, n_times: int) -> ndarray:
+def _rotation_geodesics(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
     """Return R₀ exp(t log(R₀⁻¹R₁)) of every joint, as axis-angle vectors."""
     first, last = Rotation.from_rotvec(start), Rotation.from_rotvec(end)
     turn = (first.inv() * last).as_rotvec()
-    times = np.linspace(0.0, 1.0, n_times)
+    times = np.linspace(0.0, 1.0, n_nodes)
     return np.stack([(first * Rotation.from_rotvec(t * turn)).as_rotvec() for t in times])
 
 

@@ -29,9 +29,9 @@ class TransportResult:
     ----------
     tangent_vec : array, shape (\*shape,)
         The vector at the end of the path.
-    tangent_vecs : array, shape (n_times, \*shape)
+    tangent_vecs : array, shape (n_nodes, \*shape)
         The vector at every point of the path.
-    path : array, shape (n_times, \*shape)
+    path : array, shape (n_nodes, \*shape)
         The path.
     n_iterations, n_evaluations : int
         Iterations and evaluations of the rungs' equations; 0 where closed forms served.
@@ -76,13 +76,13 @@ class _Ladder:
     exact: bool = True
     scale: float = 1.0
     tolerance: float = 1e-10
-    max_iterations: int = 50
+    max_iter: int = 50
 
     def __post_init__(self) -> None:
         whole_number(self.n_rungs, "n_rungs", minimum=1)
         real_number(self.scale, "scale", minimum=0.0, strict=True)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,
@@ -104,7 +104,7 @@ class _Ladder:
             Where the path starts.
         end_point : array, shape (\*shape,), optional
             End of the geodesic.
-        path : array, shape (n_times, \*shape), optional
+        path : array, shape (n_nodes, \*shape), optional
             Path from the base point, with one rung a segment; exactly one of the two is given.
 
         Returns
@@ -163,9 +163,7 @@ class _Ladder:
             basis = self.basis
             if basis is not None:
                 basis = basis_with(basis_with(basis, path[-1] - path[0]), vector)
-            geometry = _SingleSegments(
-                MiddleEquation(metric, basis, self.tolerance, self.max_iterations)
-            )
+            geometry = _SingleSegments(MiddleEquation(metric, basis, self.tolerance, self.max_iter))
         vectors = [vector]
         for start, end in pairwise(path):
             length = float(metric.norm(vectors[-1], start))
@@ -219,7 +217,7 @@ class PoleLadder(_Ladder):
         Length of the sides exp_p(±w) in units of the segment.
     tolerance : float
         Error of each equation, as a share of the length of its two segments.
-    max_iterations : int
+    max_iter : int
         Most iterations of each equation.
     """
 
@@ -252,7 +250,7 @@ class SchildLadder(_Ladder):
         Length of the sides exp_p(±w) in units of the segment.
     tolerance : float
         Error of each equation, as a share of the length of its two segments.
-    max_iterations : int
+    max_iter : int
         Most iterations of each equation.
     """
 

@@ -50,7 +50,7 @@ class PathStraightening:
 
     Parameters
     ----------
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy to minimise.
@@ -59,7 +59,7 @@ class PathStraightening:
     tolerance : float
         The solver stops when a Newton step would gain at most this share of the energy, as far as
         the preconditioned gradient tells.
-    max_iterations : int
+    max_iter : int
         Most iterations, on each level.
     remove_drift : bool
         Whether to take motions that the metric does not see, such as rigid motions of interior
@@ -70,18 +70,18 @@ class PathStraightening:
         Whether to show a progress bar.
     """
 
-    n_times: int = 11
+    n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
     coarse_segments: tuple[int, ...] = (2, 4)
     tolerance: float = 1e-5
-    max_iterations: int = 1000
+    max_iter: int = 1000
     remove_drift: bool = True
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
     def __post_init__(self) -> None:
-        whole_number(self.n_times, "n_times", minimum=2)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+        whole_number(self.max_iter, "max_iter", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         for segments in self.coarse_segments:
             whole_number(segments, "coarse_segments", minimum=2)
@@ -101,7 +101,7 @@ class PathStraightening:
             A metric on any manifold.
         start, end : array, shape (\*shape,)
             End points.
-        initial_path : array, shape (n_times, \*shape), optional
+        initial_path : array, shape (n_nodes, \*shape), optional
             Path to start from, between the same ends, instead of the coarse levels.
 
         Returns
@@ -121,17 +121,17 @@ class PathStraightening:
             If the stopping test was not met.
         """
         start, end = check_end_points(metric, start, end)
-        n_segments = self.n_times - 1
+        n_segments = self.n_nodes - 1
         if initial_path is None:
             levels = [*(n for n in self.coarse_segments if n < n_segments), n_segments]
             path = linear_path(start, end, levels[0] + 1)
         else:
             levels = [n_segments]
-            path = check_initial_path(metric, start, end, self.n_times, initial_path)
+            path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
         if n_segments == 1:
             return known_path(metric, self.energy, path, "a single segment")
         if self._coincide(metric, start, end):
-            straight = LinearPath(self.n_times, self.energy).solve(metric, start, end)
+            straight = LinearPath(self.n_nodes, self.energy).solve(metric, start, end)
             return replace(straight, message="the end points are no distance apart")
         result = _Descent(self, metric, path).run(levels)
         warn_unless_converged(self, result)
@@ -168,8 +168,8 @@ class _Descent:
                     break
         except KeyboardInterrupt:
             found = None
-        if found is None or len(self._path) < self._solver.n_times:
-            self._path = self._better_start(self._solver.n_times - 1)
+        if found is None or len(self._path) < self._solver.n_nodes:
+            self._path = self._better_start(self._solver.n_nodes - 1)
             value = self._energy(self._path)
             values, converged = np.array([value]), False
             message = "interrupted from the keyboard"
@@ -228,7 +228,7 @@ class _Descent:
         found = minimize_in_rounds(
             around,
             start,
-            max_iterations=solver.max_iterations,
+            max_iter=solver.max_iter,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
             callback=report,
             progress=solver.progress,

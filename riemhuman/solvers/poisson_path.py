@@ -28,17 +28,17 @@ class PoissonPath:
 
     Parameters
     ----------
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
     """
 
-    n_times: int = 11
+    n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
 
     def __post_init__(self) -> None:
-        whole_number(self.n_times, "n_times", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         """Return the path.
@@ -61,7 +61,7 @@ class PoissonPath:
         """
         start, end = check_end_points(metric, start, end)
         turns, _ = best_turns(metric, self.energy, start, end)
-        path = turned_path(metric, start, end, self.n_times, turns)
+        path = turned_path(metric, start, end, self.n_nodes, turns)
         return known_path(metric, self.energy, path, "interpolated deformation gradients")
 
 
@@ -105,7 +105,7 @@ def best_turns(
 
 
 def turned_path(
-    metric: RiemannianMetric, start: ndarray, end: ndarray, n_times: int, turns: ndarray
+    metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int, turns: ndarray
 ) -> ndarray:
     """Return the path whose triangles turn as given.
 
@@ -115,17 +115,17 @@ def turned_path(
         A metric on surfaces over a template.
     start, end : array, shape (V, 3)
         Surfaces whose triangles have an area.
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     turns : array, shape (F, 3)
         Rotation vectors.
 
     Returns
     -------
-    array, shape (n_times, V, 3)
+    array, shape (n_nodes, V, 3)
     """
     space: AlignedSurfaces = metric.space  # type: ignore[assignment]
-    path = linear_path(start, end, n_times)
-    times = np.linspace(0.0, 1.0, n_times)[1:-1]
+    path = linear_path(start, end, n_nodes)
+    times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
     path[1:-1] = space.template.interpolator.interpolate(start, end, times, turns)
     return path

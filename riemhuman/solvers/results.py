@@ -17,7 +17,7 @@ class PathResult:
 
     Attributes
     ----------
-    path : array, shape (n_times, \*shape)
+    path : array, shape (n_nodes, \*shape)
         Points of the path at equally spaced times, both ends included.
     energy : float
         Energy of the path.

@@ -40,7 +40,7 @@ def find_root(
     start: ndarray,
     *,
     tolerance: float,
-    max_iterations: int,
+    max_iter: int,
 ) -> Root:
     """Find a root of a function whose derivative is near the identity.
 
@@ -57,7 +57,7 @@ def find_root(
         Where to start.
     tolerance : float
         Norm of F at which to stop.
-    max_iterations : int
+    max_iter : int
         Most steps.
 
     Returns
@@ -72,7 +72,7 @@ def find_root(
     best = Root(x, float(np.linalg.norm(value)), 0, n_evaluations)
     steps: list[ndarray] = []
     changes: list[ndarray] = []
-    for iteration in range(1, max_iterations + 1):
+    for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
         direction = -value

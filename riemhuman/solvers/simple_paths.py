@@ -20,17 +20,17 @@ class LinearPath:
 
     Parameters
     ----------
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
     """
 
-    n_times: int = 11
+    n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
 
     def __post_init__(self) -> None:
-        whole_number(self.n_times, "n_times", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         r"""Return the straight path.
@@ -47,7 +47,7 @@ class LinearPath:
         PathResult
         """
         start, end = check_end_points(metric, start, end)
-        path = linear_path(start, end, self.n_times)
+        path = linear_path(start, end, self.n_nodes)
         path[1:-1] = metric.space.regularize(path[1:-1])
         return known_path(metric, self.energy, path, "the straight path")
 
@@ -58,17 +58,17 @@ class ClosedFormGeodesic:
 
     Parameters
     ----------
-    n_times : int
+    n_nodes : int
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
     """
 
-    n_times: int = 11
+    n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
 
     def __post_init__(self) -> None:
-        whole_number(self.n_times, "n_times", minimum=2)
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
 
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         r"""Return the geodesic.
@@ -95,7 +95,7 @@ class ClosedFormGeodesic:
                 "PathStraightening"
             )
         start, end = check_end_points(metric, start, end)
-        path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_times))
+        path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_nodes))
         return known_path(metric, self.energy, path, "closed form")
 
 
@@ -125,7 +125,7 @@ def check_initial_path(
     metric: RiemannianMetric,
     start: ndarray,
     end: ndarray,
-    n_times: int,
+    n_nodes: int,
     initial_path: ndarray,
 ) -> ndarray:
     r"""Return an initial path as a float64 array, or say what is wrong with it.
@@ -136,14 +136,14 @@ def check_initial_path(
         The metric.
     start, end : array, shape (\*shape,)
         End points.
-    n_times : int
+    n_nodes : int
         Number of times it must have.
-    initial_path : array_like, shape (n_times, \*shape)
+    initial_path : array_like, shape (n_nodes, \*shape)
         Path, whose ends may be off by rounding.
 
     Returns
     -------
-    array, shape (n_times, \*shape)
+    array, shape (n_nodes, \*shape)
 
     Raises
     ------
@@ -151,8 +151,8 @@ def check_initial_path(
         If it does not fit the metric's space, or has other times or ends.
     """
     path = metric.check_points(initial_path, "initial_path")
-    if len(path) != n_times:
-        raise ArgumentError(f"initial_path must have n_times = {n_times} times; found {len(path)}")
+    if len(path) != n_nodes:
+        raise ArgumentError(f"initial_path must have n_nodes = {n_nodes} times; found {len(path)}")
     gap = max(np.abs(path[0] - start).max(), np.abs(path[-1] - end).max())
     if gap > 1e-9 * max(np.abs(start).max(), np.abs(end).max()):
         raise ArgumentError(
@@ -161,21 +161,21 @@ def check_initial_path(
     return path
 
 
-def linear_path(start: ndarray, end: ndarray, n_times: int) -> ndarray:
+def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
     r"""Return (1 − t) x₀ + t x₁ at equally spaced times (step 4 of Algorithm 1, corrected).
 
     Parameters
     ----------
     start, end : array, shape (\*shape,)
         End points.
-    n_times : int
+    n_nodes : int
         Number of times.
 
     Returns
     -------
-    array, shape (n_times, \*shape)
+    array, shape (n_nodes, \*shape)
     """
-    t = np.linspace(0.0, 1.0, n_times)
+    t = np.linspace(0.0, 1.0, n_nodes)
     return np.multiply.outer(1.0 - t, start) + np.multiply.outer(t, end)
 
 
@@ -190,7 +190,7 @@ def known_path(
         The metric.
     energy : PathEnergy
         Energy that the result states.
-    path : array, shape (n_times, \*shape)
+    path : array, shape (n_nodes, \*shape)
         The path.
     message : str
         How it was found.

@@ -46,7 +46,7 @@ class GeodesicRegression(Estimator):
     tolerance : float
         The refinement stops when a Newton step would gain at most this share of the sum of squared
         distances to the mean, as far as the preconditioned gradient tells.
-    max_iterations : int
+    max_iter : int
         Most iterations of the refinement; 0 keeps the regression in the tangent space.
 
     Attributes
@@ -82,14 +82,14 @@ class GeodesicRegression(Estimator):
         image: str = "auto",
         nearest: NearestSurface | None = None,
         tolerance: float = 1e-10,
-        max_iterations: int = 200,
+        max_iter: int = 200,
     ) -> None:
         self.space = space
         self.mean = mean
         self.image = image
         self.nearest = nearest
         self.tolerance = tolerance
-        self.max_iterations = max_iterations
+        self.max_iter = max_iter
 
     def fit(self, X: ndarray, y: ndarray) -> Self:
         r"""Find the geodesic.
@@ -120,7 +120,7 @@ class GeodesicRegression(Estimator):
             If the refinement has not converged.
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=0)
+        whole_number(self.max_iter, "max_iter", minimum=0)
         points = self.space.metric.check_points(y, "y")
         times = _numbers(X)
         if len(times) != len(points):
@@ -133,9 +133,9 @@ class GeodesicRegression(Estimator):
         times = (times - self.center_) / unit
 
         image = self._image()
-        if self.max_iterations and type(image.metric).exp is RiemannianMetric.exp:
+        if self.max_iter and type(image.metric).exp is RiemannianMetric.exp:
             raise ArgumentError(
-                f"max_iterations must be 0 where {type(image.metric).__name__} has no closed form "
+                f"max_iter must be 0 where {type(image.metric).__name__} has no closed form "
                 "for exp: the refinement needs its derivative"
             )
         self.mean_ = mean_point(self.mean, self.space, image, points)
@@ -143,7 +143,7 @@ class GeodesicRegression(Estimator):
         base = image.embed(self.mean_[None])[0]
         line = _tangent_regression(image.metric, base, times, images)
         self.n_iter_ = 0
-        if self.max_iterations:
+        if self.max_iter:
             line = self._refine(image.metric, times, images, base, *line)
         self.intercept_, self.velocity_ = line[0], line[1] / unit
         return self
@@ -255,7 +255,7 @@ class GeodesicRegression(Estimator):
         found = minimize(
             objective,
             np.zeros(2 * point.size),
-            max_iterations=self.max_iterations,
+            max_iter=self.max_iter,
             expected_decrease=self.tolerance,
         )
         self.n_iter_ = found.n_iterations

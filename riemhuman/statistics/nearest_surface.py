@@ -48,19 +48,19 @@ class NearestSurface:
         ε, of at least 0.
     tolerance : float
         Stop when a step promises to lower the functional by at most this share of its first value.
-    max_iterations : int
+    max_iter : int
         Most steps tried.
     """
 
     companion: ElasticMetric | None = None
     companion_weight: float = 1e-2
     tolerance: float = 1e-5
-    max_iterations: int = 200
+    max_iter: int = 200
 
     def __post_init__(self) -> None:
         real_number(self.companion_weight, "companion_weight", minimum=0.0)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        whole_number(self.max_iterations, "max_iterations", minimum=1)
+        whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
         self,
@@ -136,7 +136,7 @@ class NearestSurface:
         value, gradient = slope(f)
         values, n_evaluations, damping = [float(value)], 1, 0.0
         converged, message = False, "the most steps were tried"
-        while n_evaluations <= self.max_iterations:
+        while n_evaluations <= self.max_iter:
             step = self._step(metric, companion, f, gradient, damping)
             promise = -0.5 * float(np.sum(gradient * step))
             if promise <= self.tolerance * values[0]:

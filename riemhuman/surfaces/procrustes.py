@@ -77,7 +77,7 @@ def generalized_procrustes(
     scale: bool = False,
     weights: ArrayLike | None = None,
     tolerance: float = 1e-10,
-    max_iterations: int = 200,
+    max_iter: int = 200,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Align surfaces in known correspondence with each other, and return their mean as well.
 
@@ -96,7 +96,7 @@ def generalized_procrustes(
         Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
     tolerance : float
         The iteration stops when the mean moves by less than this fraction of its size.
-    max_iterations : int
+    max_iter : int
         Number of steps after which a `ConvergenceWarning` is given instead.
 
     Returns
@@ -120,7 +120,7 @@ def generalized_procrustes(
     """
     surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)
-    max_iterations = whole_number(max_iterations, "max_iterations", minimum=1)
+    max_iter = whole_number(max_iter, "max_iter", minimum=1)
     leading = tuple(range(surfaces.ndim - 2))
     if surfaces.size == 0:
         raise ArgumentError(f"points holds no surface; found shape {surfaces.shape}")
@@ -128,7 +128,7 @@ def generalized_procrustes(
     size = np.sqrt(_squared_size(_centred(surfaces, shares), shares).mean())
 
     first = mean = surfaces[(0,) * len(leading)]
-    for _ in range(max_iterations):
+    for _ in range(max_iter):
         previous, mean = mean, _align(surfaces, mean, shares, scale).mean(axis=leading)
         if scale:
             mean = _resized(mean, shares, size)
@@ -136,7 +136,7 @@ def generalized_procrustes(
             break
     else:
         warnings.warn(
-            f"generalized_procrustes stopped after {max_iterations} iterations, before its mean "
+            f"generalized_procrustes stopped after {max_iter} iterations, before its mean "
             f"came to rest within tolerance={tolerance:g}",
             ConvergenceWarning,
             stacklevel=2,

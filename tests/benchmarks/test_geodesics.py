@@ -139,7 +139,7 @@ def recipe(metric, deformations, start, end, most):
         solver = BasisPath(
             deformations,
             method="l-bfgs-b",
-            max_iterations=most - done,
+            max_iter=most - done,
             options=options,
             remove_drift=False,
         )

@@ -36,9 +36,9 @@ def pose_pair(resolution, poses=("t_like", "bent_elbows")):
     return bodies(resolution).points[[20 + names.index(pose) for pose in poses]]
 
 
-def path_of(resolution, n_times):
+def path_of(resolution, n_nodes):
     start, end = pose_pair(resolution)
-    return LinearPath(n_times).solve(metric(resolution), start, end).path
+    return LinearPath(n_nodes).solve(metric(resolution), start, end).path
 
 
 def seconds(function, repetitions):
@@ -89,9 +89,9 @@ def test_growth(benchmark):
     resolution = "coarse" if benchmark.disabled else "full"
     elastic = metric(resolution)
     lengths = [6, 11, 21, 41]
-    paths = [path_of(resolution, n_times) for n_times in lengths]
+    paths = [path_of(resolution, n_nodes) for n_nodes in lengths]
     rows["path length"] = (
-        [n_times - 1 for n_times in lengths],
+        [n_nodes - 1 for n_nodes in lengths],
         [seconds(partial(elastic.energy_and_gradient, path), repetitions) for path in paths],
     )
     counts, vectors = [25, 50, 100], basis(resolution).vectors
@@ -145,7 +145,7 @@ def test_geodesic(benchmark, poses):
         deformations,
         method="l-bfgs-b",
         energy=AutodiffEnergy(),
-        max_iterations=most,
+        max_iter=most,
         options=options,
     )
     theirs, their_seconds = timed(recipe, elastic, start, end)

@@ -133,7 +133,7 @@ def test_leading_axes_and_single_surfaces(model):
 def test_end_points_of_a_model_path(model):
     points = model(*parameters(model, 2, rng=8, turn=0.2))
     metric = ElasticMetric(AlignedSurfaces(model.template), 0.0, 0.0, 1.0)
-    solver = ModelPath(model, n_times=3, parameters=lambda f: model.fit(f).parameters)
+    solver = ModelPath(model, n_nodes=3, parameters=lambda f: model.fit(f).parameters)
     path = solver.solve(metric, *points).path
     np.testing.assert_allclose(path[[0, -1]], points, atol=1e-6)
 
@@ -262,7 +262,7 @@ def test_robust_losses(model, loss, share, bound):
     assert distances_mm(model(fit.betas, fit.pose, fit.trans), points).max() < bound
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
-        plain = model.fit(moved, max_iterations=10)
+        plain = model.fit(moved, max_iter=10)
     assert distances_mm(model(plain.betas, plain.pose, plain.trans), points).min() > 5.0
 
 
@@ -300,7 +300,7 @@ def test_not_converging_is_said_and_warned_of_once(model):
     points = model(*parameters(model, 3, rng=23))
     points = points + 0.02 * np.random.default_rng(24).normal(size=points.shape)
     with pytest.warns(ConvergenceWarning, match="3 of 3 fits, the first of surface 0") as caught:
-        fit = model.fit(points, max_iterations=1)
+        fit = model.fit(points, max_iter=1)
     assert len(caught) == 1
     assert caught[0].filename == __file__
     assert not fit.converged.any()
@@ -328,7 +328,7 @@ def test_a_flat_point_cloud_is_fitted_as_well_as_can_be(model):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ConvergenceWarning)
         for points in (np.zeros((model.n_vertices, 3)), model() * [1.0, 1.0, 0.0], -model()):
-            fit = model.fit(points, max_iterations=5)
+            fit = model.fit(points, max_iter=5)
             assert np.isfinite(fit.distances).all()
             assert np.isfinite(fit.pose).all()
 
@@ -388,7 +388,7 @@ BAD = {
     "betas prior": ({"betas_prior": -1}, "betas_prior must be a finite number of at least 0"),
     "pose prior": ({"pose_prior": np.inf}, "pose_prior must be a finite number of at least 0"),
     "tolerance": ({"tolerance": 0}, "tolerance must be a finite number above 0"),
-    "steps": ({"max_iterations": 0}, "max_iterations must be a whole number of at least 1"),
+    "steps": ({"max_iter": 0}, "max_iter must be a whole number of at least 1"),
 }
 
 
@@ -405,7 +405,7 @@ def test_arguments_of_another_type(model):
         {"correspondence": np.array([0.5])},
         {"correspondence": "all"},
         {"weights": "areas"},
-        {"max_iterations": 2.5},
+        {"max_iter": 2.5},
         {"tolerance": "small"},
     ):
         with pytest.raises(ArgumentTypeError, match=next(iter(arguments))):

@@ -29,12 +29,12 @@ def expected(bodies):
     template = Template(bodies.points[0], bodies.template.faces)
     metric = ElasticMetric(AlignedSurfaces(template), a=1.0, lam=1.0, c=0.1)
     basis = DeformationBasis.from_laplacian(template, 12)
-    return metric, BasisPath(basis, n_times=5).solve(metric, *bodies.points[:2])
+    return metric, BasisPath(basis, n_nodes=5).solve(metric, *bodies.points[:2])
 
 
 def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tmp_path):
     output = tmp_path / "path"
-    options = ("-o", f"{output}/", "--n-times", 5, "--n-components", 12)
+    options = ("-o", f"{output}/", "--n-nodes", 5, "--n-components", 12)
     finished = run("geodesic", *ends, *options, "--json")
     assert finished.code == 0, finished.err
     names = sorted(path.name for path in output.iterdir())
@@ -66,7 +66,7 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
 
 
 def test_one_file_by_its_ending(run, ends, expected, tmp_path):
-    options = ("--n-times", 5, "--n-components", 12, "--quiet")
+    options = ("--n-nodes", 5, "--n-components", 12, "--quiet")
     for ending in ("npz", "glb"):
         finished = run("geodesic", *ends, "-o", tmp_path / f"path.{ending}", *options)
         assert (finished.code, finished.err) == (0, "")
@@ -78,19 +78,19 @@ def test_one_file_by_its_ending(run, ends, expected, tmp_path):
 def test_basis_and_metric_of_ones_own(run, ends, bodies, tmp_path):
     basis = DeformationBasis.from_laplacian(bodies.template, 6)
     basis.save(tmp_path / "basis.npz")
-    options = ("--basis", tmp_path / "basis.npz", "-a", 1, "-l", 1, "--n-times", 3, "--json")
+    options = ("--basis", tmp_path / "basis.npz", "-a", 1, "-l", 1, "--n-nodes", 3, "--json")
     record = json.loads(run("geodesic", *ends, "-o", tmp_path / "path.npz", *options).out)
     assert record["metric"] == {"name": "elastic", "a": 1.0, "lam": 1.0, "c": 0.0}
     metric = ElasticMetric(
         AlignedSurfaces(Template(bodies.points[0], bodies.template.faces)), a=1.0, lam=1.0, c=0.0
     )
-    result = BasisPath(basis, n_times=3).solve(metric, *bodies.points[:2])
+    result = BasisPath(basis, n_nodes=3).solve(metric, *bodies.points[:2])
     assert record["energy"] == result.energy
 
 
 def test_failures_leave_nothing(refused, ends, scans, bodies, tmp_path, monkeypatch):
     assert "absent.ply" in refused("geodesic", ends[0], "absent.ply", "-o", tmp_path / "path")
-    assert "n_times" in refused("geodesic", *ends, "-o", tmp_path / "path", "--n-times", 1)
+    assert "n_nodes" in refused("geodesic", *ends, "-o", tmp_path / "path", "--n-nodes", 1)
     assert "no folder" in refused("geodesic", *ends, "-o", tmp_path / "absent" / "path")
     assert ".npz or / (a folder)" in refused("geodesic", *ends, "-o", tmp_path / "path.gif")
     assert list(tmp_path.iterdir()) == []
@@ -110,7 +110,7 @@ def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypa
         raise KeyboardInterrupt
 
     monkeypatch.setattr("riemhuman.surfaces.gltf_files.save_glb", interrupt)
-    finished = run("geodesic", *ends, "-o", tmp_path / "path", "--n-times", 2)
+    finished = run("geodesic", *ends, "-o", tmp_path / "path", "--n-nodes", 2)
     assert finished.code == 130
     assert finished.err.endswith("riemhuman: interrupted\n")
     assert list(tmp_path.iterdir()) == []
@@ -135,10 +135,10 @@ def test_interruption_while_solving_leaves_nothing(run, ends, tmp_path, monkeypa
 
 
 def test_a_path_that_did_not_converge_is_written_with_a_warning(run, ends, tmp_path, monkeypatch):
-    hasty = functools.partial(BasisPath, max_iterations=1, tolerance=1e-300)
+    hasty = functools.partial(BasisPath, max_iter=1, tolerance=1e-300)
     monkeypatch.setattr("riemhuman.solvers.BasisPath", hasty)
     output = tmp_path / "path.npz"
-    finished = run("geodesic", *ends, "-o", output, "--n-times", 3, "--n-components", 3, "--json")
+    finished = run("geodesic", *ends, "-o", output, "--n-nodes", 3, "--n-components", 3, "--json")
     assert finished.code == 0
     assert "riemhuman: warning: BasisPath stopped without converging" in finished.err
     assert json.loads(finished.out)["converged"] is False

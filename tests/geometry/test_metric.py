@@ -620,11 +620,11 @@ def test_neither_primitive_is_refused():
 class StraightLine:
     """A solver that takes the straight path."""
 
-    def __init__(self, n_times=401):
-        self.n_times = n_times
+    def __init__(self, n_nodes=401):
+        self.n_nodes = n_nodes
 
     def solve(self, metric, start, end):
-        t = np.linspace(0, 1, self.n_times)[:, None]
+        t = np.linspace(0, 1, self.n_nodes)[:, None]
         path = (1 - t) * start + t * end
         return SimpleNamespace(path=path, energy=metric.energy(path))
 

@@ -193,7 +193,7 @@ def test_provenance(folder, nine_bodies):
     assert found["status"] == "finished"
     assert found["bodies"]["number"] == 9
     assert found["versions"]["numpy"] == np.__version__
-    assert found["parameters"]["n_times"] == 7
+    assert found["parameters"]["n_nodes"] == 7
     assert found["seeds"] == {"t-sne": 0}
     assert [step["name"] for step in found["steps"]] == [
         row["step"] for row in rows_of(folder, "steps")

@@ -67,7 +67,7 @@ def test_no_worse_than_the_papers_recipe(weights):
     start, end = bodies.body("resting"), bodies.body("elbow bent")
     ours = BasisPath(bodies.basis()).solve(metric, start, end)
     options = {"ftol": 0.0, "gtol": 0.0, "maxfun": 10_000}
-    recipe = BasisPath(bodies.basis(), method="l-bfgs-b", max_iterations=300, options=options)
+    recipe = BasisPath(bodies.basis(), method="l-bfgs-b", max_iter=300, options=options)
     with pytest.warns(ConvergenceWarning, match="300 iterations"):
         theirs = recipe.solve(metric, start, end)
     assert ours.energy <= theirs.energy
@@ -79,7 +79,7 @@ def test_bfgs_reaches_the_same_energy():
     metric = elastic((1, 1, 0))
     ends = bodies.body("resting"), bodies.body("arm raised")
     reached = [
-        BasisPath(few, n_times=4, method=method, options=options, initial=LinearPath(4))
+        BasisPath(few, n_nodes=4, method=method, options=options, initial=LinearPath(4))
         .solve(metric, *ends)
         .energy
         for method, options in (
@@ -160,16 +160,16 @@ def test_warm_start_needs_next_to_nothing(solved):
 def test_other_path_energies_srnf_and_few_times():
     ends = bodies.body("resting"), bodies.body("arm raised")
     metric = elastic((1, 1, 0))
-    finite = BasisPath(bodies.basis(), n_times=5, energy=FiniteDifferenceEnergy())
-    closed = BasisPath(bodies.basis(), n_times=5)
+    finite = BasisPath(bodies.basis(), n_nodes=5, energy=FiniteDifferenceEnergy())
+    closed = BasisPath(bodies.basis(), n_nodes=5)
     assert finite.solve(metric, *ends).energy == pytest.approx(
         closed.solve(metric, *ends).energy, rel=0.05
     )
     srnf = SRNFMetric(bodies.space())
     assert closed.solve(srnf, *ends).energy <= LinearPath(5).solve(srnf, *ends).energy
-    segment = BasisPath(bodies.basis(), n_times=2).solve(metric, *ends)
+    segment = BasisPath(bodies.basis(), n_nodes=2).solve(metric, *ends)
     assert segment.energy == pytest.approx(metric.squared_dist(*ends))
-    assert BasisPath(bodies.basis(), n_times=3).solve(metric, *ends).path.shape[0] == 3
+    assert BasisPath(bodies.basis(), n_nodes=3).solve(metric, *ends).path.shape[0] == 3
 
 
 class VertexMetric(RiemannianMetric):
@@ -198,7 +198,7 @@ def test_users_metrics_run_unchanged(metric_class):
     bulge = LinearPath(5).solve(metric_class(bodies.space()), *ends).path
     straight_energy = float(np.sum((ends[1] - ends[0]) ** 2))
     bulge[1:-1] += wave
-    result = BasisPath(few, n_times=5).solve(
+    result = BasisPath(few, n_nodes=5).solve(
         metric_class(bodies.space()), *ends, initial_path=bulge
     )
     assert result.energies[0] > 1.02 * straight_energy
@@ -215,7 +215,7 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
     bulge[1:-1] = few.combine(np.random.default_rng(4).uniform(-0.2, 0.2, (4, 5)))
     path = LinearPath(6).solve(metric, start, end).path + bulge
     gain = 5.0 * np.sum(np.diff(bulge, axis=0) ** 2) / metric.energy(path)
-    solver = BasisPath(few, n_times=6, tolerance=float(gain) / share)
+    solver = BasisPath(few, n_nodes=6, tolerance=float(gain) / share)
     result = solver.solve(metric, start, end, initial_path=path)
     assert result.converged
     assert (result.n_iterations == 0) == is_met
@@ -245,7 +245,7 @@ def test_where_the_middles_cost_the_same_it_starts_straight():
     metric, energy = elastic((1, 1, 0)), Level()
     ends = bodies.body("resting"), bodies.body("elbow bent")
     energy.asked.clear()
-    solver = BasisPath(bodies.basis(), n_times=6, energy=energy, remove_drift=False)
+    solver = BasisPath(bodies.basis(), n_nodes=6, energy=energy, remove_drift=False)
     result = solver.solve(metric, *ends)
     np.testing.assert_array_equal(result.path, LinearPath(6).solve(metric, *ends).path)
     assert (result.n_iterations, result.n_evaluations, result.energy) == (0, 1, 3.0)
@@ -270,7 +270,7 @@ def test_evaluations_are_counted_and_seen_by_the_callback(method):
     bulge = LinearPath(4).solve(metric, *ends).path
     bulge[1:-1] += few.combine(np.random.default_rng(4).uniform(-0.2, 0.2, (2, 3)))
     solver = BasisPath(
-        few, n_times=4, method=method, energy=energy, callback=lambda *s: seen.append(s)
+        few, n_nodes=4, method=method, energy=energy, callback=lambda *s: seen.append(s)
     )
     energy.counts.clear()
     result = solver.solve(metric, *ends, initial_path=bulge)
@@ -285,7 +285,7 @@ def test_evaluations_are_counted_and_seen_by_the_callback(method):
 
 def test_a_single_segment_has_no_search():
     ends = bodies.body("resting"), bodies.body("arm raised")
-    found = BasisPath(bodies.basis(), n_times=2).solve(elastic((1, 1, 0)), *ends)
+    found = BasisPath(bodies.basis(), n_nodes=2).solve(elastic((1, 1, 0)), *ends)
     assert (found.n_iterations, found.n_evaluations, found.converged) == (0, 1, True)
     assert found.message == "a single segment"
     np.testing.assert_array_equal(found.energies, [found.energy])
@@ -294,7 +294,7 @@ def test_a_single_segment_has_no_search():
 
 def test_as_geodesic_solver_of_a_metric():
     ends = bodies.body("resting"), bodies.body("arm raised")
-    solver = BasisPath(bodies.basis(), n_times=5)
+    solver = BasisPath(bodies.basis(), n_nodes=5)
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0, geodesic_solver=solver)
     geodesic = metric.geodesic(ends[0], end_point=ends[1])
     path = solver.solve(metric, *ends).path
@@ -306,7 +306,7 @@ def test_callback_sees_every_iteration(solved):
     seen = []
     metric = elastic((0, 0, 1))
     solver = BasisPath(
-        bodies.basis(), n_times=5, callback=lambda *arguments: seen.append(arguments)
+        bodies.basis(), n_nodes=5, callback=lambda *arguments: seen.append(arguments)
     )
     result = solver.solve(metric, bodies.body("resting"), bodies.body("other build"))
     iterations, energies, paths = zip(*seen[-result.n_iterations :], strict=True)
@@ -332,7 +332,7 @@ def test_interruption_keeps_what_was_reached():
 
 
 def test_too_few_iterations_are_said_once():
-    solver = BasisPath(bodies.basis(), max_iterations=2)
+    solver = BasisPath(bodies.basis(), max_iter=2)
     with pytest.warns(ConvergenceWarning, match="2 iterations") as caught:
         result = solver.solve(elastic((1, 1, 0)), bodies.body("resting"), bodies.body("elbow bent"))
     assert len(caught) == 1
@@ -342,20 +342,20 @@ def test_too_few_iterations_are_said_once():
 
 def test_progress_is_shown_on_request(capsys):
     ends = bodies.body("resting"), bodies.body("other build")
-    BasisPath(bodies.basis(), n_times=4).solve(elastic((0, 0, 1)), *ends)
+    BasisPath(bodies.basis(), n_nodes=4).solve(elastic((0, 0, 1)), *ends)
     assert capsys.readouterr().err == ""
-    BasisPath(bodies.basis(), n_times=4, progress=True).solve(elastic((0, 0, 1)), *ends)
+    BasisPath(bodies.basis(), n_nodes=4, progress=True).solve(elastic((0, 0, 1)), *ends)
     assert "geodesic" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     ("settings", "error", "message"),
     [
-        ({"n_times": 1}, ArgumentError, "n_times.*at least 2.*1"),
-        ({"n_times": 2.5}, ArgumentTypeError, "n_times"),
+        ({"n_nodes": 1}, ArgumentError, "n_nodes.*at least 2.*1"),
+        ({"n_nodes": 2.5}, ArgumentTypeError, "n_nodes"),
         ({"method": "adam"}, ArgumentError, "method.*'preconditioned'.*'adam'"),
         ({"tolerance": 0.0}, ArgumentError, "tolerance"),
-        ({"max_iterations": 0}, ArgumentError, "max_iterations"),
+        ({"max_iter": 0}, ArgumentError, "max_iter"),
     ],
 )
 def test_refuses_settings(settings, error, message):
@@ -374,7 +374,7 @@ def test_refuses_what_does_not_fit(solved):
     small = DeformationBasis(np.eye(6).reshape(6, 2, 3))
     with pytest.raises(ArgumentError, match="2"):
         BasisPath(small).solve(metric, start, end)
-    with pytest.raises(ArgumentError, match="n_times = 11.*10"):
+    with pytest.raises(ArgumentError, match="n_nodes = 11.*10"):
         solver.solve(metric, start, end, initial_path=solved.path[:-1])
     with pytest.raises(ArgumentError, match="from start to end"):
         solver.solve(metric, start, end, initial_path=solved.path[::-1])

@@ -292,7 +292,7 @@ def test_stops_where_fields_leave_the_manifold():
 
 def test_says_when_an_equation_was_not_solved():
     case = CASES["mixed sphere"]
-    solver = DiscreteExponential(n_steps=4, max_iterations=3)
+    solver = DiscreteExponential(n_steps=4, max_iter=3)
     with pytest.warns(ConvergenceWarning, match="step 4 of 4: the equation is solved to .* only"):
         result = solver.solve(case.metric, case.points[0], 0.3 * case.tangent_vecs[0])
     assert result.complete
@@ -382,7 +382,7 @@ def test_an_exponential_that_does_not_exist_is_refused():
         ({"n_steps": 0}, ArgumentError),
         ({"n_steps": 2.5}, ArgumentTypeError),
         ({"tolerance": 0.0}, ArgumentError),
-        ({"max_iterations": 0}, ArgumentError),
+        ({"max_iter": 0}, ArgumentError),
     ],
 )
 def test_settings_are_checked(settings, error):

@@ -115,7 +115,7 @@ def test_energy_is_the_squared_norm_to_second_order():
 def test_a_solver_may_be_given():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")
-    solver = BasisPath(bodies.basis(30), n_times=4)
+    solver = BasisPath(bodies.basis(30), n_nodes=4)
     found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(metric, start, end)
     path = solver.solve(metric, start, end).path
     np.testing.assert_array_equal(found.path, path)
@@ -211,7 +211,7 @@ def test_the_path_is_sought_from_what_the_basis_has_of_the_first(monkeypatch, co
     @dataclass(frozen=True)
     class Scripted:
         basis: DeformationBasis
-        n_times: int
+        n_nodes: int
         remove_drift: bool
         tolerance: float = 1e-4
 
@@ -248,7 +248,7 @@ def test_of_the_point_itself_is_zero():
 
 def test_says_when_it_has_not_converged():
     case = CASES["mixed sphere"]
-    solver = DiscreteLogarithm(n_steps=3, max_iterations=1)
+    solver = DiscreteLogarithm(n_steps=3, max_iter=1)
     with pytest.warns(ConvergenceWarning, match="the step before the start: error"):
         found = solver.solve(case.metric, *case.points[:2])
     assert not found.converged
@@ -260,7 +260,7 @@ def test_says_when_it_has_not_converged():
         ({"n_steps": 0}, ArgumentError),
         ({"n_steps": "many"}, ArgumentTypeError),
         ({"tolerance": -1.0}, ArgumentError),
-        ({"max_iterations": 0}, ArgumentError),
+        ({"max_iter": 0}, ArgumentError),
     ],
 )
 def test_settings_are_checked(settings, error):

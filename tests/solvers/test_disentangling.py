@@ -178,7 +178,7 @@ def test_other_metrics_and_starts():
 def test_callback_and_iterations():
     seen = []
     shape, pose = bodies.body("other build"), bodies.body("knee raised")
-    solver = Disentangling(max_iterations=2, tolerance=1e-9, callback=lambda *s: seen.append(s))
+    solver = Disentangling(max_iter=2, tolerance=1e-9, callback=lambda *s: seen.append(s))
     with pytest.warns(ConvergenceWarning, match="Disentangling stopped without converging"):
         found = solver.solve(*metrics(bodies.space()), shape, pose)
     assert [iteration for iteration, _, _ in seen] == [1, 2]
@@ -247,7 +247,7 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
         ({"shape_weight": 0.0}, ArgumentError),
         ({"pose_weight": -1.0}, ArgumentError),
         ({"tolerance": 0.0}, ArgumentError),
-        ({"max_iterations": 1.5}, ArgumentTypeError),
+        ({"max_iter": 1.5}, ArgumentTypeError),
     ],
 )
 def test_settings_are_checked(settings, error):

@@ -275,8 +275,8 @@ def test_median_takes_as_many_rounds_at_any_scale(scale):
 
 def test_settings_of_medians():
     median = GeometricMedian(LINE, GradientDescentMean())
-    assert (median.tolerance, median.max_iterations) == (1e-9, 200)
-    for settings in ({"tolerance": 0.0}, {"max_iterations": 0}):
+    assert (median.tolerance, median.max_iter) == (1e-9, 200)
+    for settings in ({"tolerance": 0.0}, {"max_iter": 0}):
         with pytest.raises(ArgumentError, match=next(iter(settings))):
             GeometricMedian(LINE, GradientDescentMean(), **settings)
 
@@ -406,12 +406,12 @@ def test_callback_and_interruption():
 def test_what_has_not_converged_says_so():
     space, points = one_person()
     with pytest.warns(ConvergenceWarning, match="BasisMean.*2 iterations"):
-        FrechetMean(space, BasisMean(bodies.basis(), max_iterations=2)).fit(points)
+        FrechetMean(space, BasisMean(bodies.basis(), max_iter=2)).fit(points)
     fields = FIELDS["normals"]
     with pytest.warns(ConvergenceWarning, match="GradientDescentMean"):
-        FrechetMean(fields, GradientDescentMean(max_iterations=1)).fit(near_points(fields))
+        FrechetMean(fields, GradientDescentMean(max_iter=1)).fit(near_points(fields))
     with pytest.warns(ConvergenceWarning, match="GeometricMedian"):
-        GeometricMedian(fields, GradientDescentMean(), max_iterations=1).fit(near_points(fields))
+        GeometricMedian(fields, GradientDescentMean(), max_iter=1).fit(near_points(fields))
 
 
 def test_refusals():

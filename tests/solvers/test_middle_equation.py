@@ -55,7 +55,7 @@ def test_the_derivative_is_nearly_the_identity(case):
         ("middle_point", (point, other)),
     ):
         before, after = (
-            getattr(MiddleEquation(case.metric, tolerance=1e-14, max_iterations=count), method)(
+            getattr(MiddleEquation(case.metric, tolerance=1e-14, max_iter=count), method)(
                 *arguments
             ).error
             for count in (0, 1)
@@ -94,9 +94,7 @@ def test_the_error_is_by_how_much_the_point_is_off(case):
         ("middle_point", (point, other), 0.5 * segment / np.sqrt(2.0), 1),
     ):
         guess, found = (
-            getattr(MiddleEquation(metric, tolerance=1e-12, max_iterations=count), method)(
-                *arguments
-            )
+            getattr(MiddleEquation(metric, tolerance=1e-12, max_iter=count), method)(*arguments)
             for count in (0, 50)
         )
         start, end = (triple.points[unknown] for triple in (guess, found))

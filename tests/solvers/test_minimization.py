@@ -137,7 +137,7 @@ def test_iterations_alone_are_limited(monkeypatch, method):
 
     monkeypatch.setattr(optimize, "minimize", refuse)
     assert minimize(quadratic, np.zeros(3), method=method).interrupted
-    minimize(quadratic, np.zeros(3), method=method, max_iterations=7)
+    minimize(quadratic, np.zeros(3), method=method, max_iter=7)
     assert [options["maxiter"] for options in given] == [1000, 7]
     assert all(options.get("maxfun", np.inf) == np.inf for options in given)
 
@@ -171,7 +171,7 @@ def test_start_without_a_finite_value():
 
 
 def test_iteration_limit_is_said():
-    found = minimize(rosenbrock, np.array([-1.2, 1.0]), max_iterations=3, expected_decrease=1e-9)
+    found = minimize(rosenbrock, np.array([-1.2, 1.0]), max_iter=3, expected_decrease=1e-9)
     assert found.n_iterations == 3
     assert not found.converged
     assert not found.interrupted
@@ -262,7 +262,7 @@ def whitened(function, unit=5.0):
 
 def test_rounds_reach_the_minimum_in_one_newton_step():
     found = minimize_in_rounds(
-        whitened(quadratic), np.zeros(3), max_iterations=50, expected_decrease=1e-10
+        whitened(quadratic), np.zeros(3), max_iter=50, expected_decrease=1e-10
     )
     assert found.converged
     assert found.n_iterations <= 2
@@ -274,7 +274,7 @@ def test_rounds_keep_one_history():
     found = minimize_in_rounds(
         whitened(rosenbrock),
         np.array([-1.2, 1.0]),
-        max_iterations=200,
+        max_iter=200,
         expected_decrease=1e-10,
         iterations_per_round=4,
         callback=lambda *state: seen.append(state),
@@ -303,7 +303,7 @@ def counting(local_problem):
 
 def test_rounds_have_their_length():
     around, asked = counting(whitened(rosenbrock))
-    settings = {"max_iterations": 7, "expected_decrease": 1e-10}
+    settings = {"max_iter": 7, "expected_decrease": 1e-10}
     start = np.array([-1.2, 1.0])
     seen = []
     found = minimize_in_rounds(
@@ -324,7 +324,7 @@ def test_rounds_end_where_no_step_lowers_the_value(capsys):
         return value, -gradient
 
     around, asked = counting(whitened(misled))
-    found = minimize_in_rounds(around, np.zeros(3), max_iterations=50, expected_decrease=1e-6)
+    found = minimize_in_rounds(around, np.zeros(3), max_iter=50, expected_decrease=1e-6)
     assert (found.converged, found.interrupted, found.n_iterations) == (False, False, 0)
     assert found.value == pytest.approx(quadratic(np.zeros(3))[0])
     assert len(asked) == 1
@@ -342,20 +342,18 @@ def test_rounds_count_every_evaluation():
     start = np.array([-1.2, 1.0])
     for limit in (6, 200):
         counted.clear()
-        found = minimize_in_rounds(
-            whitened(counted_rosenbrock), start, max_iterations=limit, **settings
-        )
+        found = minimize_in_rounds(whitened(counted_rosenbrock), start, max_iter=limit, **settings)
         assert found.n_evaluations == len(counted)
 
 
 def test_rounds_stop_at_the_limit_and_on_interruption():
     start = np.array([-1.2, 1.0])
     settings = {"expected_decrease": 1e-10, "iterations_per_round": 3}
-    limited = minimize_in_rounds(whitened(rosenbrock), start, max_iterations=7, **settings)
+    limited = minimize_in_rounds(whitened(rosenbrock), start, max_iter=7, **settings)
     assert limited.n_iterations == 7
     assert not limited.converged
     stopped = minimize_in_rounds(
-        whitened(rosenbrock), start, max_iterations=100, callback=interrupt_at(5), **settings
+        whitened(rosenbrock), start, max_iter=100, callback=interrupt_at(5), **settings
     )
     assert stopped.interrupted
     assert stopped.n_iterations == 5
@@ -367,7 +365,7 @@ def test_a_kink_does_not_hold_the_minimiser_for_ever():
         return 1.0 + np.abs(x).sum(), np.where(x >= 0, 1.0, -1.0)
 
     start = np.array([0.3, -0.71, 0.113])
-    found = minimize(kinked, start, expected_decrease=1e-4, max_iterations=100_000)
+    found = minimize(kinked, start, expected_decrease=1e-4, max_iter=100_000)
     assert found.value == pytest.approx(1.0, abs=0.5)
     assert found.n_iterations < 1000
 
@@ -400,7 +398,7 @@ def test_an_interruption_between_rounds_keeps_what_was_reached():
         return whitened(rosenbrock)(x)
 
     found = minimize_in_rounds(
-        around, np.zeros(2), max_iterations=50, expected_decrease=1e-10, iterations_per_round=3
+        around, np.zeros(2), max_iter=50, expected_decrease=1e-10, iterations_per_round=3
     )
     assert found.interrupted
     assert not found.converged
@@ -409,4 +407,4 @@ def test_an_interruption_between_rounds_keeps_what_was_reached():
     assert found.value == found.values[-1]
     np.testing.assert_allclose(found.value, rosenbrock(found.x)[0], rtol=1e-12)
     with pytest.raises(KeyboardInterrupt):
-        minimize_in_rounds(around, np.ones(2), max_iterations=50, expected_decrease=1e-10)
+        minimize_in_rounds(around, np.ones(2), max_iter=50, expected_decrease=1e-10)

@@ -35,7 +35,7 @@ def solve(metric, first, last, **settings):
 @pytest.mark.parametrize("rotations", ["axis-angle", "geodesic"])
 def test_path_runs_between_the_surfaces(metric, rotations):
     model, first, last = bodies_in_motion.model(), parameters(1, 0.2), parameters(2, 0.2)
-    result = solve(metric, first, last, n_times=4, rotations=rotations)
+    result = solve(metric, first, last, n_nodes=4, rotations=rotations)
     assert result.path.shape == (4, model.n_vertices, 3)
     np.testing.assert_allclose(result.path[[0, -1]], [model(*first), model(*last)], atol=1e-12)
     assert result.energy == metric.energy(result.path)
@@ -45,7 +45,7 @@ def test_path_runs_between_the_surfaces(metric, rotations):
 
 def test_axis_angle_vectors_are_interpolated_linearly(metric):
     model, first, last = bodies_in_motion.model(), parameters(1, 0.3), parameters(2, 0.3)
-    result = solve(metric, first, last, n_times=5)
+    result = solve(metric, first, last, n_nodes=5)
     for path_time, surface in zip(np.linspace(0, 1, 5), result.path, strict=True):
         mixed = [(1 - path_time) * a + path_time * b for a, b in zip(first, last, strict=True)]
         np.testing.assert_allclose(surface, model(*mixed), atol=1e-12)
@@ -64,7 +64,7 @@ class Recorder:
 
 def poses_along(metric, first, last, rotations):
     recorder, surface = Recorder(), bodies_in_motion.body("resting")
-    solver = ModelPath(recorder, n_times=9, rotations=rotations)
+    solver = ModelPath(recorder, n_nodes=9, rotations=rotations)
     solver.solve(metric, surface, surface, start_parameters=first, end_parameters=last)
     return recorder.poses
 
@@ -95,10 +95,10 @@ def test_about_one_axis_both_agree(metric):
 
 def test_flat_poses_and_plain_tuples(metric):
     first, last = parameters(1, 0.2), parameters(2, 0.2)
-    expected = solve(metric, first, last, n_times=3, rotations="geodesic").path
+    expected = solve(metric, first, last, n_nodes=3, rotations="geodesic").path
     flat = [(betas, pose.ravel(), trans) for betas, pose, trans in (first, last)]
     model = bodies_in_motion.model()
-    result = ModelPath(model, n_times=3, rotations="geodesic").solve(
+    result = ModelPath(model, n_nodes=3, rotations="geodesic").solve(
         metric, model(*first), model(*last), start_parameters=flat[0], end_parameters=flat[1]
     )
     np.testing.assert_array_equal(result.path, expected)
@@ -108,11 +108,11 @@ def test_message_says_how_far_the_surfaces_are(metric):
     model, first, last = bodies_in_motion.model(), parameters(1, 0.2), parameters(2, 0.2)
     shifted = model(*last)
     shifted[7] += [0.003, 0.0, 0.004]
-    result = ModelPath(model, n_times=3).solve(
+    result = ModelPath(model, n_nodes=3).solve(
         metric, model(*first), shifted, start_parameters=first, end_parameters=last
     )
     assert "up to 5 mm from start and end" in result.message
-    result = ModelPath(model, n_times=3).solve(
+    result = ModelPath(model, n_nodes=3).solve(
         metric, shifted, model(*first), start_parameters=last, end_parameters=first
     )
     assert "up to 5 mm from start and end" in result.message
@@ -177,8 +177,8 @@ def test_settings_are_checked():
     model = bodies_in_motion.model()
     with pytest.raises(ArgumentError, match="rotations must be one of 'axis-angle', 'geodesic'"):
         ModelPath(model, rotations="quaternion")
-    with pytest.raises(ArgumentError, match="n_times must be"):
-        ModelPath(model, n_times=1)
+    with pytest.raises(ArgumentError, match="n_nodes must be"):
+        ModelPath(model, n_nodes=1)
 
 
 def test_models_of_another_template_are_refused(metric):

@@ -142,7 +142,7 @@ def test_half_plane_against_the_known_transport():
         # Vectors grow in proportion to y all along.
         growth = 2.0 ** np.linspace(0, 1, 17)[:, None]
         np.testing.assert_allclose(result.tangent_vecs, growth * vector, rtol=2e-3)
-    solver = PathStraightening(n_times=9)
+    solver = PathStraightening(n_nodes=9)
     found = PoleLadder(geodesic_solver=solver, tolerance=1e-9).solve(
         case.metric, vector, start, end
     )
@@ -214,8 +214,8 @@ def test_on_bodies_in_a_basis():
     u, v = basis.vectors[0] + 0.5 * basis.vectors[3], basis.vectors[1]
     norm = metric.norm(u, start)
     gaps, products = [], []
-    for n_times in (5, 9):
-        path = BasisPath(basis, n_times=n_times, tolerance=1e-8).solve(metric, start, end).path
+    for n_nodes in (5, 9):
+        path = BasisPath(basis, n_nodes=n_nodes, tolerance=1e-8).solve(metric, start, end).path
         ladder = PoleLadder(basis=basis)
         one, other = (ladder.solve(metric, w, start, path=path).tangent_vec for w in (u, v))
         gaps.append(abs(metric.norm(one, end) / norm - 1))
@@ -239,7 +239,7 @@ def test_nothing_to_carry_and_nowhere_to_go():
 def test_says_when_an_equation_was_not_solved():
     case = CASES["mixed sphere"]
     path = np.stack([case.points[0], 0.8 * case.points[0] + 0.2 * case.points[1]])
-    ladder = PoleLadder(max_iterations=2)
+    ladder = PoleLadder(max_iter=2)
     with pytest.warns(ConvergenceWarning, match="1 rungs; an equation is solved to"):
         result = ladder.solve(case.metric, case.tangent_vecs[0], path[0], path=path)
     assert not result.converged
@@ -253,7 +253,7 @@ def test_says_when_an_equation_was_not_solved():
         ({"n_rungs": 1.5}, ArgumentTypeError),
         ({"scale": 0.0}, ArgumentError),
         ({"tolerance": 0.0}, ArgumentError),
-        ({"max_iterations": 0}, ArgumentError),
+        ({"max_iter": 0}, ArgumentError),
     ],
 )
 def test_settings_are_checked(ladder, settings, error):

@@ -48,7 +48,7 @@ def check_geodesic(solver, case):
     result = solver.solve(case.metric, start, end)
     squared_dist = case.metric.squared_dist(start, end)
     assert squared_dist * (1 - 1e-10) <= result.energy <= squared_dist * (1 + 1e-7)
-    geodesic = ClosedFormGeodesic(solver.n_times).solve(case.metric, start, end).path
+    geodesic = ClosedFormGeodesic(solver.n_nodes).solve(case.metric, start, end).path
     assert case.metric.dist(result.path, geodesic).max() < 1e-3 * np.sqrt(squared_dist)
 
 
@@ -56,24 +56,24 @@ def check_geodesic(solver, case):
 def test_it_agrees_with_closed_forms(case):
     # A product does not tell which coordinates belong together: its preconditioner is coarser.
     tolerance = 1e-10 if case.name == "product" else 1e-9
-    check_geodesic(PathStraightening(n_times=7, tolerance=tolerance), case)
+    check_geodesic(PathStraightening(n_nodes=7, tolerance=tolerance), case)
 
 
 @pytest.mark.parametrize("name", ["ebin 1 sphere", "normals sphere", "product"])
 def test_straight_paths_do_not(name):
     with pytest.raises(AssertionError):
-        check_geodesic(LinearPath(n_times=7), CASES[name])
+        check_geodesic(LinearPath(n_nodes=7), CASES[name])
 
 
 @pytest.mark.parametrize("case", SMOOTH, ids=name_of)
 def test_what_every_path_satisfies(case):
-    settings = {"n_times": 7, "coarse_segments": (2,)}
+    settings = {"n_nodes": 7, "coarse_segments": (2,)}
     result = solve(case, **settings)
     assert result.converged
     assert result.path.shape == (7, *case.space.shape)
     np.testing.assert_array_equal(result.path[[0, -1]], case.points[:2])
     assert np.all(case.space.belongs(result.path))
-    straight = LinearPath(n_times=7).solve(case.metric, *case.points[:2]).energy
+    straight = LinearPath(n_nodes=7).solve(case.metric, *case.points[:2]).energy
     assert result.energy <= straight * (1 + 1e-12)
     if case.metric.has_closed_form_dist:
         assert result.energy >= case.metric.squared_dist(*case.points[:2]) * (1 - 1e-12)
@@ -89,7 +89,7 @@ def test_what_every_path_satisfies(case):
 )
 def test_gradient_vanishes_at_the_path_found(name):
     case = CASES[name]
-    result = solve(case, n_times=5, tolerance=1e-12)
+    result = solve(case, n_nodes=5, tolerance=1e-12)
     start_path = linear_path(*case.points[:2], 5)
     before, after = (
         np.linalg.norm(case.metric.energy_and_gradient(path)[1][1:-1])
@@ -101,11 +101,11 @@ def test_gradient_vanishes_at_the_path_found(name):
 def test_bent_arm(bent_arm):
     """Straight, it costs three times as much; a basis of motions comes close from above."""
     metric, start, end = bent_arm
-    solver = PathStraightening(n_times=6)
+    solver = PathStraightening(n_nodes=6)
     result = solver.solve(metric, start, end)
     assert result.converged
     assert result.energy < 0.3 * LinearPath(6).solve(metric, start, end).energy
-    over_basis = BasisPath(bodies_in_motion.basis(), n_times=6).solve(metric, start, end)
+    over_basis = BasisPath(bodies_in_motion.basis(), n_nodes=6).solve(metric, start, end)
     assert result.energy < over_basis.energy
     again = solver.solve(metric, start, end, over_basis.path)
     # A turning start of the path over the basis may lead to a deeper valley than a straight one.
@@ -125,7 +125,7 @@ def test_metric_matrix_saves_iterations(bent_arm):
             self.covector = metric.covector
 
     metric, start, end = bent_arm
-    settings = {"n_times": 4, "coarse_segments": (), "max_iterations": 60}
+    settings = {"n_nodes": 4, "coarse_segments": (), "max_iter": 60}
     fast = PathStraightening(**settings).solve(metric, start, end)
     with pytest.warns(ConvergenceWarning):
         slow = PathStraightening(**settings).solve(WithoutMatrix(metric), start, end)
@@ -142,7 +142,7 @@ def test_steps_that_leave_the_manifold_are_refused():
     metric = EbinMetric(space, lam=0.5)
     rng = np.random.default_rng(0)
     points = space.random_point(2, rng=rng) * rng.uniform(0.01, 30.0, (2, *space.shape[:1], 1, 1))
-    result = PathStraightening(n_times=5, tolerance=1e-8).solve(metric, *points)
+    result = PathStraightening(n_nodes=5, tolerance=1e-8).solve(metric, *points)
     assert np.all(space.belongs(result.path))
     np.testing.assert_allclose(result.energy, metric.squared_dist(*points), rtol=1e-4)
 
@@ -150,7 +150,7 @@ def test_steps_that_leave_the_manifold_are_refused():
 def test_surfaces_beyond_the_cut_locus_do_not_raise():
     case = CASES["shape sphere"]
     with pytest.warns(ConvergenceWarning):
-        result = solve(case, n_times=5, max_iterations=5)
+        result = solve(case, n_nodes=5, max_iter=5)
     assert result.energy < LinearPath(5).solve(case.metric, *case.points[:2]).energy
 
 
@@ -161,7 +161,7 @@ def test_surfaces_beyond_the_cut_locus_do_not_raise():
 def test_user_metrics(metric_class):
     start, end = np.array([-2.0, 0.5]), np.array([1.5, 1.0])
     metric = metric_class(HalfPlane())
-    result = PathStraightening(n_times=41, tolerance=1e-10).solve(metric, start, end)
+    result = PathStraightening(n_nodes=41, tolerance=1e-10).solve(metric, start, end)
     expected = HyperbolicDistance(HalfPlane()).squared_dist(start, end)
     np.testing.assert_allclose(result.energy, expected, rtol=1e-3)
     # Geodesics are circles around a point of the real axis.
@@ -171,7 +171,7 @@ def test_user_metrics(metric_class):
 
 
 def test_as_geodesic_solver():
-    solver = PathStraightening(n_times=21, tolerance=1e-9)
+    solver = PathStraightening(n_nodes=21, tolerance=1e-9)
     metric = HyperbolicInnerProduct(HalfPlane(), geodesic_solver=solver)
     start, end = np.array([0.0, 0.5]), np.array([1.0, 1.0])
     expected = HyperbolicDistance(HalfPlane()).dist(start, end)
@@ -181,9 +181,9 @@ def test_as_geodesic_solver():
 
 def test_other_energies():
     case, energy = CASES["all sphere"], FiniteDifferenceEnergy()
-    result = solve(case, n_times=9, energy=energy)
+    result = solve(case, n_nodes=9, energy=energy)
     np.testing.assert_allclose(energy.value(case.metric, result.path), result.energy, rtol=1e-9)
-    np.testing.assert_allclose(result.energy, solve(case, n_times=9).energy, rtol=1e-2)
+    np.testing.assert_allclose(result.energy, solve(case, n_nodes=9).energy, rtol=1e-2)
 
 
 class Counting(SegmentEnergy):
@@ -200,15 +200,15 @@ class Counting(SegmentEnergy):
 @pytest.mark.parametrize("coarse_segments", [(), (2, 4)])
 def test_every_evaluation_on_every_level_is_counted(coarse_segments):
     energy = Counting()
-    result = solve(CASES["pose sphere"], n_times=6, energy=energy, coarse_segments=coarse_segments)
+    result = solve(CASES["pose sphere"], n_nodes=6, energy=energy, coarse_segments=coarse_segments)
     assert result.n_evaluations == len(energy.counts)
     assert sorted(set(energy.counts)) == [*(n + 1 for n in coarse_segments), 6]
 
 
 def test_motions_that_the_metric_does_not_see_are_taken_out():
     case = CASES["stretch sphere"]
-    kept = solve(case, n_times=4, remove_drift=False)
-    removed = solve(case, n_times=4)
+    kept = solve(case, n_nodes=4, remove_drift=False)
+    removed = solve(case, n_nodes=4)
     assert np.abs(kept.path - removed.path).max() > 1e-6
     np.testing.assert_allclose(removed.path, case.metric.remove_drift(kept.path), atol=1e-12)
     assert removed.energy == kept.energy
@@ -219,8 +219,8 @@ def test_motions_that_the_metric_does_not_see_are_taken_out():
 
 def test_warm_start():
     case = CASES["pose sphere"]
-    first = solve(case, n_times=6)
-    again = PathStraightening(n_times=6).solve(case.metric, *case.points[:2], first.path)
+    first = solve(case, n_nodes=6)
+    again = PathStraightening(n_nodes=6).solve(case.metric, *case.points[:2], first.path)
     assert again.energy <= first.energy * (1 + 1e-12)
     assert again.n_evaluations < first.n_evaluations
 
@@ -246,14 +246,14 @@ class Misleading(SegmentEnergy):
 
 
 def test_it_starts_from_the_straight_path_where_that_is_better():
-    case, settings = CASES["half-plane, distance"], {"n_times": 9, "energy": Misleading()}
+    case, settings = CASES["half-plane, distance"], {"n_nodes": 9, "energy": Misleading()}
     result = solve(case, coarse_segments=(2,), **settings)
     assert result.energies[0] == solve(case, coarse_segments=(), **settings).energies[0]
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_equal_ends(case):
-    result = PathStraightening(n_times=4).solve(case.metric, case.points[0], case.points[0])
+    result = PathStraightening(n_nodes=4).solve(case.metric, case.points[0], case.points[0])
     assert 0 <= result.energy < 1e-24
     assert result.converged
     assert (result.n_iterations, result.n_evaluations) == (0, 1)
@@ -264,7 +264,7 @@ def test_equal_ends(case):
 def test_ends_that_the_metric_does_not_tell_apart():
     case = CASES["all sphere"]
     start, end = case.points[0], case.points[0] + [1.0, -2.0, 0.5]
-    result = PathStraightening(n_times=4).solve(case.metric, start, end)
+    result = PathStraightening(n_nodes=4).solve(case.metric, start, end)
     assert result.converged
     assert "no distance apart" in result.message
     np.testing.assert_allclose(result.path, linear_path(start, end, 4), rtol=1e-14)
@@ -279,7 +279,7 @@ def test_ends_that_differ_by_rounding(name):
         end = case.space.regularize(start * (1.0 + size * noise))
         if name.startswith("ebin"):
             end = 0.5 * (end + np.swapaxes(end, -1, -2))
-        result = PathStraightening(n_times=4).solve(case.metric, start, end)
+        result = PathStraightening(n_nodes=4).solve(case.metric, start, end)
         assert ("no distance apart" in result.message) == coincide
         assert result.converged
         np.testing.assert_array_equal(result.path[[0, -1]], [start, end])
@@ -287,7 +287,7 @@ def test_ends_that_differ_by_rounding(name):
 
 def test_ends_at_zero():
     zero = np.zeros((3, 2))
-    result = PathStraightening(n_times=4).solve(CASES["flat"].metric, zero, zero)
+    result = PathStraightening(n_nodes=4).solve(CASES["flat"].metric, zero, zero)
     assert (result.energy, result.n_evaluations, result.converged) == (0.0, 1, True)
     assert "no distance apart" in result.message
     np.testing.assert_array_equal(result.path, np.zeros((4, 3, 2)))
@@ -296,7 +296,7 @@ def test_ends_at_zero():
 def test_three_times():
     """The point between the ends is the middle of the geodesic."""
     case = CASES["ebin 1 sphere"]
-    result = solve(case, n_times=3, tolerance=1e-12)
+    result = solve(case, n_nodes=3, tolerance=1e-12)
     middle = ClosedFormGeodesic(3).solve(case.metric, *case.points[:2]).path[1]
     assert case.metric.dist(result.path[1], middle) < 1e-4 * np.sqrt(result.energy)
     assert result.n_iterations > 0
@@ -313,7 +313,7 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(name, share, is_me
     bulge[1:-1] = 0.1 * rng.standard_normal((4, *metric.space.shape))
     path = linear_path(start, end, 6) + bulge
     gain = metric.energy(bulge) / metric.energy(path)
-    solver = PathStraightening(n_times=6, tolerance=float(gain) / share)
+    solver = PathStraightening(n_nodes=6, tolerance=float(gain) / share)
     result = solver.solve(metric, start, end, path)
     assert result.converged
     assert result.energies[0] == pytest.approx(metric.energy(path))
@@ -329,7 +329,7 @@ def test_a_given_path_is_where_it_starts():
     path = linear_path(*case.points[:2], 5)
     path[2] += 0.5
     path[1:-1] = case.space.regularize(path[1:-1])
-    result = PathStraightening(n_times=5).solve(case.metric, *case.points[:2], path)
+    result = PathStraightening(n_nodes=5).solve(case.metric, *case.points[:2], path)
     straight = LinearPath(5).solve(case.metric, *case.points[:2]).energy
     assert result.energies[0] == pytest.approx(case.metric.energy(path), rel=1e-12)
     assert result.energies[0] > 1.1 * straight
@@ -350,7 +350,7 @@ def test_paths_are_refined_along_cubics():
 
 def test_two_times():
     case = CASES["all sphere"]
-    result = solve(case, n_times=2)
+    result = solve(case, n_nodes=2)
     np.testing.assert_array_equal(result.path, case.points[:2])
     squared_dist = case.metric.squared_dist(*case.points[:2])
     np.testing.assert_allclose(result.energy, squared_dist, rtol=1e-12)
@@ -362,7 +362,7 @@ def test_arguments_are_left_alone():
     points = case.points.copy()
     path = LinearPath(5).solve(case.metric, *points[:2]).path
     given = path.copy()
-    PathStraightening(n_times=5).solve(case.metric, *points[:2], given)
+    PathStraightening(n_nodes=5).solve(case.metric, *points[:2], given)
     np.testing.assert_array_equal(points, case.points)
     np.testing.assert_array_equal(given, path)
 
@@ -373,18 +373,18 @@ def test_arguments_are_left_alone():
 def test_not_converging_is_said_and_warned_of_once():
     case = CASES["pose open"]
     with pytest.warns(ConvergenceWarning, match="after 1 iterations") as caught:
-        result = solve(case, max_iterations=1)
+        result = solve(case, max_iter=1)
     assert len(caught) == 1
     assert not result.converged
     assert result.n_iterations == 1
 
 
-@pytest.mark.parametrize("n_times", [5, 6])
-def test_callback_sees_the_last_level(n_times):
+@pytest.mark.parametrize("n_nodes", [5, 6])
+def test_callback_sees_the_last_level(n_nodes):
     """It has as many segments as the coarse one before it, or one more."""
     case, seen = CASES["normals sphere"], []
     result = solve(
-        case, n_times=n_times, tolerance=1e-8, callback=lambda *state: seen.append(state)
+        case, n_nodes=n_nodes, tolerance=1e-8, callback=lambda *state: seen.append(state)
     )
     assert result.n_iterations > 0
     assert [iteration for iteration, _, _ in seen] == list(range(1, result.n_iterations + 1))
@@ -393,12 +393,12 @@ def test_callback_sees_the_last_level(n_times):
         np.testing.assert_allclose(case.metric.energy(path), energy, rtol=1e-10)
 
 
-def check_interrupted(result, case, n_times):
+def check_interrupted(result, case, n_nodes):
     assert not result.converged
     assert "interrupted" in result.message
     assert result.n_iterations == len(result.energies) - 1
     assert result.energies[-1] == pytest.approx(result.energy)
-    assert result.path.shape == (n_times, *case.space.shape)
+    assert result.path.shape == (n_nodes, *case.space.shape)
     np.testing.assert_allclose(case.metric.energy(result.path), result.energy, rtol=1e-10)
 
 
@@ -435,7 +435,7 @@ def test_interruption_at_any_time_loses_nothing(count):
     energy.counts[:] = 0, count
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        result = solve(case, n_times=6, tolerance=1e-14, energy=energy)
+        result = solve(case, n_nodes=6, tolerance=1e-14, energy=energy)
     assert energy.counts[0] == count
     check_interrupted(result, case, 6)
     assert [warning.category for warning in caught] == [ConvergenceWarning]
@@ -449,9 +449,9 @@ def test_interruption_at_any_time_loses_nothing(count):
 @pytest.mark.parametrize(
     "settings",
     [
-        {"n_times": 1},
-        {"n_times": 2.5},
-        {"max_iterations": 0},
+        {"n_nodes": 1},
+        {"n_nodes": 2.5},
+        {"max_iter": 0},
         {"tolerance": 0.0},
         {"coarse_segments": (1,)},
         {"coarse_segments": (2, "four")},
@@ -467,10 +467,10 @@ def test_points_of_another_space_are_refused():
     with pytest.raises(ArgumentError, match="start must have shape"):
         PathStraightening().solve(case.metric, other.points[0], case.points[1])
     path = linear_path(*case.points[:2], 7)
-    with pytest.raises(ArgumentError, match="n_times = 11 times; found 7"):
+    with pytest.raises(ArgumentError, match="n_nodes = 11 times; found 7"):
         PathStraightening().solve(case.metric, *case.points[:2], path)
     with pytest.raises(ArgumentError, match="run from start to end"):
-        PathStraightening(n_times=7).solve(case.metric, *case.points[1:3], path)
+        PathStraightening(n_nodes=7).solve(case.metric, *case.points[1:3], path)
 
 
 @pytest.mark.parametrize("place", [1, 2, 3])
@@ -482,7 +482,7 @@ def test_every_point_of_the_start_must_lie_on_the_manifold(place):
     path[place, 1] = -0.3
     assert np.isfinite(metric.energy(path))
     with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
-        PathStraightening(n_times=5).solve(metric, start, end, path)
+        PathStraightening(n_nodes=5).solve(metric, start, end, path)
 
 
 def test_starts_off_the_manifold_are_refused():
@@ -490,9 +490,9 @@ def test_starts_off_the_manifold_are_refused():
     space = NormalFields(sphere_template())
     start = space.random_point()
     with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
-        PathStraightening(n_times=5).solve(space.metric, start, -start)
+        PathStraightening(n_nodes=5).solve(space.metric, start, -start)
     case = CASES["all triangle"]
     path = linear_path(*case.points[:2], 5)
     path[2] = 0.0
     with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
-        PathStraightening(n_times=5).solve(case.metric, *case.points[:2], path)
+        PathStraightening(n_nodes=5).solve(case.metric, *case.points[:2], path)

@@ -71,12 +71,12 @@ def test_solvers_say_nothing_unless_asked_to(cls):
     assert defaults.get("callback") is None
 
 
-PATH, DESCENT = {"n_times": 11}, {"tolerance": 1e-8, "max_iterations": 50}
-LADDER = {"n_rungs": 10, "exact": True, "scale": 1.0, "tolerance": 1e-10, "max_iterations": 50}
-DRIFT = {"remove_drift": True, "max_iterations": 1000}
+PATH, DESCENT = {"n_nodes": 11}, {"tolerance": 1e-8, "max_iter": 50}
+LADDER = {"n_rungs": 10, "exact": True, "scale": 1.0, "tolerance": 1e-10, "max_iter": 50}
+DRIFT = {"remove_drift": True, "max_iter": 1000}
 SEARCH = {"progress": False}
 DEFAULTS = {
-    "BasisMean": {**SEARCH, "with_differences": True, "tolerance": 1e-8, "max_iterations": 500},
+    "BasisMean": {**SEARCH, "with_differences": True, "tolerance": 1e-8, "max_iter": 500},
     "BasisPath": {**PATH, **DRIFT, **SEARCH, "tolerance": 1e-4},
     "ClosedFormGeodesic": PATH,
     "DiscreteExponential": {**DESCENT, "n_steps": 10},
@@ -86,9 +86,9 @@ DEFAULTS = {
         "shape_weight": 1.0,
         "pose_weight": 50.0,
         "tolerance": 1e-3,
-        "max_iterations": 300,
+        "max_iter": 300,
     },
-    "GradientDescentMean": {"step": 1.0, "tolerance": 1e-8, "max_iterations": 2000},
+    "GradientDescentMean": {"step": 1.0, "tolerance": 1e-8, "max_iter": 2000},
     "LinearPath": PATH,
     "MiddleEquation": DESCENT,
     "ModelPath": PATH,
@@ -113,7 +113,7 @@ def test_numbers_that_results_were_computed_with_stay(cls):
     assert {k: v for k, v in found.items() if isinstance(v, kinds)} == DEFAULTS[cls.__name__]
 
 
-LEAST = {"n_times": 2, "max_iterations": 1, "n_steps": 1, "n_rungs": 1}
+LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1}
 MODELS = ("basis", "model")
 POSITIVE = ("tolerance", "scale", "step", "shape_weight", "pose_weight")
 

@@ -23,7 +23,7 @@ def system(size=12, strength=0.6):
 
 def test_finds_the_root():
     function, root, calls = system()
-    found = find_root(function, np.zeros(12), tolerance=1e-12, max_iterations=50)
+    found = find_root(function, np.zeros(12), tolerance=1e-12, max_iter=50)
     np.testing.assert_allclose(found.x, root, atol=1e-11)
     assert found.residual <= 1e-12
     assert found.n_evaluations == len(calls)
@@ -34,16 +34,16 @@ def test_linear_systems_need_no_more_steps_than_unknowns():
     rng = np.random.default_rng(1)
     matrix = np.eye(6) + 0.8 * rng.standard_normal((6, 6))
     right = rng.standard_normal(6)
-    found = find_root(lambda x: matrix @ x - right, np.zeros(6), tolerance=1e-9, max_iterations=50)
+    found = find_root(lambda x: matrix @ x - right, np.zeros(6), tolerance=1e-9, max_iter=50)
     np.testing.assert_allclose(found.x, np.linalg.solve(matrix, right), rtol=1e-6)
     assert found.n_iterations <= 8
 
 
 def test_a_root_at_the_start_takes_one_evaluation():
-    found = find_root(lambda x: x, np.zeros(3), tolerance=1e-12, max_iterations=5)
+    found = find_root(lambda x: x, np.zeros(3), tolerance=1e-12, max_iter=5)
     assert (found.n_iterations, found.n_evaluations, found.residual) == (0, 1, 0.0)
     # A norm of exactly the tolerance is within it.
-    found = find_root(lambda x: x + 1.0, np.zeros(1), tolerance=1.0, max_iterations=5)
+    found = find_root(lambda x: x + 1.0, np.zeros(1), tolerance=1.0, max_iter=5)
     assert (found.n_iterations, found.n_evaluations, found.residual) == (0, 1, 1.0)
 
 
@@ -51,21 +51,21 @@ def test_steps_that_leave_the_domain_are_halved():
     def function(x):
         return None if abs(x[0]) > 1.0 else 3.0 * (x - 0.9)
 
-    found = find_root(function, np.zeros(1), tolerance=1e-9, max_iterations=50)
+    found = find_root(function, np.zeros(1), tolerance=1e-9, max_iter=50)
     np.testing.assert_allclose(found.x, 0.9, rtol=1e-8)
-    outside = find_root(function, np.ones(1) * 2, tolerance=1e-9, max_iterations=5)
+    outside = find_root(function, np.ones(1) * 2, tolerance=1e-9, max_iter=5)
     assert outside == (2.0, np.inf, 0, 1)
 
 
 def test_stops_at_the_most_iterations_with_the_best_point():
     function, _, _ = system(strength=3.0)
-    found = find_root(function, np.zeros(12), tolerance=1e-12, max_iterations=2)
+    found = find_root(function, np.zeros(12), tolerance=1e-12, max_iter=2)
     assert found.n_iterations <= 2
     assert found.residual == np.linalg.norm(function(found.x))
     assert found.residual <= np.linalg.norm(function(np.zeros(12)))
 
 
-def points_asked(function, start, max_iterations):
+def points_asked(function, start, max_iter):
     """Return where a function is evaluated, and what is found."""
     asked = []
 
@@ -73,7 +73,7 @@ def points_asked(function, start, max_iterations):
         asked.append(float(x[0]))
         return function(x)
 
-    found = find_root(recorded, np.array([start]), tolerance=1e-9, max_iterations=max_iterations)
+    found = find_root(recorded, np.array([start]), tolerance=1e-9, max_iter=max_iter)
     return asked, found
 
 
@@ -96,7 +96,5 @@ def test_a_domain_without_a_way_on_ends_the_search():
 @pytest.mark.parametrize("residuals", [[4.0, 2.0, 3.0, 2.5], [4.0, 2.0, 2.5, 2.0]])
 def test_the_best_point_tells_the_step_that_found_it_first(residuals):
     values = iter(residuals)
-    found = find_root(
-        lambda x: np.array([next(values)]), np.zeros(1), tolerance=1e-9, max_iterations=3
-    )
+    found = find_root(lambda x: np.array([next(values)]), np.zeros(1), tolerance=1e-9, max_iter=3)
     assert (found.residual, found.n_iterations, found.n_evaluations) == (2.0, 1, 4)

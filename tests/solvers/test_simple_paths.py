@@ -18,7 +18,7 @@ from riemhuman.solvers.simple_paths import (
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_linear_path(case):
     start, end = case.points[:2]
-    result = LinearPath(n_times=5).solve(case.metric, start, end)
+    result = LinearPath(n_nodes=5).solve(case.metric, start, end)
     assert result.path.shape == (5, *case.space.shape)
     np.testing.assert_array_equal(result.path[[0, -1]], case.points[:2])
     assert np.all(case.space.belongs(result.path))
@@ -40,12 +40,12 @@ def check_geodesic(solver, case):
 
 @pytest.mark.parametrize("case", cases_that("dist", "geodesic"), ids=name_of)
 def test_closed_form_geodesics_have_constant_speed_and_least_energy(case):
-    check_geodesic(ClosedFormGeodesic(n_times=6), case)
+    check_geodesic(ClosedFormGeodesic(n_nodes=6), case)
 
 
 def test_straight_paths_are_no_geodesics():
     with pytest.raises(AssertionError):
-        check_geodesic(LinearPath(n_times=6), CASES["normals sphere"])
+        check_geodesic(LinearPath(n_nodes=6), CASES["normals sphere"])
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,12 @@ def test_no_closed_form_is_said(case):
 def test_settings(solver_class):
     case = CASES["normals triangle"]
     energy = FiniteDifferenceEnergy()
-    result = solver_class(n_times=4, energy=energy).solve(case.metric, *case.points[:2])
+    result = solver_class(n_nodes=4, energy=energy).solve(case.metric, *case.points[:2])
     assert result.energy == energy.value(case.metric, result.path)
     assert len(solver_class().solve(case.metric, *case.points[:2]).path) == 11
     for wrong in (1, 2.5, "many"):
-        with pytest.raises((ArgumentError, ArgumentTypeError), match="n_times must be"):
-            solver_class(n_times=wrong)
+        with pytest.raises((ArgumentError, ArgumentTypeError), match="n_nodes must be"):
+            solver_class(n_nodes=wrong)
 
 
 def test_end_points_are_left_alone():
@@ -117,7 +117,7 @@ def test_initial_paths_are_checked():
     path = linear_path(start, end, 5)
     np.testing.assert_array_equal(check_initial_path(metric, start, end, 5, path), path)
     np.testing.assert_array_equal(check_initial_path(metric, start, end, 5, path.tolist()), path)
-    with pytest.raises(ArgumentError, match="n_times = 6 times; found 5"):
+    with pytest.raises(ArgumentError, match="n_nodes = 6 times; found 5"):
         check_initial_path(metric, start, end, 6, path)
     with pytest.raises(ArgumentError, match="run from start to end; its ends are off by up to "):
         check_initial_path(metric, start, end, 5, path + 0.5)

@@ -21,7 +21,7 @@ from riemhuman.statistics import (
 
 ESTIMATORS = [
     TangentPCA(VectorSpace((2,)), 1, mean=GradientDescentMean(), nearest=NearestSurface()),
-    GeodesicRegression(VectorSpace((2,)), max_iterations=3),
+    GeodesicRegression(VectorSpace((2,)), max_iter=3),
     KMedoids(3, rng=np.random.default_rng(2)),
     HierarchicalClustering(None, distance_threshold=0.5),
     MetricWeights(VectorSpace((2,)), (1.0, 2.0), n_folds=3),

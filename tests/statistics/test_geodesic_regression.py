@@ -78,7 +78,7 @@ def test_a_geodesic_is_recovered(space):
 def test_sum_of_squares_is_below_that_in_the_tangent_space_and_all_near(space):
     points = scattered(space)
     found = GeodesicRegression(space).fit(TIMES, points)
-    line = GeodesicRegression(space, max_iterations=0).fit(TIMES, points)
+    line = GeodesicRegression(space, max_iter=0).fit(TIMES, points)
     assert line.n_iter_ == 0
     best = misfit(space, found.intercept_, found.velocity_, points)
     assert best <= misfit(space, line.intercept_, line.velocity_, points) * (1 + 1e-12)
@@ -182,22 +182,20 @@ def test_refusals():
         regression.fit(np.ones(6), points)
     with pytest.raises(ArgumentError, match=r"\(n,\) or \(n, 1\)"):
         regression.fit(np.ones((6, 2)), points)
-    with pytest.raises(ArgumentError, match="max_iterations"):
-        GeodesicRegression(space, max_iterations=-1).fit(TIMES, points)
+    with pytest.raises(ArgumentError, match="max_iter"):
+        GeodesicRegression(space, max_iter=-1).fit(TIMES, points)
     with pytest.raises(ArgumentError, match="tolerance"):
         GeodesicRegression(space, tolerance=0.0).fit(TIMES, points)
     with pytest.raises(ArgumentError, match="2 numbers and y 6 points"):
         regression.fit(TIMES, points).score(TIMES[:2], points)
     surface_space = AlignedSurfaces(sphere_template())
-    with pytest.raises(ArgumentError, match="max_iterations must be 0 where ElasticMetric"):
+    with pytest.raises(ArgumentError, match="max_iter must be 0 where ElasticMetric"):
         GeodesicRegression(surface_space, image="points").fit(
             TIMES, np.repeat(sphere_template().vertices[None], 6, axis=0)
         )
     sphere = FIELDS["one sphere"]
     with pytest.warns(ConvergenceWarning, match="GeodesicRegression"):
-        GeodesicRegression(sphere, max_iterations=1, tolerance=1e-14).fit(
-            TIMES, scattered(sphere, 0.6)
-        )
+        GeodesicRegression(sphere, max_iter=1, tolerance=1e-14).fit(TIMES, scattered(sphere, 0.6))
     same = np.repeat(sphere.random_point(rng=1)[None], 6, axis=0)
     still = GeodesicRegression(sphere).fit(TIMES, same)
     np.testing.assert_allclose(still.velocity_, 0.0, atol=1e-12)

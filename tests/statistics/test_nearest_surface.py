@@ -95,13 +95,13 @@ def test_refusals():
     metric = metric_of(1.0, 1.0, 1.0)
     images = metric.map(POINTS)
     with pytest.warns(ConvergenceWarning, match="NearestSurface.*most steps"):
-        NearestSurface(max_iterations=1).solve(metric, images, POINTS[0])
+        NearestSurface(max_iter=1).solve(metric, images, POINTS[0])
     with pytest.raises(ArgumentError, match="companion_weight"):
         NearestSurface(companion_weight=-1.0)
     with pytest.raises(ArgumentError, match="tolerance"):
         NearestSurface(tolerance=0.0)
-    with pytest.raises(ArgumentError, match="max_iterations"):
-        NearestSurface(max_iterations=0)
+    with pytest.raises(ArgumentError, match="max_iter"):
+        NearestSurface(max_iter=0)
     with pytest.raises(ArgumentError, match="start must have shape"):
         NearestSurface().solve(metric, images, POINTS)
     with pytest.raises(ArgumentError, match="images"):

@@ -185,7 +185,7 @@ def test_one_surface_is_its_own_mean(reference):
 def test_stopping_early_is_said(reference, rng):
     points = moved(reference, rng, noise=0.5)
     with pytest.warns(ConvergenceWarning, match="stopped after 2 iterations"):
-        generalized_procrustes(points, max_iterations=2)
+        generalized_procrustes(points, max_iter=2)
 
 
 LINE = np.outer(np.linspace(-0.3, 1.1, N_VERTICES), [0.1, 0.2, 0.7])
@@ -231,5 +231,5 @@ def test_bad_arguments_are_refused_by_name(arguments, error, message):
 def test_bad_settings_are_refused_by_name(reference):
     with pytest.raises(ArgumentError, match="tolerance"):
         generalized_procrustes(reference[np.newaxis], tolerance=-1)
-    with pytest.raises(ArgumentError, match="max_iterations"):
-        generalized_procrustes(reference[np.newaxis], max_iterations=0)
+    with pytest.raises(ArgumentError, match="max_iter"):
+        generalized_procrustes(reference[np.newaxis], max_iter=0)

@@ -52,7 +52,7 @@ def geodesic(inputs, outputs):
     from riemhuman.cli import paths
 
     ends = (inputs / "scans" / "body_0.ply", inputs / "scans" / "body_1.ply")
-    options = ("--n-times", 3, "--n-components", 4, "--force", "-q")
+    options = ("--n-nodes", 3, "--n-components", 4, "--force", "-q")
     # Drawing takes most of the time, and is part of `picture`.
     with mock.patch.object(paths, "_write_png", paths._write_npz):
         return cli("geodesic", *ends, "-o", f"{outputs / 'path'}/", *options)
@@ -60,7 +60,7 @@ def geodesic(inputs, outputs):
 
 def picture(inputs, outputs):
     ends = (inputs / "scans" / "body_0.ply", inputs / "scans" / "body_1.ply")
-    options = ("--n-times", 3, "--n-components", 4, "--force", "-q")
+    options = ("--n-nodes", 3, "--n-components", 4, "--force", "-q")
     return cli("geodesic", *ends, "-o", outputs / "path.png", *options)
 
 

@@ -72,7 +72,7 @@ def operators(metric, k):
 
 def geodesic(metric, k):
     basis = DeformationBasis.from_laplacian(metric.space.template, 4)
-    return BasisPath(basis, n_times=3).solve(metric, POINTS[k], POINTS[k - 1]).path
+    return BasisPath(basis, n_nodes=3).solve(metric, POINTS[k], POINTS[k - 1]).path
 
 
 CALLS = (
@@ -146,7 +146,7 @@ results = {
     "pairs, single": metric.dist_pairwise(points, 2, precision="single"),
     "harmonics": basis.vectors,
     "basis": rh.DeformationBasis.from_motions(motions, 5, 10).vectors,
-    "geodesic": rh.solvers.BasisPath(basis, n_times=4).solve(metric, *points[:2]).path,
+    "geodesic": rh.solvers.BasisPath(basis, n_nodes=4).solve(metric, *points[:2]).path,
     "mean": rh.FrechetMean(space, solver=rh.solvers.BasisMean(basis)).fit(points).estimate_,
     "components": pca.components_,
     "samples": pca.sample(3, 7),
