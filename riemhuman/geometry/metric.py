@@ -34,10 +34,10 @@ class RiemannianMetric(BulkDistances):
         Strategy with a method ``solve(metric, start, end)`` for geodesics and distances that have
         no closed form, see `riemhuman.solvers`.
     exp_solver : object, optional
-        Strategy with a method ``solve(metric, base_point, tangent_vec)`` for `exp` where it has
+        Strategy with a method ``solve(metric, tangent_vec, base_point)`` for `exp` where it has
         no closed form.
     log_solver : object, optional
-        Strategy with a method ``solve(metric, base_point, point)`` for `log` where it has no
+        Strategy with a method ``solve(metric, point, base_point)`` for `log` where it has no
         closed form.
 
     Notes
@@ -253,7 +253,7 @@ class RiemannianMetric(BulkDistances):
             raise self._not_defined("exp")
 
         def follow(point: ndarray, velocity: ndarray) -> ndarray:
-            result = solver.solve(self, point, velocity)
+            result = solver.solve(self, velocity, point)
             if not result.complete:
                 raise OutsideManifoldError(
                     f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
@@ -294,7 +294,7 @@ class RiemannianMetric(BulkDistances):
         base_point = self.space.check_point(base_point, "base_point")
         point = self.space.check_point(point, "point")
         return self._one_by_one(
-            lambda start, end: solver.solve(self, start, end).tangent_vec, base_point, point
+            lambda start, end: solver.solve(self, end, start).tangent_vec, base_point, point
         )
 
     def geodesic(

@@ -30,17 +30,17 @@ class GeodesicSolver(Protocol):
 class ExpSolver(Protocol):
     """A strategy that follows a geodesic from its start."""
 
-    def solve(self, metric: Any, base_point: ndarray, tangent_vec: ndarray) -> Any:
+    def solve(self, metric: Any, tangent_vec: ndarray, base_point: ndarray) -> Any:
         r"""Return a result with attributes `end`, `complete` and `message`.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
-        base_point : array, shape (\*shape,)
-            Where to start.
         tangent_vec : array, shape (\*shape,)
             Initial velocity.
+        base_point : array, shape (\*shape,)
+            Where to start.
 
         Returns
         -------
@@ -53,15 +53,15 @@ class ExpSolver(Protocol):
 class LogSolver(Protocol):
     """A strategy that finds the initial velocity of a geodesic between two points."""
 
-    def solve(self, metric: Any, base_point: ndarray, point: ndarray) -> Any:
+    def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
         r"""Return a result with an attribute `tangent_vec`.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
-        base_point, point : array, shape (\*shape,)
-            Start and end.
+        point, base_point : array, shape (\*shape,)
+            End and start.
 
         Returns
         -------

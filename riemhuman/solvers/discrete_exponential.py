@@ -97,7 +97,7 @@ class DiscreteExponential:
         whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
-        self, metric: RiemannianMetric, base_point: ndarray, tangent_vec: ndarray
+        self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray
     ) -> ExponentialResult:
         r"""Follow the geodesic with an initial velocity for unit time.
 
@@ -105,10 +105,10 @@ class DiscreteExponential:
         ----------
         metric : RiemannianMetric
             The metric.
-        base_point : array, shape (\*shape,)
-            Where to start.
         tangent_vec : array, shape (\*shape,)
             Initial velocity v.
+        base_point : array, shape (\*shape,)
+            Where to start.
 
         Returns
         -------

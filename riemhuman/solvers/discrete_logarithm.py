@@ -89,7 +89,7 @@ class DiscreteLogarithm:
         whole_number(self.max_iter, "max_iter", minimum=1)
 
     def solve(
-        self, metric: RiemannianMetric, base_point: ndarray, point: ndarray
+        self, metric: RiemannianMetric, point: ndarray, base_point: ndarray
     ) -> LogarithmResult:
         r"""Find the initial velocity of the geodesic between two points.
 
@@ -97,8 +97,8 @@ class DiscreteLogarithm:
         ----------
         metric : RiemannianMetric
             The metric.
-        base_point, point : array, shape (\*shape,)
-            Start and end.
+        point, base_point : array, shape (\*shape,)
+            End and start.
 
         Returns
         -------

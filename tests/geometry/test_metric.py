@@ -191,7 +191,7 @@ def test_covector_represents_inner_product(case):
 
 def test_strategies_take_one_pair_after_the_other():
     class Straight:
-        def solve(self, metric, base_point, other):
+        def solve(self, metric, other, base_point):
             assert base_point.shape == other.shape == (2,)
             return SimpleNamespace(
                 end=base_point + other, tangent_vec=other - base_point, complete=True, message=""

@@ -54,7 +54,7 @@ def test_second_order_against_closed_forms(case):
     velocity = case.metric.log(end, start)
     errors = []
     for n_steps in (4, 8, 16):
-        result = DiscreteExponential(n_steps=n_steps).solve(case.metric, start, velocity)
+        result = DiscreteExponential(n_steps=n_steps).solve(case.metric, velocity, start)
         assert result.converged
         assert len(result.path) == n_steps + 1
         assert np.all(case.space.belongs(result.path))
@@ -66,7 +66,7 @@ def test_exact_in_flat_space():
     case = CASES["flat"]
     start, velocity = case.points[0], case.tangent_vecs[0]
     solver = DiscreteExponential(n_steps=3)
-    result = solver.solve(case.metric, start, velocity)
+    result = solver.solve(case.metric, velocity, start)
     np.testing.assert_allclose(result.end, start + velocity, atol=1e-12)
     assert (result.complete, result.converged) == (True, True)
     assert result.message == "all steps were made"
@@ -85,11 +85,11 @@ def test_counts_are_those_of_all_steps(monkeypatch):
 
     monkeypatch.setattr(case.metric, "energy_and_gradient", counted)
     solver = DiscreteExponential(n_steps=4)
-    result = solver.solve(case.metric, case.points[0], 0.2 * case.tangent_vecs[0])
+    result = solver.solve(case.metric, 0.2 * case.tangent_vecs[0], case.points[0])
     assert result.n_evaluations == len(calls)
     # Besides one an iteration, each step takes one for its first guess.
     assert result.n_iterations == result.n_evaluations - 4 > 4
-    resting = solver.solve(case.metric, case.points[0], np.zeros(case.space.shape))
+    resting = solver.solve(case.metric, np.zeros(case.space.shape), case.points[0])
     assert (resting.n_iterations, resting.n_evaluations) == (0, 4)
 
 
@@ -131,10 +131,10 @@ def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
     )
     solver, velocity = DiscreteExponential(n_steps=3), np.ones(case.space.shape)
     if message == "all steps were made":
-        result = solver.solve(case.metric, case.points[0], velocity)
+        result = solver.solve(case.metric, velocity, case.points[0])
     else:
         with pytest.warns(ConvergenceWarning, match=message):
-            result = solver.solve(case.metric, case.points[0], velocity)
+            result = solver.solve(case.metric, velocity, case.points[0])
     made = len(factors) - (len(factors) < 3 or errors[-1] > 1e-3)
     scales = np.cumprod([1.0, *factors[:made]])
     np.testing.assert_allclose(result.path, scales[:, None, None] * case.points[0], rtol=1e-12)
@@ -148,7 +148,7 @@ def test_second_order_without_closed_forms(case):
     start = case.points[0]
     velocity = 0.25 * (case.points[1] - start)
     results = [
-        DiscreteExponential(n_steps=n_steps, tolerance=1e-10).solve(case.metric, start, velocity)
+        DiscreteExponential(n_steps=n_steps, tolerance=1e-10).solve(case.metric, velocity, start)
         for n_steps in (4, 8, 16, 32)
     ]
     ends = np.stack([result.end for result in results])
@@ -176,7 +176,7 @@ def test_a_first_order_start_would_be_seen():
 
 def test_energy_is_conserved_on_symmetric_spaces():
     case = CASES["normals sphere"]
-    result = DiscreteExponential().solve(case.metric, case.points[0], case.tangent_vecs[0])
+    result = DiscreteExponential().solve(case.metric, case.tangent_vecs[0], case.points[0])
     np.testing.assert_allclose(result.energies, result.energies[0], rtol=1e-7)
 
 
@@ -185,7 +185,7 @@ def elbow():
     """Return a metric, a body and the initial velocity of a geodesic that bends its elbow."""
     metric = ElasticMetric(bodies.space(), 1.0, 0.1, 0.1)
     start, end = bodies.body("resting"), bodies.body("elbow bent")
-    found = DiscreteLogarithm(bodies.basis(30)).solve(metric, start, end)
+    found = DiscreteLogarithm(bodies.basis(30)).solve(metric, end, start)
     return metric, start, found.tangent_vec
 
 
@@ -194,7 +194,7 @@ def test_energy_along_bodies_is_conserved_to_second_order(elbow):
     drifts, errors = [], []
     for n_steps in (8, 16):
         solver = DiscreteExponential(bodies.basis(30), n_steps=n_steps)
-        energies = solver.solve(metric, start, velocity).energies
+        energies = solver.solve(metric, velocity, start).energies
         drifts.append(np.ptp(energies) / energies.mean())
         errors.append(abs(energies.mean() / metric.squared_norm(velocity, start) - 1))
     assert np.all(orders(drifts) > 1.5)
@@ -204,7 +204,7 @@ def test_energy_along_bodies_is_conserved_to_second_order(elbow):
 
 def test_path_stays_in_the_basis_and_the_velocity(elbow):
     metric, start, velocity = elbow
-    result = DiscreteExponential(bodies.basis(30), n_steps=5).solve(metric, start, 0.3 * velocity)
+    result = DiscreteExponential(bodies.basis(30), n_steps=5).solve(metric, 0.3 * velocity, start)
     joined = basis_with(bodies.basis(30), velocity)
     difference = result.path - start
     np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
@@ -214,13 +214,13 @@ def test_path_stays_in_the_basis_and_the_velocity(elbow):
 def test_extension_continues_what_solve_began(elbow):
     metric, start, velocity = elbow
     solver = DiscreteExponential(bodies.basis(30), n_steps=5)
-    half = solver.solve(metric, start, 0.5 * velocity)
+    half = solver.solve(metric, 0.5 * velocity, start)
     twice = DiscreteExponential(basis_with(bodies.basis(30), velocity), n_steps=10)
     whole = twice.extend(metric, half.path, 5)
     assert len(whole.path) == 11
     assert whole.n_steps == 5
     np.testing.assert_array_equal(whole.path[:6], half.path)
-    reference = twice.solve(metric, start, velocity)
+    reference = twice.solve(metric, velocity, start)
     np.testing.assert_allclose(whole.path, reference.path, atol=1e-5)
     np.testing.assert_allclose(whole.energies, 0.25 * reference.energies, rtol=1e-4)
 
@@ -231,12 +231,12 @@ def test_extension_stays_in_the_basis_and_the_last_segment():
     basis = DeformationBasis(deformations(sphere_template(), 4, rng=9), orthonormalize=True)
     joined = basis_with(basis, velocity)
     assert len(joined) == 5
-    half = DiscreteExponential(basis, n_steps=3).solve(case.metric, start, velocity)
+    half = DiscreteExponential(basis, n_steps=3).solve(case.metric, velocity, start)
     whole = DiscreteExponential(basis).extend(case.metric, half.path, 2)
     assert whole.converged
     difference = whole.path - start
     np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
-    expected = DiscreteExponential(joined, n_steps=3).solve(case.metric, start, velocity)
+    expected = DiscreteExponential(joined, n_steps=3).solve(case.metric, velocity, start)
     expected = DiscreteExponential(joined).extend(case.metric, expected.path, 2)
     np.testing.assert_allclose(whole.path, expected.path, atol=1e-6)
     # The last segment decides alone.
@@ -257,7 +257,7 @@ def test_extension_beyond_the_end_of_a_geodesic():
 def test_no_velocity_stays_where_it_is():
     case = CASES["mixed open"]
     result = DiscreteExponential(n_steps=3).solve(
-        case.metric, case.points[0], np.zeros(case.space.shape)
+        case.metric, np.zeros(case.space.shape), case.points[0]
     )
     assert result.converged
     np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], atol=1e-12)
@@ -271,7 +271,7 @@ def test_stops_where_triangles_vanish(name):
     start = case.points[0]
     solver = DiscreteExponential(n_steps=30)
     with pytest.warns(ConvergenceWarning, match="triangle [0-9]+ degenerates"):
-        result = solver.solve(case.metric, start, -1.5 * (start - start.mean(axis=0)))
+        result = solver.solve(case.metric, -1.5 * (start - start.mean(axis=0)), start)
     assert not result.complete
     assert not result.converged
     assert result.message.startswith(f"step {len(result.path)} of 30: triangle")
@@ -284,7 +284,7 @@ def test_stops_where_fields_leave_the_manifold():
     case = CASES["ebin 1 sphere"]
     with pytest.warns(ConvergenceWarning, match="stopped without converging"):
         result = DiscreteExponential(n_steps=20).solve(
-            case.metric, case.points[0], -6.0 * case.points[0]
+            case.metric, -6.0 * case.points[0], case.points[0]
         )
     assert not result.complete
     assert np.all(case.space.belongs(result.path))
@@ -294,7 +294,7 @@ def test_says_when_an_equation_was_not_solved():
     case = CASES["mixed sphere"]
     solver = DiscreteExponential(n_steps=4, max_iter=3)
     with pytest.warns(ConvergenceWarning, match="step 4 of 4: the equation is solved to .* only"):
-        result = solver.solve(case.metric, case.points[0], 0.3 * case.tangent_vecs[0])
+        result = solver.solve(case.metric, 0.3 * case.tangent_vecs[0], case.points[0])
     assert result.complete
     assert not result.converged
 
@@ -313,7 +313,7 @@ def test_interruption_keeps_the_path(monkeypatch):
     monkeypatch.setattr(case.metric, "energy_and_gradient", interrupted)
     with pytest.warns(ConvergenceWarning, match="interrupted from the keyboard"):
         result = DiscreteExponential(n_steps=20).solve(
-            case.metric, case.points[0], 0.3 * case.tangent_vecs[0]
+            case.metric, 0.3 * case.tangent_vecs[0], case.points[0]
         )
     assert 1 < len(result.path) < 20
     assert not result.complete
@@ -323,7 +323,7 @@ def test_arguments_are_left_alone():
     case = CASES["mixed triangle"]
     start, velocity = case.points[0].copy(), 0.2 * case.tangent_vecs[0]
     copies = start.copy(), velocity.copy()
-    DiscreteExponential(n_steps=3).solve(case.metric, start, velocity)
+    DiscreteExponential(n_steps=3).solve(case.metric, velocity, start)
     np.testing.assert_array_equal([start, velocity], copies)
 
 
@@ -356,7 +356,7 @@ def test_metrics_take_it_as_exp_solver():
     ):
         start, velocity = CASES[name].points[0], 0.2 * CASES[name].tangent_vecs[0]
         end = metric.exp(velocity, start)
-        np.testing.assert_array_equal(end, solver.solve(metric, start, velocity).end)
+        np.testing.assert_array_equal(end, solver.solve(metric, velocity, start).end)
         several = metric.exp(np.stack([velocity, 0.5 * velocity]), start)
         assert several.shape == (2, *start.shape)
         np.testing.assert_array_equal(several[0], end)
@@ -394,11 +394,11 @@ def test_bad_input():
     metric, start = CASES["mixed triangle"].metric, CASES["mixed triangle"].points[0]
     solver = DiscreteExponential()
     with pytest.raises(ArgumentError, match="base_point must have shape"):
-        solver.solve(metric, start[:2], start)
+        solver.solve(metric, start, start[:2])
     with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
-        solver.solve(metric, start, start[None])
+        solver.solve(metric, start[None], start)
     with pytest.raises(ArgumentError, match="tangent_vec holds 9 NaN"):
-        solver.solve(metric, start, np.nan * start)
+        solver.solve(metric, np.nan * start, start)
     with pytest.raises(ArgumentError, match="path must have at least two times; found 1"):
         solver.extend(metric, start[None], 3)
     with pytest.raises(ArgumentError, match="n_steps must be a whole number of at least 1"):

@@ -51,7 +51,7 @@ def test_second_order_against_closed_forms(case):
     errors = []
     for n_steps in (8, 16, 32):
         solver = DiscreteLogarithm(geodesic_solver=ClosedFormGeodesic(n_steps + 1))
-        result = solver.solve(case.metric, start, end)
+        result = solver.solve(case.metric, end, start)
         assert result.converged
         errors.append(np.abs(result.tangent_vec - exact).max())
     assert np.all(orders(errors) > 1.85)
@@ -62,8 +62,8 @@ def test_second_order_against_closed_forms(case):
 def test_inverse_of_the_exponential_in_all_coordinates(case):
     start = case.points[0]
     velocity = 0.25 * (case.points[1] - start)
-    forward = DiscreteExponential(n_steps=6, tolerance=1e-10).solve(case.metric, start, velocity)
-    back = DiscreteLogarithm(n_steps=6).solve(case.metric, start, forward.end)
+    forward = DiscreteExponential(n_steps=6, tolerance=1e-10).solve(case.metric, velocity, start)
+    back = DiscreteLogarithm(n_steps=6).solve(case.metric, forward.end, start)
     size = float(case.metric.norm(velocity, start))
     error = float(case.metric.norm(back.tangent_vec - velocity, start))
     assert back.converged
@@ -89,14 +89,14 @@ def test_inverse_of_the_exponential_on_bodies(weights, end):
     start, end = bodies.body("resting"), bodies.body(end)
     gaps = []
     for n_steps in (5, 10):
-        log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, start, end)
+        log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, end, start)
         assert log.converged
-        forward = DiscreteExponential(basis, n_steps=n_steps).solve(metric, start, log.tangent_vec)
+        forward = DiscreteExponential(basis, n_steps=n_steps).solve(metric, log.tangent_vec, start)
         # A tenth of a millimetre, of displacements of decimetres.
         assert np.abs(forward.end - end).max() < 1e-4
         finer = DiscreteExponential(basis, n_steps=2 * n_steps)
-        gaps.append(np.abs(finer.solve(metric, start, log.tangent_vec).end - end).max())
-    again = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, start, forward.end)
+        gaps.append(np.abs(finer.solve(metric, log.tangent_vec, start).end - end).max())
+    again = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, forward.end, start)
     assert np.abs(again.tangent_vec - log.tangent_vec).max() < 1e-4
     assert orders(gaps) > 1.4
 
@@ -106,7 +106,7 @@ def test_energy_is_the_squared_norm_to_second_order():
     start, end = bodies.body("resting"), bodies.body("arm raised")
     errors = []
     for n_steps in (5, 10):
-        found = DiscreteLogarithm(bodies.basis(30), n_steps=n_steps).solve(metric, start, end)
+        found = DiscreteLogarithm(bodies.basis(30), n_steps=n_steps).solve(metric, end, start)
         errors.append(abs(found.energy / metric.squared_norm(found.tangent_vec, start) - 1))
     assert orders(errors) > 1.7
     assert found.energy >= metric.squared_dist(start, end)
@@ -116,7 +116,7 @@ def test_a_solver_may_be_given():
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
     start, end = bodies.body("resting"), bodies.body("arm raised")
     solver = BasisPath(bodies.basis(30), n_nodes=4)
-    found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(metric, start, end)
+    found = DiscreteLogarithm(bodies.basis(30), geodesic_solver=solver).solve(metric, end, start)
     path = solver.solve(metric, start, end).path
     np.testing.assert_array_equal(found.path, path)
     first = 3.0 * (path[1] - path[0])
@@ -127,7 +127,7 @@ def test_path_stays_in_the_basis_and_the_difference():
     case = CASES["mixed sphere"]
     start, end = case.points[0], 0.7 * case.points[0] + 0.3 * case.points[1]
     basis = DeformationBasis(deformations(case.space.template, 4, rng=9), orthonormalize=True)
-    found = DiscreteLogarithm(basis, n_steps=4).solve(case.metric, start, end)
+    found = DiscreteLogarithm(basis, n_steps=4).solve(case.metric, end, start)
     assert found.converged
     assert len(found.path) == 5
     joined = basis_with(basis, end - start)
@@ -149,7 +149,7 @@ class Given:
 def test_counts_of_path_and_velocity_are_added():
     case = CASES["mixed triangle"]
     path = np.linspace(case.points[0], 0.8 * case.points[0] + 0.2 * case.points[1], 4)
-    found = DiscreteLogarithm(geodesic_solver=Given(path)).solve(case.metric, path[0], path[-1])
+    found = DiscreteLogarithm(geodesic_solver=Given(path)).solve(case.metric, path[-1], path[0])
     backward = MiddleEquation(case.metric).next_point(path[1], path[0])
     assert found.n_iterations == 70 + backward.n_iterations > 70
     assert found.n_evaluations == 900 + backward.n_evaluations > 900
@@ -162,7 +162,7 @@ def test_a_path_that_was_not_found_is_no_geodesic():
     case = CASES["mixed triangle"]
     solver = DiscreteLogarithm(geodesic_solver=Given(case.points[:2], converged=False))
     with pytest.warns(ConvergenceWarning, match="as given"):
-        found = solver.solve(case.metric, *case.points[:2])
+        found = solver.solve(case.metric, *case.points[1::-1])
     assert (found.converged, found.message) == (False, "as given")
 
 
@@ -181,7 +181,7 @@ def test_says_when_the_step_before_the_start_turns_triangles_over():
     path *= np.array([[1.0, 1.0, 1.0], [3.0, 1.0, 1.0], [5.0, 1.0, 1.0]])[:, None]
     metric = VertexDistance(case.space)
     with pytest.warns(ConvergenceWarning, match="before the start: triangle [0-9]+ degen"):
-        found = DiscreteLogarithm(geodesic_solver=Given(path)).solve(metric, path[0], path[-1])
+        found = DiscreteLogarithm(geodesic_solver=Given(path)).solve(metric, path[-1], path[0])
     assert not found.converged
     np.testing.assert_allclose(found.tangent_vec, path[-1] - path[0], atol=1e-6)
 
@@ -193,7 +193,7 @@ def test_the_step_before_the_start_is_compared_with_the_start():
     turned = plane * [1.0, np.cos(angle), 0.0] + plane[:, [0, 2, 1]] * [0.0, 0.0, np.sin(angle)]
     path = np.stack([plane, turned, 2.0 * turned - plane])
     solver = DiscreteLogarithm(geodesic_solver=Given(path))
-    found = solver.solve(VertexDistance(space), path[0], path[-1])
+    found = solver.solve(VertexDistance(space), path[-1], path[0])
     assert (found.converged, found.message) == (True, "as given")
 
 
@@ -220,7 +220,7 @@ def test_the_path_is_sought_from_what_the_basis_has_of_the_first(monkeypatch, co
             return PathResult(first, 1.0, np.ones(1), 0, 1, True, "")
 
     monkeypatch.setattr(discrete_logarithm, "BasisPath", Scripted)
-    DiscreteLogarithm(basis, n_steps=3).solve(case.metric, start, end)
+    DiscreteLogarithm(basis, n_steps=3).solve(case.metric, end, start)
     joined = basis_with(basis, end - start)
     expected = straight if collapsing else start + joined.project(first - start)
     assert sought[0] is None
@@ -234,7 +234,7 @@ def test_metrics_take_it_as_log_solver():
     metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, log_solver=solver)
     velocities = metric.log(case.points[1:3], case.points[0])
     assert velocities.shape == (2, 3, 3)
-    found = solver.solve(metric, case.points[0], case.points[1])
+    found = solver.solve(metric, case.points[1], case.points[0])
     np.testing.assert_array_equal(velocities[0], found.tangent_vec)
     with pytest.raises(NotDefinedError, match="log_solver=riemhuman.solvers.DiscreteLogarithm"):
         case.metric.log(*case.points[:2])
@@ -250,7 +250,7 @@ def test_says_when_it_has_not_converged():
     case = CASES["mixed sphere"]
     solver = DiscreteLogarithm(n_steps=3, max_iter=1)
     with pytest.warns(ConvergenceWarning, match="the step before the start: error"):
-        found = solver.solve(case.metric, *case.points[:2])
+        found = solver.solve(case.metric, *case.points[1::-1])
     assert not found.converged
 
 
@@ -272,8 +272,8 @@ def test_bad_input():
     case = CASES["mixed triangle"]
     start, end = case.points[:2]
     with pytest.raises(ArgumentError, match="start must have shape"):
-        DiscreteLogarithm().solve(case.metric, start[:2], end)
+        DiscreteLogarithm().solve(case.metric, end, start[:2])
     with pytest.raises(ArgumentError, match="end holds 9 NaN"):
-        DiscreteLogarithm().solve(case.metric, start, np.nan * end)
+        DiscreteLogarithm().solve(case.metric, np.nan * end, start)
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
-        DiscreteLogarithm(bodies.basis(20)).solve(case.metric, start, end)
+        DiscreteLogarithm(bodies.basis(20)).solve(case.metric, end, start)

@@ -114,7 +114,7 @@ def test_second_order_without_closed_forms(case, ladder):
     size = np.sqrt(inner(u, u, start) * inner(v, v, start))
     carried, gaps = [], []
     for n_rungs in (3, 6, 12):
-        path = DiscreteExponential(n_steps=n_rungs).solve(case.metric, start, velocity).path
+        path = DiscreteExponential(n_steps=n_rungs).solve(case.metric, velocity, start).path
         ends = [ladder().solve(case.metric, w, start, path=path) for w in (u, v)]
         assert all(end.converged for end in ends)
         carried.append(ends[0].tangent_vec)
