@@ -14,7 +14,7 @@ from autograd.tracer import getval
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 
-Rng = int | np.random.Generator
+Rng = int | np.random.Generator | None
 _LONGEST = 200
 
 
@@ -256,12 +256,12 @@ def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
 
 
 def generator(rng: Rng) -> np.random.Generator:
-    """Return a NumPy generator: the one given, or a new one with the given seed.
+    """Return a NumPy generator: the one given, or a new one, with a seed if one is given.
 
     Parameters
     ----------
-    rng : int or numpy.random.Generator
-        Seed of at least 0, or a generator.
+    rng : int or numpy.random.Generator, optional
+        Seed of at least 0, or a generator; by default a new one that is seeded by the system.
 
     Returns
     -------
@@ -270,12 +270,14 @@ def generator(rng: Rng) -> np.random.Generator:
     Raises
     ------
     ArgumentTypeError
-        If the argument is neither an integer nor a generator.
+        If the argument is neither an integer nor a generator nor None.
     ArgumentError
         If the seed is negative.
     """
     if isinstance(rng, np.random.Generator):
         return rng
+    if rng is None:
+        return np.random.default_rng()
     return np.random.default_rng(whole_number(rng, "rng", minimum=0))
 
 

@@ -85,13 +85,13 @@ class HalfPlane(Manifold):
         """Tell where y > 0."""
         return np.asarray(point)[..., 1] > 0
 
-    def to_tangent(self, vector, base_point):
+    def to_tangent(self, vector, base_point=None):
         """Return the vector itself."""
         return vector
 
-    def random_point(self, n_samples=1, rng=0):
+    def random_point(self, n_samples=1, bound=1.0, rng=None):
         """Draw points around i."""
-        noise = np.random.default_rng(rng).uniform(-0.5, 0.5, (n_samples, 2))
+        noise = np.random.default_rng(rng).uniform(-0.5 * bound, 0.5 * bound, (n_samples, 2))
         points = np.array([0.0, 1.0]) + noise
         return points[0] if n_samples == 1 else points
 
@@ -187,7 +187,7 @@ def ebin_case(template_name, lam):
 
 def field_case(name, space, metric=None):
     points = space.random_point(N_POINTS, rng=6)
-    points = space.regularize(0.5 * (points[0] + points))
+    points = space.projection(0.5 * (points[0] + points))
     vectors = space.random_tangent_vec(points, rng=7)
     return Case(name, metric or space.metric, points, vectors, CLOSED_FORM)
 

@@ -183,9 +183,10 @@ def test_generators():
     rng = np.random.default_rng(1)
     assert checks.generator(rng) is rng
     assert checks.generator(5).random() == np.random.default_rng(5).random()
+    assert checks.generator(None).random() != checks.generator(None).random()
     with pytest.raises(ArgumentError, match="rng must be a whole number of at least 0; found -1"):
         checks.generator(-1)
-    for wrong in (None, 0.5, "seed", np.random.RandomState(0)):
+    for wrong in (0.5, "seed", np.random.RandomState(0)):
         with pytest.raises(ArgumentTypeError, match="rng must be a whole number; found"):
             checks.generator(wrong)
 

@@ -10,7 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import surface
 
@@ -55,17 +55,17 @@ class AlignedSurfaces(Manifold):
         -------
         array of bool, shape (...)
         """
-        point, finite = self._finite_values(point, "point")
+        point, finite = self._candidates(point, "point")
         return finite & ~np.any(self._is_degenerate(*self.partial_derivatives(point)), axis=-1)
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Return the vector itself: every deformation is tangent.
 
         Parameters
         ----------
         vector : array, shape (..., V, 3)
             Deformations.
-        base_point : array, shape (..., V, 3)
+        base_point : array, shape (..., V, 3), optional
             Surfaces.
 
         Returns
@@ -74,22 +74,24 @@ class AlignedSurfaces(Manifold):
         """
         return real_array(vector, "vector", self.shape)
 
-    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         """Draw the template under random linear maps near the identity.
 
         Parameters
         ----------
         n_samples : int
             Number of surfaces.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+        bound : float
+            Entries of the maps differ from those of the identity by at most a fifth of it.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
         array, shape (n_samples, V, 3), or (V, 3) for one sample
         """
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
-        maps = np.eye(3) + 0.2 * noise
+        maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
 
     def partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from copy import copy
 from typing import TYPE_CHECKING, Any, Self
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, values_of, whole_number
-from riemhuman.errors import ArgumentTypeError
+from riemhuman.checks import (
+    Rng,
+    generator,
+    real_array,
+    real_number,
+    values_of,
+    whole_number,
+)
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 if TYPE_CHECKING:
     from riemhuman.geometry.metric import RiemannianMetric
@@ -58,15 +66,15 @@ class Manifold(ABC):
         return None
 
     def equip_with_metric(
-        self, metric_class: type[RiemannianMetric] | None = None, **parameters: Any
+        self, Metric: type[RiemannianMetric] | None = None, **metric_kwargs: Any
     ) -> Self:
-        """Equip the manifold with a metric, `metric_class(self, **parameters)`.
+        """Equip the manifold with a metric, `Metric(self, **metric_kwargs)`.
 
         Parameters
         ----------
-        metric_class : type, optional
+        Metric : type, optional
             Subclass of `RiemannianMetric`; by default the manifold's own.
-        **parameters
+        **metric_kwargs
             Parameters of the metric.
 
         Returns
@@ -77,15 +85,38 @@ class Manifold(ABC):
         Raises
         ------
         ArgumentTypeError
-            If no class is named and the manifold has no default metric.
+            If `Metric` is no class, or not given where the manifold has no default metric.
         """
-        metric_class = metric_class or self.default_metric()
-        if metric_class is None:
+        Metric = self.default_metric() if Metric is None else Metric
+        if Metric is None:
             raise ArgumentTypeError(
-                f"metric_class must be named: {type(self).__name__} has no default metric"
+                f"Metric must be given: {type(self).__name__} has no default metric"
             )
-        self.metric = metric_class(self, **parameters)
+        if not callable(Metric):
+            raise ArgumentTypeError(
+                "Metric must be a class of metrics, whose parameters follow by name as in "
+                f"equip_with_metric(ElasticMetric, a=1.0); found {type(Metric).__name__}"
+            )
+        self.metric = Metric(self, **metric_kwargs)
         return self
+
+    def new(self, equip: bool = True) -> Self:
+        """Return a manifold with the same parameters, and its default metric or none.
+
+        Parameters
+        ----------
+        equip : bool
+            Whether to equip it with its default metric.
+
+        Returns
+        -------
+        Manifold
+        """
+        other = copy(self)
+        vars(other).pop("metric", None)
+        if equip and other.default_metric() is not None:
+            other.equip_with_metric()
+        return other
 
     @abstractmethod
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
@@ -101,49 +132,60 @@ class Manifold(ABC):
         Returns
         -------
         array of bool, shape (...)
+            Arrays of another shape are no points; there is one answer for each of their leading
+            axes, if they have so many.
         """
 
     @abstractmethod
-    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         r"""Project arrays to the tangent space at a point.
 
         Parameters
         ----------
         vector : array, shape (..., \*shape)
             Arrays.
-        base_point : array, shape (..., \*shape)
-            Points.
+        base_point : array, shape (..., \*shape), optional
+            Points; needed unless the tangent space is the same at all of them.
 
         Returns
         -------
         array, shape (..., \*shape)
+
+        Raises
+        ------
+        ArgumentTypeError
+            If no point is given where one is needed.
         """
 
     @abstractmethod
-    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         r"""Draw random points, from no distribution in particular.
 
         Parameters
         ----------
         n_samples : int
             Number of points.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+        bound : float
+            How far they spread, where the manifold is not compact.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
         array, shape (n_samples, \*shape), or (\*shape,) for one sample
         """
 
-    def is_tangent(self, vector: ndarray, base_point: ndarray, atol: float = 1e-9) -> ndarray:
+    def is_tangent(
+        self, vector: ndarray, base_point: ndarray | None = None, atol: float = 1e-9
+    ) -> ndarray:
         r"""Tell whether arrays are tangent vectors at a point.
 
         Parameters
         ----------
         vector : array, shape (..., \*shape)
             Candidate tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Points.
+        base_point : array, shape (..., \*shape), optional
+            Points; needed unless the tangent space is the same at all of them.
         atol : float
             Absolute tolerance.
 
@@ -151,36 +193,52 @@ class Manifold(ABC):
         -------
         array of bool, shape (...)
         """
-        base_point = self.check_point(base_point, "base_point")
-        vector, finite = self._finite_values(vector, "vector")
-        vector = vector + np.zeros_like(base_point)
+        vector, finite = self._candidates(vector, "vector")
+        if base_point is not None:
+            base_point = self.check_point(base_point, "base_point")
+            vector = vector + np.zeros_like(base_point)
         error = np.abs(vector - self.to_tangent(vector, base_point))
         return finite & np.all(error <= atol, axis=self._point_axes)
 
-    def random_tangent_vec(self, base_point: ndarray, n_samples: int = 1, rng: Rng = 0) -> ndarray:
-        r"""Draw random tangent vectors.
+    def random_tangent_vec(
+        self, base_point: ndarray | None = None, n_samples: int = 1, rng: Rng = None
+    ) -> ndarray:
+        r"""Draw random tangent vectors, one at each of several points or several at one.
 
         Parameters
         ----------
-        base_point : array, shape (..., \*shape)
-            Points; several of them with more than one sample give the samples on the first axis.
+        base_point : array, shape (\*shape,) or (n, \*shape), optional
+            Points; needed unless the tangent space is the same at all of them.
         n_samples : int
-            Number of tangent vectors at each point.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+            Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
-        array, shape (n_samples, ..., \*shape), or (..., \*shape) for one sample
-        """
-        base_point = self.check_point(base_point, "base_point")
-        n_samples = sample_count(n_samples)
-        leading = () if n_samples == 1 else (n_samples,)
-        noise = generator(rng).standard_normal(leading + base_point.shape)
-        return self.to_tangent(noise, base_point)
+        array, shape (n_samples, \*shape), or that of `base_point` for one sample
 
-    def regularize(self, point: ndarray) -> ndarray:
-        r"""Bring arrays that are slightly off the manifold back to it, differentiably.
+        Raises
+        ------
+        ArgumentError
+            If there are several samples and another number of several points.
+        """
+        n_samples = sample_count(n_samples)
+        shape = self.shape
+        if base_point is not None:
+            base_point = self.check_point(base_point, "base_point")
+            shape = base_point.shape
+        if n_samples > 1 and len(shape) == self.point_ndim:
+            shape = (n_samples, *shape)
+        if n_samples > 1 and shape != (n_samples, *self.shape):
+            raise ArgumentError(
+                f"n_samples must be 1 or the number of base points; found {n_samples} with "
+                f"base_point of shape {shape}"
+            )
+        return self.to_tangent(generator(rng).standard_normal(shape), base_point)
+
+    def projection(self, point: ndarray) -> ndarray:
+        r"""Project arrays near the manifold to it, differentiably.
 
         Parameters
         ----------
@@ -214,15 +272,49 @@ class Manifold(ABC):
         """
         return real_array(point, name, self.shape)
 
+    def needed_base_point(self, base_point: ndarray | None) -> ndarray:
+        r"""Return a base point, or say that one is needed.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., \*shape), optional
+            Points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        ArgumentTypeError
+            If there is none.
+        """
+        if base_point is None:
+            raise ArgumentTypeError(
+                f"base_point must be given: {type(self).__name__} has other tangent vectors and "
+                "inner products at other points"
+            )
+        return base_point
+
     @property
     def _point_axes(self) -> tuple[int, ...]:
         return tuple(range(-self.point_ndim, 0))
 
-    def _finite_values(self, array: ndarray, name: str) -> tuple[ndarray, ndarray]:
-        """Return the arrays, 0 in place of those that are not finite, and which are finite."""
-        values = real_array(values_of(array), name, self.shape, finite=False)
-        finite = np.all(np.isfinite(values), axis=self._point_axes)
-        return np.where(np.expand_dims(finite, self._point_axes), values, 0.0), finite
+    def _candidates(
+        self, array: ndarray, name: str, finite: bool = True
+    ) -> tuple[ndarray, ndarray]:
+        """Return arrays of the points' shape, and which of them are those that were given.
+
+        The others, of another shape or, if `finite`, with entries that are not, become 0.
+        """
+        values = real_array(values_of(array), name, finite=False)
+        leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
+        if values.shape != (*leading, *self.shape):
+            return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
+        if not finite:
+            return values, np.ones(leading, dtype=bool)
+        good = np.all(np.isfinite(values), axis=self._point_axes)
+        return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
 
 
 def sample_count(n_samples: int) -> int:
@@ -245,6 +337,28 @@ def sample_count(n_samples: int) -> int:
         If it is below 1.
     """
     return whole_number(n_samples, "n_samples", minimum=1)
+
+
+def sample_bound(bound: float) -> float:
+    """Return how far random points spread, at least 0.
+
+    Parameters
+    ----------
+    bound : float
+        Bound.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the bound is not a number.
+    ArgumentError
+        If it is below 0.
+    """
+    return real_number(bound, "bound", minimum=0.0)
 
 
 def stack_samples(samples: ndarray, n_samples: int) -> ndarray:

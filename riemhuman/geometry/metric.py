@@ -418,7 +418,7 @@ class RiemannianMetric(BulkDistances):
         start, end = path[before], path[after]
         if self.has_closed_form_dist:
             return self.squared_dist(start, end)
-        return self.squared_norm(end - start, self.space.regularize(0.5 * (start + end)))
+        return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         path = self._solve("geodesic", start, end).path

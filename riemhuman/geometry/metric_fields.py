@@ -18,7 +18,7 @@ from riemhuman.checks import (
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.bulk_metric import BulkMetric
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels import ebin, ebin_geodesics, ebin_tangent, ebin_transport
@@ -61,19 +61,19 @@ class MetricFields(Manifold):
         -------
         array of bool, shape (...)
         """
-        point, finite = self._finite_values(point, "point")
+        point, finite = self._candidates(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
         positive = (point[..., 0, 0] > 0) & ~ebin.is_degenerate(point)
         return finite & np.all(symmetric & positive, axis=-1)
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Return the symmetric part.
 
         Parameters
         ----------
         vector : array, shape (..., F, 2, 2)
             Fields of matrices.
-        base_point : array, shape (..., F, 2, 2)
+        base_point : array, shape (..., F, 2, 2), optional
             Metric fields; the tangent space is the same at all of them.
 
         Returns
@@ -82,7 +82,7 @@ class MetricFields(Manifold):
         """
         return ebin_tangent.symmetric_part(vector)
 
-    def regularize(self, point: ndarray) -> ndarray:
+    def projection(self, point: ndarray) -> ndarray:
         """Return the symmetric part.
 
         Parameters
@@ -96,22 +96,24 @@ class MetricFields(Manifold):
         """
         return ebin_tangent.symmetric_part(point)
 
-    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         """Draw fields exp(S) of symmetric normal matrices S, independent between triangles.
 
         Parameters
         ----------
         n_samples : int
             Number of fields.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+        bound : float
+            Twice the standard deviation of the diagonal entries of S.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
         array, shape (n_samples, F, 2, 2), or (F, 2, 2) for one sample
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        logarithm = 0.5 * ebin_tangent.symmetric_part(noise)
+        logarithm = 0.5 * sample_bound(bound) * ebin_tangent.symmetric_part(noise)
         size = np.exp(0.5 * ebin_tangent.trace(logarithm))[..., None, None]
         shear = ebin_tangent.traceless(logarithm)
         points = size * ebin_geodesics.traceless_exp(shear, np.array(1.0))

@@ -54,10 +54,10 @@ class NormalFields(Manifold):
         -------
         array of bool, shape (...)
         """
-        point, finite = self._finite_values(point, "point")
+        point, finite = self._candidates(point, "point")
         return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Remove the components along the normals.
 
         Parameters
@@ -71,9 +71,9 @@ class NormalFields(Manifold):
         -------
         array, shape (..., F, 3)
         """
-        return sphere.to_tangent(vector, base_point)
+        return sphere.to_tangent(vector, self.needed_base_point(base_point))
 
-    def regularize(self, point: ndarray) -> ndarray:
+    def projection(self, point: ndarray) -> ndarray:
         """Scale all vectors to unit length.
 
         Parameters
@@ -87,22 +87,24 @@ class NormalFields(Manifold):
         """
         return point / np.sqrt(dot(point, point))[..., None]
 
-    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         """Draw independent uniform unit vectors.
 
         Parameters
         ----------
         n_samples : int
             Number of fields.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+        bound : float
+            Not used: spheres are compact.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
         array, shape (n_samples, F, 3), or (F, 3) for one sample
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        return stack_samples(self.regularize(noise), n_samples)
+        return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: ndarray, name: str = "point") -> ndarray:
         """Return normal fields as float64 arrays, or say what is wrong with them.

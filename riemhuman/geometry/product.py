@@ -114,31 +114,34 @@ class ProductManifold(Manifold):
         -------
         array of bool, shape (...)
         """
+        point, right_shape = self._candidates(point, "point", finite=False)
         components = self.project_from_product(point)
         verdicts = [
             factor.belongs(component, atol)
             for factor, component in zip(self.factors, components, strict=True)
         ]
-        return np.all(np.stack(verdicts), axis=0)
+        return right_shape & np.all(np.stack(verdicts), axis=0)
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Project every component to the tangent space of its factor.
 
         Parameters
         ----------
         vector : array, shape (..., size)
             Arrays.
-        base_point : array, shape (..., size)
-            Points.
+        base_point : array, shape (..., size), optional
+            Points; needed where a factor needs them.
 
         Returns
         -------
         array, shape (..., size)
         """
+        if base_point is None:
+            return self._each("to_tangent", vector)
         return self._each("to_tangent", vector, base_point)
 
-    def regularize(self, point: ndarray) -> ndarray:
-        """Regularize every component.
+    def projection(self, point: ndarray) -> ndarray:
+        """Project every component to its factor.
 
         Parameters
         ----------
@@ -149,17 +152,19 @@ class ProductManifold(Manifold):
         -------
         array, shape (..., size)
         """
-        return self._each("regularize", point)
+        return self._each("projection", point)
 
-    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         """Draw random points of all factors.
 
         Parameters
         ----------
         n_samples : int
             Number of points.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+        bound : float
+            Bound for the factors' own points.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
@@ -167,7 +172,7 @@ class ProductManifold(Manifold):
         """
         rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
-            factor.random_point(n_samples, rng).reshape(n_samples, *factor.shape)
+            factor.random_point(n_samples, bound, rng).reshape(n_samples, *factor.shape)
             for factor in self.factors
         ]
         return stack_samples(self.embed_to_product(samples), n_samples)

@@ -11,7 +11,7 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk_metric import BulkMetric
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 
 
@@ -47,16 +47,16 @@ class VectorSpace(Manifold):
         -------
         array of bool, shape (...)
         """
-        return self._finite_values(point, "point")[1]
+        return self._candidates(point, "point")[1]
 
-    def to_tangent(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         r"""Return the array itself: every array is tangent.
 
         Parameters
         ----------
         vector : array, shape (..., \*shape)
             Arrays.
-        base_point : array, shape (..., \*shape)
+        base_point : array, shape (..., \*shape), optional
             Points.
 
         Returns
@@ -65,22 +65,25 @@ class VectorSpace(Manifold):
         """
         return real_array(vector, "vector", self.shape)
 
-    def random_point(self, n_samples: int = 1, rng: Rng = 0) -> ndarray:
-        r"""Draw arrays of independent standard normal numbers.
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+        r"""Draw arrays of independent uniform numbers.
 
         Parameters
         ----------
         n_samples : int
             Number of arrays.
-        rng : int or numpy.random.Generator
-            Seed, or the generator to draw from.
+        bound : float
+            Entries lie between −bound and bound.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
 
         Returns
         -------
         array, shape (n_samples, \*shape), or (\*shape,) for one sample
         """
-        n_samples = sample_count(n_samples)
-        return stack_samples(generator(rng).standard_normal((n_samples, *self.shape)), n_samples)
+        n_samples, bound = sample_count(n_samples), sample_bound(bound)
+        points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
+        return stack_samples(points, n_samples)
 
 
 class FlatMetric(BulkMetric):

@@ -130,7 +130,7 @@ class BasisMean:
         candidates = list(points) if self.start in ("medoid", "lowest") else []
         if self.start in ("euclidean", "lowest"):
             average = np.tensordot(dispersion.weights, points, axes=1)
-            candidates.append(space.regularize(average))
+            candidates.append(space.projection(average))
         return min(candidates, key=dispersion.value)
 
     def _directions(self, dispersion: Dispersion, origin: ndarray) -> ndarray:
@@ -199,12 +199,12 @@ class _Family:
     def point(self, coefficients: ndarray) -> ndarray:
         """Return the point with these coefficients."""
         shift = (coefficients @ self.directions).reshape(self.origin.shape)
-        return self.space.regularize(self.origin + shift)
+        return self.space.projection(self.origin + shift)
 
     def point_and_pull_back(
         self, coefficients: ndarray
     ) -> tuple[ndarray, Callable[[ndarray], ndarray]]:
         """Return the point, and the map from gradients there to gradients in coefficients."""
         shift = (coefficients @ self.directions).reshape(self.origin.shape)
-        transposed, point = make_vjp(self.space.regularize, self.origin + shift)
+        transposed, point = make_vjp(self.space.projection, self.origin + shift)
         return point, lambda gradient: self.directions @ np.ravel(transposed(gradient))

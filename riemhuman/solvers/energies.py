@@ -133,5 +133,5 @@ class FiniteDifferenceEnergy:
 
     def _energy(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
         start, end = path[:-1], path[1:]
-        middle = metric.space.regularize(0.5 * (start + end))
+        middle = metric.space.projection(0.5 * (start + end))
         return (len(path) - 1) * np.sum(metric.squared_norm(end - start, middle))

@@ -91,7 +91,7 @@ class GradientDescentMean:
                 converged, message = True, "the mean of the logarithms is below the tolerance"
                 break
             # Without it, rounding errors off the manifold would double with every step.
-            candidate = metric.space.regularize(metric.exp(step * direction, point))
+            candidate = metric.space.projection(metric.exp(step * direction, point))
             variance = dispersion.value(candidate)
             n_evaluations += 1
             # Near the mean the variance falls by less than its rounding error.

@@ -183,7 +183,7 @@ class _Sample:
     @cached_property
     def distances(self) -> ndarray:
         """All distances of the points and of those half way, computed pair by pair."""
-        half_way = self.metric.space.regularize(0.5 * (self.points[1:] + self.points[:-1]))
+        half_way = self.metric.space.projection(0.5 * (self.points[1:] + self.points[:-1]))
         every = [*self.points, *half_way]
         return np.array([[self.metric.dist(x, y) for y in every] for x in every])
 
@@ -254,9 +254,9 @@ def _stacked_distances(s: _Sample) -> float:
 
 def _limit(s: _Sample) -> float:
     """Return how near d²(x, x ± εa)/ε² comes to ⟨a, a⟩, at the best ε."""
-    regularize, errors = s.metric.space.regularize, []
+    projection, errors = s.metric.space.projection, []
     for step in _LIMIT_STEPS:
-        there, back = regularize(s.points + step * s.a), regularize(s.points - step * s.a)
+        there, back = projection(s.points + step * s.a), projection(s.points - step * s.a)
         squares = [
             0.5 * (s.metric.squared_dist(x, y) + s.metric.squared_dist(x, z)) / step**2
             for x, y, z in zip(s.points, there, back, strict=True)
@@ -279,7 +279,7 @@ def _order(s: _Sample) -> float:
     slope = np.sum(gradient * s.a)
     if not np.isfinite([energy, slope]).all():
         return np.nan
-    moved = [s.metric.space.regularize(s.points + step * s.a) for step in _TAYLOR_STEPS]
+    moved = [s.metric.space.projection(s.points + step * s.a) for step in _TAYLOR_STEPS]
     found = np.array([s.metric.energy(path) for path in moved])
     remainders = np.abs(found - energy - _TAYLOR_STEPS * slope)
     seen = np.flatnonzero(remainders > _ROUNDING * abs(energy))[-4:]

@@ -146,7 +146,7 @@ class MiddleEquation:
         return self._solve(triple, guess, 8.0, self._squared_dist(start, end))
 
     def _regular(self, point: ndarray) -> ndarray:
-        return self.metric.space.regularize(point)
+        return self.metric.space.projection(point)
 
     def _solve(
         self,
@@ -178,7 +178,7 @@ class MiddleEquation:
             energy, gradient = metric.energy_and_gradient(points)
             if not np.isfinite(energy):
                 return None
-            pull_back, _ = make_vjp(metric.space.regularize, points[1])
+            pull_back, _ = make_vjp(metric.space.projection, points[1])
             slope = np.ravel(pull_back(gradient[1]))
             if directions is not None:
                 slope = directions @ slope

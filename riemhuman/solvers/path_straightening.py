@@ -44,7 +44,7 @@ _WALL = 2.0
 class PathStraightening:
     """Paths of least energy in all coordinates of all interior points, on any manifold.
 
-    Coordinates are those of the arrays; `regularize` brings them back to the manifold, and steps
+    Coordinates are those of the arrays; `projection` brings them back to the manifold, and steps
     that leave it (`belongs`) are refused. The minimisation runs in preconditioned variables, first
     with few segments, then with all.
 
@@ -140,7 +140,7 @@ class PathStraightening:
     def _coincide(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> bool:
         """Tell whether the metric sees no more between the ends than rounding errors of them."""
         noise = np.random.default_rng(0).uniform(-_ROUNDING, _ROUNDING, start.shape)
-        near = metric.space.regularize(start * (1.0 + noise))
+        near = metric.space.projection(start * (1.0 + noise))
         apart, rounding = (
             self.energy.value(metric, np.stack([start, other])) for other in (end, near)
         )
@@ -243,7 +243,7 @@ class _Descent:
         if not self._belongs(points):
             return np.inf, np.zeros((len(path) - 2, path[0].size))
         value, gradient = self._solver.energy.value_and_gradient(self._metric, points)
-        pull_back, _ = make_vjp(self._metric.space.regularize, path[1:-1])
+        pull_back, _ = make_vjp(self._metric.space.projection, path[1:-1])
         return value, pull_back(gradient[1:-1]).reshape(len(path) - 2, -1)
 
     def _better_start(self, n_segments: int) -> ndarray:
@@ -266,7 +266,7 @@ class _Descent:
     def _on_manifold(self, path: ndarray) -> ndarray:
         path = path.copy()
         with np.errstate(divide="ignore", invalid="ignore"):
-            path[1:-1] = self._metric.space.regularize(path[1:-1])
+            path[1:-1] = self._metric.space.projection(path[1:-1])
         return path
 
     def _belongs(self, path: ndarray) -> bool:

@@ -48,7 +48,7 @@ class LinearPath:
         """
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
-        path[1:-1] = metric.space.regularize(path[1:-1])
+        path[1:-1] = metric.space.projection(path[1:-1])
         return known_path(metric, self.energy, path, "the straight path")
 
 

@@ -227,7 +227,7 @@ class GeodesicRegression(Estimator):
         def line(changes: ndarray) -> tuple[ndarray, ndarray]:
             # The factor is all but singular on directions that leave the manifold.
             changes = space.to_tangent(changes, point)
-            moved = space.regularize(metric.exp(changes[0], point))
+            moved = space.projection(metric.exp(changes[0], point))
             return moved, space.to_tangent(velocity + changes[1], moved)
 
         def misfit(changes: ndarray) -> Any:

@@ -121,7 +121,7 @@ class Points:
         -------
         array, shape (n, \*shape)
         """
-        return self.metric.space.regularize(images)
+        return self.metric.space.projection(images)
 
     def is_sound(self, point: ndarray, reference: ndarray) -> bool:
         r"""Return True: every point of a manifold is.

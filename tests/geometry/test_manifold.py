@@ -60,12 +60,13 @@ def test_dimensions_and_default_metric(space, dim, shape, metric_class):
 @every_space
 def test_random_points(space, dim, shape, metric_class):
     for n_samples, expected in ((1, shape), (3, (3, *shape))):
-        points = space.random_point(n_samples)
+        points = space.random_point(n_samples, rng=0)
         assert points.shape == expected
         assert points.dtype == np.float64
         assert np.all(space.belongs(points))
         np.testing.assert_array_equal(points, space.random_point(n_samples, rng=0))
         assert not np.array_equal(points, space.random_point(n_samples, rng=1))
+    assert not np.array_equal(space.random_point(), space.random_point())
     rng = np.random.default_rng(5)
     first, second = (space.random_point(rng=rng) for _ in range(2))
     assert not np.array_equal(first, second)
@@ -79,17 +80,54 @@ def test_random_tangent_vectors(space, dim, shape, metric_class):
         (points[0], 1, shape),
         (points[0], 3, (3, *shape)),
         (points, 1, (4, *shape)),
-        (points, 3, (3, 4, *shape)),
+        (points, 4, (4, *shape)),
     ):
         vectors = space.random_tangent_vec(base, n_samples, rng=3)
         assert vectors.shape == expected
         assert np.all(space.is_tangent(vectors, base))
         np.testing.assert_allclose(space.to_tangent(vectors, base), vectors, atol=1e-14)
-    np.testing.assert_array_equal(
-        space.random_tangent_vec(points), space.random_tangent_vec(points, 1, rng=0)
-    )
+    assert not np.array_equal(space.random_tangent_vec(points), space.random_tangent_vec(points))
+    with pytest.raises(ArgumentError, match="n_samples must be 1 or the number of base points"):
+        space.random_tangent_vec(points, 3)
     assert space.is_tangent(np.zeros(shape), points).shape == (4,)
-    assert space.is_tangent(vectors, points).shape == (3, 4)
+    assert space.is_tangent(np.stack(3 * [vectors]), points).shape == (3, 4)
+
+
+@every_space
+def test_the_base_point_is_needed_where_tangent_spaces_differ(space, dim, shape, metric_class):
+    vector = space.random_tangent_vec(space.random_point(rng=1), rng=2)
+    if metric_class in (NormalFieldMetric, ProductMetric):
+        for call in (space.to_tangent, space.is_tangent):
+            with pytest.raises(ArgumentTypeError, match="base_point must be given: NormalFields"):
+                call(vector)
+        with pytest.raises(ArgumentTypeError, match="base_point must be given: NormalFields"):
+            space.random_tangent_vec()
+        return
+    np.testing.assert_array_equal(space.to_tangent(vector), vector)
+    assert space.is_tangent(vector)
+    assert space.random_tangent_vec(n_samples=3, rng=2).shape == (3, *shape)
+
+
+@every_space
+def test_random_points_spread_as_far_as_asked(space, dim, shape, metric_class):
+    near, far = (space.random_point(20, bound, rng=3) for bound in (1e-3, 1.0))
+    ratio = np.ptp(near, axis=0).max() / np.ptp(far, axis=0).max()
+    if metric_class is NormalFieldMetric:
+        assert ratio == 1.0
+        return
+    assert ratio < 1.0
+    with pytest.raises(ArgumentError, match="bound must be a finite number of at least 0"):
+        space.random_point(bound=-1.0)
+
+
+@every_space
+def test_arrays_of_another_shape_are_no_points(space, dim, shape, metric_class):
+    points = space.random_point(2, rng=4)
+    for other in (points[..., :-1], np.zeros((2, *shape[:-1], shape[-1] + 1))):
+        np.testing.assert_array_equal(space.belongs(other), [False, False])
+        np.testing.assert_array_equal(space.is_tangent(other, points), [False, False])
+    assert not space.belongs(1.0)
+    assert space.belongs(np.zeros(())).shape == ()
 
 
 @every_space
@@ -107,17 +145,15 @@ def test_what_is_not_finite_does_not_belong(space, dim, shape, metric_class):
 
 @every_space
 def test_bad_input(space, dim, shape, metric_class):
-    point = space.random_point()
+    point = space.random_point(rng=0)
+    with pytest.raises(ArgumentError, match="point must have shape"):
+        space.check_point(point[..., :-1])
     for call in (space.belongs, space.check_point):
-        with pytest.raises(ArgumentError, match="point must have shape"):
-            call(point[..., :-1])
         with pytest.raises(ArgumentTypeError, match="point must be an array of real numbers"):
             call(point.astype(complex))
-    with pytest.raises(ArgumentError, match="vector must have shape"):
-        space.is_tangent(point[..., :-1], point)
     with pytest.raises(ArgumentError, match="base_point must have shape"):
         space.is_tangent(point, point[..., :-1])
-    for method in (space.random_point, lambda n: space.random_tangent_vec(point, n)):
+    for method in (space.random_point, lambda n: space.random_tangent_vec(point, n, rng=0)):
         with pytest.raises(ArgumentError, match="n_samples must be a whole number of at least 1"):
             method(0)
         with pytest.raises(ArgumentTypeError, match="n_samples must be a whole number"):
@@ -125,23 +161,23 @@ def test_bad_input(space, dim, shape, metric_class):
     with pytest.raises(ArgumentError, match="rng must be a whole number of at least 0"):
         space.random_point(rng=-1)
     with pytest.raises(ArgumentTypeError, match="rng must be a whole number"):
-        space.random_point(rng=None)
+        space.random_point(rng="any")
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=lambda case: case.name)
 def test_points_of_the_registry_belong(case):
     assert np.all(case.space.belongs(case.points))
     assert np.all(case.space.is_tangent(case.tangent_vecs, case.points))
-    np.testing.assert_allclose(case.space.regularize(case.points), case.points, atol=1e-14)
+    np.testing.assert_allclose(case.space.projection(case.points), case.points, atol=1e-14)
 
 
-def test_regularize_brings_points_back():
+def test_projection_brings_points_back():
     rng = np.random.default_rng(6)
     for space in (SPACES[name][0] for name in ("metric fields", "normal fields", "product")):
         point = space.random_point(rng=7)
         off = point + 1e-3 * rng.standard_normal(point.shape)
         assert not space.belongs(off)
-        assert space.belongs(space.regularize(off))
+        assert space.belongs(space.projection(off))
 
 
 def test_equip_with_metric():
@@ -155,6 +191,19 @@ def test_equip_with_metric():
     assert (space.metric.a, space.metric.lam, space.metric.c) == (1.0, 1e-4, 0.0)
     for cls in (AlignedSurfaces, MetricFields, NormalFields):
         assert not hasattr(cls(sphere_template(), equip=False), "metric")
+    with pytest.raises(ArgumentTypeError, match="Metric must be a class of metrics"):
+        space.equip_with_metric(space.metric)
+    assert isinstance(space.equip_with_metric(Metric=SRNFMetric).metric, SRNFMetric)
+
+
+@every_space
+def test_new_manifolds_have_the_same_parameters(space, dim, shape, metric_class):
+    fresh = space.new()
+    assert type(fresh.metric) is metric_class
+    assert fresh.metric.space is fresh
+    assert (fresh.dim, fresh.shape) == (dim, shape)
+    assert not hasattr(space.new(equip=False), "metric")
+    assert space.metric.space is space
 
 
 def test_spaces_without_a_default_metric():

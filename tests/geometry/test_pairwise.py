@@ -367,7 +367,7 @@ def test_a_squared_distance_alone_is_enough():
 
 def test_compiled_loops_need_to_be_named():
     metric = BulkMetric(HalfPlane())
-    points = HalfPlane().random_point(2)
+    points = HalfPlane().random_point(2, rng=0)
     with pytest.raises(TypeError, match="BulkMetric must say what its features are"):
         metric.features(points)
     with pytest.raises(TypeError, match="BulkMetric must say what the distances"):
@@ -438,7 +438,7 @@ def test_interruption_ends_the_work(n_jobs, most):
 
     metric = Interrupted(HalfPlane())
     with pytest.raises(KeyboardInterrupt):
-        metric.dist_pairwise(HalfPlane().random_point(400), n_jobs=n_jobs)  # of 79,800 pairs
+        metric.dist_pairwise(HalfPlane().random_point(400, rng=0), n_jobs=n_jobs)  # of 79,800 pairs
     assert metric.calls <= most
 
 

@@ -167,7 +167,7 @@ def test_a_first_order_start_would_be_seen():
     velocity = case.metric.log(end, start)
     errors = []
     for n_steps in (8, 16, 32):
-        first = case.space.regularize(start + 1.3 * velocity / n_steps**2 + velocity / n_steps)
+        first = case.space.projection(start + 1.3 * velocity / n_steps**2 + velocity / n_steps)
         path = np.stack([start, first])
         walked = DiscreteExponential().extend(case.metric, path, n_steps - 1)
         errors.append(np.abs(walked.end - end).max())

@@ -19,7 +19,7 @@ def curve(case, n_segments, size=1.0):
     """Return n + 1 points of a smooth curve from the first point."""
     t = np.linspace(0, 1, n_segments + 1).reshape((-1,) + (1,) * len(case.space.shape))
     start, end, third = case.points[:3]
-    return case.space.regularize(
+    return case.space.projection(
         start + size * t * (end - start) + 0.3 * size * t * (1 - t) * (third - start)
     )
 
@@ -76,7 +76,7 @@ def test_broken_twin_is_of_first_order(name):
 
 def check_gradient(energy, case):
     def value(points):
-        return energy.value(case.metric, case.space.regularize(points))
+        return energy.value(case.metric, case.space.projection(points))
 
     found, gradient = energy.value_and_gradient(case.metric, case.points)
     np.testing.assert_allclose(found, energy.value(case.metric, case.points), rtol=1e-12)

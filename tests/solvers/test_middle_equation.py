@@ -16,7 +16,7 @@ OTHERS = [CASES[name] for name in ("mixed sphere", "all open", "srnf open", "hal
 def near(case):
     """Return a point and one not far from it."""
     point, other = case.points[:2]
-    return point, case.space.regularize(point + 0.1 * (other - point))
+    return point, case.space.projection(point + 0.1 * (other - point))
 
 
 def stationarity(metric, points):
@@ -47,7 +47,7 @@ def test_all_three_solve_the_equation(case):
 def test_the_derivative_is_nearly_the_identity(case):
     """In preconditioned variables one step takes away all but a few hundredths of the error."""
     point, other = case.points[:2]
-    other = case.space.regularize(point + 0.02 * (other - point))
+    other = case.space.projection(point + 0.02 * (other - point))
     step = case.space.to_tangent(other - point, point)
     for method, arguments in (
         ("next_point", (point, other)),
@@ -67,7 +67,7 @@ def test_the_derivative_is_nearly_the_identity(case):
 def test_the_points_found_are_those_asked_for(case):
     equation = MiddleEquation(case.metric, tolerance=1e-10)
     point, other = case.points[:2]
-    other = case.space.regularize(point + 0.02 * (other - point))
+    other = case.space.projection(point + 0.02 * (other - point))
     step = case.space.to_tangent(other - point, point)
     size = np.abs(step).max()
     ahead = equation.next_point(point, other).points
@@ -85,7 +85,7 @@ def test_the_points_found_are_those_asked_for(case):
 def test_the_error_is_by_how_much_the_point_is_off(case):
     """Of the one segment, or of half of that which is halved, up to a factor √2."""
     metric, point = case.metric, case.points[0]
-    other = case.space.regularize(point + 0.02 * (case.points[1] - point))
+    other = case.space.projection(point + 0.02 * (case.points[1] - point))
     step = case.space.to_tangent(other - point, point)
     segment = np.sqrt(metric.energy(np.stack([point, other])))
     for method, arguments, length, unknown in (
@@ -108,7 +108,7 @@ def test_steps_within_rounding_errors_are_solved(case, size):
     equation = MiddleEquation(case.metric, tolerance=5e-8)
     point = case.points[0]
     step = size * case.space.to_tangent(case.points[1] - point, point)
-    other = case.space.regularize(point + step)
+    other = case.space.projection(point + step)
     for triple in (
         equation.next_point(point, other),
         equation.both_sides(point, step),

@@ -22,7 +22,7 @@ def test_linear_path(case):
     assert result.path.shape == (5, *case.space.shape)
     np.testing.assert_array_equal(result.path[[0, -1]], case.points[:2])
     assert np.all(case.space.belongs(result.path))
-    middle = case.space.regularize(0.5 * (start + end))
+    middle = case.space.projection(0.5 * (start + end))
     np.testing.assert_allclose(result.path[2], middle, atol=1e-14)
     assert result.energy == case.metric.energy(result.path)
     np.testing.assert_array_equal(result.energies, [result.energy])

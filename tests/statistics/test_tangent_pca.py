@@ -48,7 +48,7 @@ def geodesic_points(space, times, rng=1):
 def near_points(space, n_points=6):
     """Return points near enough for a mean to be unique."""
     points = space.random_point(n_points, rng=3)
-    return space.regularize(points[0] + 0.25 * (points - points[0]))
+    return space.projection(points[0] + 0.25 * (points - points[0]))
 
 
 @each_space

@@ -119,7 +119,7 @@ def norms_are_limits_of_distances(subject: Subject, rng: np.random.Generator) ->
     """Of the distance to a near point, over the step."""
     metric, x, v = subject.metric, subject.points[0], subject.tangent_vecs[0]
     step = 1e-3 * subject.reach
-    near = metric.space.regularize(x + step * v)
+    near = metric.space.projection(x + step * v)
     norm = metric.norm(v, x)
     tolerance = 2 * ROUNDING * subject.rounding / step + 0.02 * norm
     assert abs(metric.dist(x, near) / step - norm) <= tolerance
@@ -153,14 +153,14 @@ def gradients_have_the_taylor_slope(subject: Subject, rng: np.random.Generator) 
     metric, x = subject.metric, subject.points[0]
     direction = subject.reach * subject.tangent_vecs[0]
     # The value is near its own change, or digits go.
-    near = metric.space.regularize(x + subject.reach * subject.tangent_vecs.sum(axis=0))
+    near = metric.space.projection(x + subject.reach * subject.tangent_vecs.sum(axis=0))
 
     def value(point: np.ndarray) -> np.ndarray:
-        return metric.squared_dist(metric.space.regularize(point), near)
+        return metric.squared_dist(metric.space.projection(point), near)
 
     def squared_norm(point: np.ndarray) -> np.ndarray:
         # Some inner products do not depend on the base point; autograd warns of that.
-        norm = metric.squared_norm(direction, metric.space.regularize(point))
+        norm = metric.squared_norm(direction, metric.space.projection(point))
         return norm + 0.0 * anp.sum(point)
 
     for function in (value, squared_norm):
