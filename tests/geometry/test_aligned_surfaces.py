@@ -336,7 +336,6 @@ def test_another_number_of_vertices_is_refused(case):
         lambda: case.space.to_fields(more),
         lambda: case.space.metric_field(more),
         lambda: case.space.square_root_normals(more),
-        lambda: case.space.belongs(more),
         lambda: case.space.to_tangent(more, f),
     ):
         with pytest.raises(ArgumentError, match=message):
