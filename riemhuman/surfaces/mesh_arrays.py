@@ -131,3 +131,24 @@ def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> 
         others = int(bad.sum()) - 1
         more = f" (and {others} more)" if others else ""
         raise ArgumentError(f"{name}[{first}] = {tuple(faces[first].tolist())}{more} {reason}")
+
+
+def refuse_polygons(lengths: np.ndarray) -> None:
+    """Refuse faces that are not triangles, naming the first and saying how many there are.
+
+    Parameters
+    ----------
+    lengths : array of int, shape (F,)
+        Number of corners of each face.
+
+    Raises
+    ------
+    ArgumentError
+        If any is not 3.
+    """
+    others = np.flatnonzero(lengths != 3)
+    if len(others):
+        raise ArgumentError(
+            f"{len(others)} of {len(lengths)} faces are not triangles, the first at index "
+            f"{others[0]} with {lengths[others[0]]} corners; triangulate the mesh"
+        )

@@ -1,16 +1,17 @@
 """Mesh files: vertex i of the file is vertex i of the array, for registration lives in that order.
 
-PLY is read by trimesh. OBJ and OFF are read here, because trimesh splits the vertices of an OBJ
-file that has texture coordinates or normals, sorts its faces by material, and turns polygons of
-either format into triangles without a word. All three are written here, in double precision.
+They are not left to other libraries, which split the vertices of an OBJ file that has texture
+coordinates or normals, sort its faces by material, turn polygons into triangles without a word, or
+take all lists of a PLY file for as long as the first. They are written in double precision.
 """
 
 from __future__ import annotations
 
-import io
 import os
 import re
-import warnings
+from array import array
+from codecs import BOM_UTF8
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -18,11 +19,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
-from riemhuman.surfaces.file_content import brief, file_content, file_path
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.surfaces.mesh_arrays import mesh_arrays, refuse_polygons
+from riemhuman.surfaces.number_text import real_field, whole_field
+from riemhuman.surfaces.ply_files import read_ply
 from riemhuman.surfaces.whole_files import whole_file
 
-_Mesh = tuple[ArrayLike, ArrayLike]
+_Mesh = tuple[np.ndarray, np.ndarray]
 _Format = TypeVar("_Format")
 
 
@@ -62,7 +65,7 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
     try:
         vertices, faces = read(content)
         return mesh_arrays(vertices, faces)
-    except (RiemhumanError, _DamagedError) as error:
+    except RiemhumanError as error:
         raise FileFormatError(f"{file}: {error}") from error
 
 
@@ -102,10 +105,6 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
         neighbour.write_bytes(content)
 
 
-class _DamagedError(ValueError):
-    """The content of a file is not what its format asks for."""
-
-
 def _format_of(file: Path, table: dict[str, _Format]) -> _Format:
     try:
         return table[file.suffix.lower()]
@@ -116,109 +115,100 @@ def _format_of(file: Path, table: dict[str, _Format]) -> _Format:
         ) from None
 
 
-def _read_ply(content: bytes) -> _Mesh:
-    header, _, body = content.partition(b"end_header")
-    if not header.startswith(b"ply"):
-        raise _DamagedError("not a PLY file, for it does not begin with 'ply'")
-    if not body:
-        raise _DamagedError("the PLY header has no end")
-    declared = dict(re.findall(rb"^element\s+(\w+)\s+(\d{1,18})\b", header, re.MULTILINE))
-    n_vertices, n_faces = (int(declared.get(name, 0)) for name in (b"vertex", b"face"))
-    if n_vertices == 0 or n_faces == 0:
-        raise _DamagedError(
-            f"the PLY header declares {n_vertices} vertices and {n_faces} faces; a mesh has both"
-        )
-
-    from trimesh.exchange.ply import load_ply
-
-    try:
-        with warnings.catch_warnings():
-            # Where text stands among the numbers, older releases of NumPy only warn and stop there.
-            warnings.simplefilter("error", DeprecationWarning)
-            mesh = load_ply(io.BytesIO(content), fix_texture=False, skip_materials=True)
-        vertices, faces = np.asarray(mesh["vertices"]), np.asarray(mesh["faces"])
-    except Exception as error:  # whatever a damaged file makes a parser stumble over
-        raise _DamagedError(
-            f"truncated or damaged PLY file ({type(error).__name__}: {brief(error)})"
-        ) from error
-    if len(vertices) != n_vertices:
-        raise _DamagedError(f"{len(vertices)} vertices found, the PLY header declares {n_vertices}")
-    if len(faces) < n_faces:
-        raise _DamagedError(f"{len(faces)} faces found, the PLY header declares {n_faces}")
-    if len(faces) > n_faces or faces.shape[1] != 3:
-        raise _DamagedError("some of its faces have more than 3 corners; triangulate the mesh")
-    return vertices, faces
-
-
 def _read_obj(content: bytes) -> _Mesh:
-    vertices: list[list[float]] = []
-    faces: list[list[int]] = []
-    lines = _text(content).replace("\\\n", " ").splitlines()
-    for number, line in enumerate(lines, start=1):
-        keyword, *fields = line.split() or [""]
+    positions, corners, lengths = array("d"), array("q"), array("q")
+    for number, words in _lines_of_obj(content):
+        keyword, *fields = words or [b""]
         try:
-            if keyword == "v":
-                vertices.append(_position(fields))
-            elif keyword == "f":
-                corners = [int(field.split("/", 1)[0]) for field in fields]
-                # Positive indices count from 1; negative ones count back from the latest vertex.
-                faces.append(
-                    [corner - 1 if corner >= 0 else len(vertices) + corner for corner in corners]
-                )
-        except ValueError as error:
-            raise _DamagedError(f"line {number} is not valid: {line.strip()[:60]!r}") from error
-    return _triangles_only(vertices, faces)
+            if keyword == b"v":
+                positions.extend(_position(fields))
+            elif keyword == b"f":
+                n_vertices = len(positions) // 3
+                for field in fields:
+                    corner = whole_field(field.split(b"/", 1)[0])
+                    # Positive indices count from 1; negative ones from the latest vertex back.
+                    corners.append(corner - 1 if corner >= 0 else n_vertices + corner)
+                lengths.append(len(fields))
+        except (OverflowError, ValueError) as error:
+            raise FileFormatError(f"line {number} is not valid: {_shown(words)}") from error
+    return _triangles(positions, corners, lengths)
+
+
+def _lines_of_obj(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
+    """Yield the number and the words of every line, those joined that end in a backslash."""
+    number, words = 0, list[bytes]()
+    for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
+        # A comment ends with its line: what follows a path of Windows in it is no part of it.
+        text = line.partition(b"#")[0]
+        words += text.removesuffix(b"\\").split()
+        if not text.endswith(b"\\"):
+            yield number, words
+            words = []
+    yield number, words
 
 
 def _read_off(content: bytes) -> _Mesh:
-    text = re.sub(r"#.*", "", _text(content))
-    keyword, *rest = text.split(maxsplit=1) or [""]
-    if not re.fullmatch(r"(ST)?C?N?OFF", keyword):
-        raise _DamagedError("not an OFF text file, for it does not begin with 'OFF'")
-    rows = [row.split() for row in "".join(rest).splitlines() if row.strip()]
-    try:
-        n_vertices, n_faces = (int(count) for count in rows[0][:2])
-    except (ValueError, IndexError) as error:
-        raise _DamagedError("OFF must be followed by the numbers of vertices and faces") from error
-    if len(rows) < 1 + n_vertices + n_faces:
-        raise _DamagedError(
-            f"truncated: the OFF header declares {n_vertices} vertices and {n_faces} faces, "
-            f"{len(rows) - 1} lines follow"
+    lines = (
+        line.partition(b"#")[0].split() for line in content.removeprefix(BOM_UTF8).splitlines()
+    )
+    rows = (words for words in lines if words)
+    keyword, *counts = next(rows, [b""])
+    if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
+        raise FileFormatError("not an OFF text file, for it does not begin with 'OFF'")
+    counts = counts or next(rows, [])
+    if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
+        raise FileFormatError("OFF must be followed by the numbers of vertices and faces")
+    n_vertices, n_faces = int(counts[0]), int(counts[1])
+    positions, corners, lengths = array("d"), array("q"), array("q")
+    for row in range(n_vertices + n_faces):
+        words = next(rows, None)
+        if words is None:
+            raise FileFormatError(
+                f"truncated: the OFF header declares {n_vertices} vertices and {n_faces} faces, "
+                f"{row} lines follow"
+            )
+        try:
+            if row < n_vertices:
+                positions.extend(_position(words))
+            else:
+                lengths.append(whole_field(words[0]))
+                if not 0 <= lengths[-1] < len(words):
+                    raise ValueError
+                corners.extend(map(whole_field, words[1 : 1 + lengths[-1]]))
+                # What follows is a colour.
+                _ = [real_field(word) for word in words[1 + lengths[-1] :]]
+        except (OverflowError, ValueError) as error:
+            kind = "face" if row >= n_vertices else "vertex"
+            raise FileFormatError(f"not a valid {kind} line: {_shown(words)}") from error
+    more = next(rows, None)
+    if more is not None:
+        raise FileFormatError(
+            f"the OFF header declares {n_vertices} vertices and {n_faces} faces, more lines "
+            f"follow: {_shown(more)}"
         )
-    vertices, faces = [], []
-    row: list[str] = []
-    try:
-        for row in rows[1 : 1 + n_vertices]:
-            vertices.append(_position(row))
-        for row in rows[1 + n_vertices : 1 + n_vertices + n_faces]:
-            n_corners = int(row[0])
-            faces.append([int(field) for field in row[1 : 1 + n_corners]])
-    except ValueError as error:
-        kind = "face" if len(vertices) == n_vertices else "vertex"
-        raise _DamagedError(f"not a valid {kind} line: {' '.join(row)[:60]!r}") from error
-    return _triangles_only(vertices, faces)
+    return _triangles(positions, corners, lengths)
 
 
-def _text(content: bytes) -> str:
-    # Numbers and keywords are ASCII; names in comments may be in any encoding.
-    return content.decode("utf-8", errors="replace").replace("\r\n", "\n")
+def _position(words: list[bytes]) -> list[float]:
+    """Return the position of a vertex, whose colour or normal may follow."""
+    numbers = [real_field(word) for word in words]
+    if len(numbers) < 3:
+        raise ValueError
+    return numbers[:3]
 
 
-def _position(fields: list[str]) -> list[float]:
-    x, y, z = fields[:3]
-    return [float(x), float(y), float(z)]
-
-
-def _triangles_only(vertices: list[list[float]], faces: list[list[int]]) -> _Mesh:
-    if not vertices or not faces:
-        raise _DamagedError(f"{len(vertices)} vertices and {len(faces)} faces found; both needed")
-    others = [index for index, face in enumerate(faces) if len(face) != 3]
-    if others:
-        raise _DamagedError(
-            f"{len(others)} of {len(faces)} faces are not triangles, the first at index "
-            f"{others[0]} with {len(faces[others[0]])} corners; triangulate the mesh"
+def _triangles(positions: array[float], corners: array[int], lengths: array[int]) -> _Mesh:
+    vertices = np.array(positions).reshape(-1, 3)
+    if not len(vertices) or not len(lengths):
+        raise FileFormatError(
+            f"{len(vertices)} vertices and {len(lengths)} faces found; both needed"
         )
-    return vertices, faces
+    refuse_polygons(np.array(lengths))
+    return vertices, np.array(corners).reshape(-1, 3)
+
+
+def _shown(words: list[bytes]) -> str:
+    return repr(b" ".join(words).decode("latin-1")[:60])
 
 
 def _write_ply(vertices: np.ndarray, faces: np.ndarray) -> bytes:
@@ -247,5 +237,5 @@ def _lines(pattern: str, rows: np.ndarray) -> bytes:
     return "".join(pattern.format(*row) + "\n" for row in rows.tolist()).encode()
 
 
-_READERS = {".ply": _read_ply, ".obj": _read_obj, ".off": _read_off}
+_READERS = {".ply": read_ply, ".obj": _read_obj, ".off": _read_off}
 _WRITERS = {".ply": _write_ply, ".obj": _write_obj, ".off": _write_off}

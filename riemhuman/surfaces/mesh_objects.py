@@ -99,9 +99,13 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     Returns
     -------
     trimesh.Trimesh
-    """
-    import trimesh
 
+    Raises
+    ------
+    MissingDependencyError
+        If trimesh is not installed.
+    """
+    trimesh = import_optional("trimesh", "meshes")
     return trimesh.Trimesh(*mesh_arrays(vertices, faces), process=False)
 
 

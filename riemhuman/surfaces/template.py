@@ -114,6 +114,11 @@ class Template:
         Returns
         -------
         trimesh.Trimesh
+
+        Raises
+        ------
+        MissingDependencyError
+            If trimesh is not installed.
         """
         return to_trimesh(self._surface(points), self.faces)
 

@@ -264,7 +264,7 @@ def test_ascii_ply_that_ends_among_its_vertices_says_so(mesh, tmp_path):
     rows = ply(*mesh, "ascii").split(b"\n")
     content = b"\n".join(rows[: rows.index(b"end_header") + 6])
     file = write(tmp_path, "body.ply", content)
-    assert_refused(file, "5 vertices found, the PLY header declares 44")
+    assert_refused(file, "the PLY header declares 44 rows of vertex; 5 found")
 
 
 @pytest.mark.parametrize("row", [3, 50])
@@ -347,6 +347,66 @@ def test_ply_with_bad_vertices_or_faces_is_refused(mesh, tmp_path, encoding):
 )
 def test_damage_is_named(tmp_path, name, content, message):
     assert_refused(write(tmp_path, name, content.encode()), message)
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("line_end", [b"\r", b"\r\n"])
+def test_other_line_ends_are_read(mesh, tmp_path, ending, line_end):
+    save_mesh(tmp_path / f"body{ending}", *mesh)
+    content = (tmp_path / f"body{ending}").read_bytes()
+    if ending == ".ply":
+        content = ply(*mesh, "ascii")
+    assert_reads(write(tmp_path, f"body{ending}", content.replace(b"\n", line_end)), mesh)
+
+
+@pytest.mark.parametrize("ending", ENDINGS[1:])
+def test_a_byte_order_mark_hides_no_line(mesh, tmp_path, ending):
+    save_mesh(tmp_path / f"body{ending}", *mesh)
+    content = (tmp_path / f"body{ending}").read_bytes()
+    assert_reads(write(tmp_path, f"body{ending}", b"\xef\xbb\xbf" + content), mesh)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("body.off", "OFF\n3 1 0\n{rows}3 0 1 2\n3 2 1 0\n", "more lines follow: '3 2 1 0'"),
+        ("body.off", "OFF\n3 1 0 7\n{rows}3 0 1 2\n", "numbers of vertices and faces"),
+        ("body.off", "OFF\n3 -1 0\n{rows}", "numbers of vertices and faces"),
+        ("body.off", "OFF\n-3 3 0\n{rows}3 0 1 2\n", "numbers of vertices and faces"),
+        ("body.off", "OFF\n3 1 0\n{rows}-2 0 1 2 9\n", "not a valid face line: '-2 0 1 2 9'"),
+        ("body.off", "OFF\n3 1 0\n{rows}3 0 1\n", "not a valid face line: '3 0 1'"),
+        ("body.off", "OFF\n3 1 0\n{rows}3 0 1 0_2\n", "not a valid face line: '3 0 1 0_2'"),
+        ("body.off", "OFF\n3 1 0\n{rows}3 0 1 2 red\n", "not a valid face line"),
+        ("body.off", "OFF\n1_0 1 0\n{rows}3 0 1 2\n", "numbers of vertices and faces"),
+        ("body.obj", "v 0 0 1_0\nf 1 1 1\n", "line 1 is not valid: 'v 0 0 1_0'"),
+        ("body.obj", "v 0 0 1\nf 1 1 0_1\n", "line 2 is not valid: 'f 1 1 0_1'"),
+        ("body.obj", "v 0 0 \u0661\nf 1 1 1\n", "line 1 is not valid"),
+        ("body.obj", "v 0 0 1\u2028v 1 1 1\nf 1 1 2\n", "line 1 is not valid"),
+        ("body.obj", "v 0 0 1\nf 1 1 9223372036854775809\n", "line 2 is not valid"),
+    ],
+)
+def test_numbers_and_lines_are_those_of_the_format(tmp_path, name, content, message):
+    content = content.format(rows="0 0 0\n1 0 0\n0 1 0\n") if "{rows}" in content else content
+    assert_refused(write(tmp_path, name, content.encode()), message)
+
+
+def test_comments_of_obj_hide_no_line(mesh, tmp_path):
+    content = obj(*mesh).replace(b"v ", b"# made in C:\\bodies\\\nv ", 1)
+    content = content.replace(b"\nf ", b" # last vertex\nf ", 1).replace(b"\nusemtl m1", b" # a")
+    assert_reads(write(tmp_path, "body.obj", content), mesh)
+
+
+def test_negative_indices_of_obj_count_from_the_latest_vertex(mesh, tmp_path):
+    vertices, faces = mesh
+    lines = [f"v {x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist()]
+    order = np.argsort(faces.max(axis=1), kind="stable")
+    content, n_seen = "", 0
+    for face in faces[order].tolist():
+        content += "".join(lines[n_seen : max(face) + 1])
+        n_seen = max(n_seen, max(face) + 1)
+        content += "f {} {} {}\n".format(*(corner - n_seen for corner in face))
+    content += "".join(lines[n_seen:])
+    assert_reads(write(tmp_path, "body.obj", content.encode()), (vertices, faces[order]))
 
 
 def test_home_folder_is_understood(mesh, tmp_path, monkeypatch):
