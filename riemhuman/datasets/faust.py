@@ -14,9 +14,10 @@ from riemhuman.datasets.registered_meshes import (
     check_template,
     existing_folder,
     load_registered,
+    read_template,
 )
 from riemhuman.errors import FileError
-from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
 _N_SUBJECTS = 10
@@ -43,7 +44,7 @@ def load_faust(
         ``.ply``, ``.obj`` or ``.off``; should several be there, the first of these is read.
     template : Template or path_like, optional
         The template, or a mesh file with it; its triangles must be those of the registrations.
-        By default the mean of the registrations after `generalized_procrustes`.
+        By default the first registration: a template is a body, and a mean of poses is none.
     align : bool
         Whether the registrations are rotated and moved (never scaled) onto the template.
     allow_missing : bool
@@ -61,6 +62,8 @@ def load_faust(
         If the folder holds no registrations or some are missing, or a file cannot be read.
     FileFormatError
         If a file is damaged, or has other triangles or another number of vertices than the rest.
+    DegenerateSurfaceError
+        If a triangle of the template has no area.
     ArgumentError
         If the template has other triangles or another number of vertices than the registrations.
     ArgumentTypeError
@@ -71,25 +74,21 @@ def load_faust(
     .. [1] Bogo, Romero, Loper, Black, "FAUST: Dataset and evaluation for 3D mesh registration",
        CVPR 2014.
     """
-    if template is not None and not isinstance(template, Template):
-        template = Template.from_file(template)
     files = _find_registrations(folder)
     if not allow_missing:
         _refuse_missing(files)
     numbers = np.array(sorted(files))
+    reference = read_template(template, files[numbers[0]])
     points, faces = load_registered([files[number] for number in numbers])
 
-    if template is None:
-        aligned, mean = generalized_procrustes(points)
-        template = Template(mean, faces)
-    else:
-        check_template(template, points, faces)
-        aligned = procrustes(points, to=template.vertices) if align else points
+    check_template(reference, points, faces)
+    if align:
+        points = procrustes(points, to=reference.vertices)
     return Bodies(
-        points=aligned if align else points,
+        points=points,
         subject=numbers // _N_POSES,
         pose=numbers % _N_POSES,
-        template=template,
+        template=reference,
         subject_names=tuple(f"subject {i}" for i in range(_N_SUBJECTS)),
         pose_names=tuple(f"pose {i}" for i in range(_N_POSES)),
         ids=tuple(f"tr_reg_{number:03d}" for number in numbers),

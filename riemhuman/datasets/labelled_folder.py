@@ -17,10 +17,11 @@ from riemhuman.datasets.registered_meshes import (
     find_meshes,
     load_registered,
     natural_key,
+    read_template,
 )
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
 from riemhuman.surfaces.file_content import file_content
-from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
 _LABELS = "labels.csv"
@@ -49,7 +50,7 @@ def load_bodies(
         any text; other columns are not read. By default ``labels.csv`` in the folder.
     template : Template or path_like, optional
         The template, or a mesh file with it; its triangles must be those of the meshes. By
-        default the mean of the meshes after `generalized_procrustes`.
+        default the first mesh: a template is a body, and a mean of poses is none.
     align : bool
         Whether the meshes are rotated and moved (never scaled) onto the template.
     progress : bool
@@ -68,6 +69,8 @@ def load_bodies(
     FileFormatError
         If the table lacks a column or an entry, or names a file twice; if meshes have no row in
         it or rows no mesh; if a mesh is damaged or does not share the triangles of the first.
+    DegenerateSurfaceError
+        If a triangle of the template has no area.
     ArgumentError
         If the template has other triangles or another number of vertices than the meshes.
     ArgumentTypeError
@@ -81,22 +84,18 @@ def load_bodies(
             f"{', '.join(_COLUMNS)}, or say where it is"
         )
     rows = _matched(files, _read_rows(table), table)
-    if template is not None and not isinstance(template, Template):
-        template = Template.from_file(template)
+    reference = read_template(template, files[0])
     points, faces = load_registered(files, progress=progress)
-    if template is None:
-        aligned, mean = generalized_procrustes(points)
-        template = Template(mean, faces)
-    else:
-        check_template(template, points, faces)
-        aligned = procrustes(points, to=template.vertices)
+    check_template(reference, points, faces)
+    if align:
+        points = procrustes(points, to=reference.vertices)
     subject, subject_names = _numbered([row.subject for row in rows])
     pose, pose_names = _numbered([row.pose for row in rows])
     return Bodies(
-        points=aligned if align else points,
+        points=points,
         subject=subject,
         pose=pose,
-        template=template,
+        template=reference,
         subject_names=subject_names,
         pose_names=pose_names,
         ids=tuple(file.stem for file in files),

@@ -183,6 +183,40 @@ def load_registered(
     return np.stack([meshes[number] for number in numbers]), meshes.faces
 
 
+def read_template(
+    template: Template | str | os.PathLike[str] | None, first_mesh: str | os.PathLike[str]
+) -> Template:
+    """Return the user's template, or the first mesh where there is none.
+
+    A template is a body. The mean of the vertices is none where poses differ: its arms shrink, and
+    their triangles lose their weight in every integral over the template. Unlike a medoid, the
+    first body costs nothing however many there are, and stays the same when more are added.
+
+    Parameters
+    ----------
+    template : Template or path_like or None
+        The template, a mesh file with it, or none.
+    first_mesh : path_like
+        The file of the first mesh.
+
+    Returns
+    -------
+    template : Template
+
+    Raises
+    ------
+    FileError
+        If the file cannot be read.
+    FileFormatError
+        If it is damaged.
+    DegenerateSurfaceError
+        If a triangle of the template has no area.
+    """
+    if isinstance(template, Template):
+        return template
+    return Template.from_file(first_mesh if template is None else template)
+
+
 def check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
     """Refuse a template that meshes are not registered to.
 

@@ -84,7 +84,8 @@ def generalized_procrustes(
     Surfaces are aligned with their mean, the mean is taken anew, and so on: every step lowers
     sum_i sum_v w_v |s_i R_i x_iv + b_i - m_v|^2 [1]_. With `scale`, the mean m keeps the size of
     the surfaces (the root mean square of their centroid sizes), or all would shrink to a point.
-    In the end all are moved together so that the mean lies as the first surface did.
+    In the end all are moved together so that the mean lies as the first surface did. The mean is
+    a statistic, not a surface to register to: where poses differ, its limbs shrink.
 
     Parameters
     ----------

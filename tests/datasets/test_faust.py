@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import Bodies, load_faust
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces import Template, generalized_procrustes, procrustes
+from riemhuman.surfaces import Template, procrustes
 from riemhuman.surfaces.mesh_files import save_mesh
 
 LEVELS = ["", "registrations", "training/registrations", "MPI-FAUST/training/registrations"]
@@ -57,13 +57,12 @@ def test_order_subjects_and_poses(registrations, mesh):
     assert bodies.model is None
 
 
-def test_template_is_the_mean_of_the_aligned_set(registrations, mesh):
-    aligned, mean = generalized_procrustes(mesh[0])
+def test_template_is_the_first_registration(registrations, mesh):
     bodies = load_faust(str(registrations))
-    np.testing.assert_array_equal(bodies.points, aligned)
-    np.testing.assert_array_equal(bodies.template.vertices, mean)
+    np.testing.assert_array_equal(bodies.template.vertices, mesh[0][0])
+    np.testing.assert_array_equal(bodies.points, procrustes(mesh[0], to=mesh[0][0]))
     unaligned = load_faust(registrations, align=False)
-    np.testing.assert_array_equal(unaligned.template.vertices, mean)
+    np.testing.assert_array_equal(unaligned.template.vertices, mesh[0][0])
 
 
 def test_template_of_the_user_comes_first(registrations, mesh, tmp_path):

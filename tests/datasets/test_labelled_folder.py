@@ -5,9 +5,16 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import Bodies, load_bodies
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces import Template, generalized_procrustes, procrustes, save_mesh
+from riemhuman.datasets import Bodies, load_bodies, load_open_bodies
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    DegenerateSurfaceError,
+    FileError,
+    FileFormatError,
+)
+from riemhuman.surfaces import Template, procrustes, save_mesh
+from riemhuman.surfaces.distortion import triangle_areas
 
 FILES = ["b2.ply", "b10.obj", "b11.off", "b20.ply"]
 TABLE = (
@@ -46,9 +53,8 @@ def check_labels(bodies):
 def test_points_labels_and_template(folder, mesh):
     bodies = load_bodies(folder)
     check_labels(bodies)
-    aligned, mean = generalized_procrustes(mesh[0])
-    np.testing.assert_array_equal(bodies.points, aligned)
-    np.testing.assert_array_equal(bodies.template.vertices, mean)
+    np.testing.assert_array_equal(bodies.points, procrustes(mesh[0], to=mesh[0][0]))
+    np.testing.assert_array_equal(bodies.template.vertices, mesh[0][0])
     np.testing.assert_array_equal(bodies.template.faces, mesh[1])
     unaligned = load_bodies(str(folder), align=False, progress=True)
     np.testing.assert_array_equal(unaligned.points, mesh[0])
@@ -63,6 +69,40 @@ def test_template_of_the_user_comes_first(folder, mesh):
         np.testing.assert_array_equal(bodies.points, procrustes(mesh[0], to=mesh[0][2]))
     unaligned = load_bodies(folder, template=template, align=False)
     np.testing.assert_array_equal(unaligned.points, mesh[0])
+
+
+def test_default_template_is_a_body_not_a_mean_whose_arms_shrink(tmp_path):
+    shown = load_open_bodies("coarse", "natural")
+    rows = ["file,subject,pose"]
+    for number, points in enumerate(shown.points):
+        save_mesh(tmp_path / f"{number}.ply", points, shown.template.faces)
+        rows.append(f"{number},{shown.subject[number]},{shown.pose[number]}")
+    (tmp_path / "labels.csv").write_text("\n".join(rows), encoding="utf-8")
+    bodies = load_bodies(tmp_path)
+    usual = np.mean([triangle_areas(p, shown.template.faces) for p in shown.points], axis=0)
+    kept = np.quantile(bodies.template.face_areas / usual, 0.25)
+    assert kept > 0.9  # of the mean of all vertices a quarter of the triangles keep below 0.44
+
+
+def test_without_alignment_none_is_looked_for(tmp_path):
+    # An octahedron and its mirror image, which no single rotation brings closest together.
+    vertices = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
+    faces = [[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]
+    points = vertices * np.array([[[1, 1, 1]], [[1, 1, -1]]])
+    for name, surface in zip(("a", "b"), points, strict=True):
+        save_mesh(tmp_path / f"{name}.ply", surface, faces)
+    (tmp_path / "labels.csv").write_text("file,subject,pose\na,1,1\nb,1,2", encoding="utf-8")
+    np.testing.assert_array_equal(load_bodies(tmp_path, align=False).points, points)
+    with pytest.raises(ArgumentError, match="no single best alignment"):
+        load_bodies(tmp_path)
+
+
+def test_first_mesh_without_area_is_named(folder, mesh):
+    flat = mesh[0][0].copy()
+    flat[mesh[1][3]] = flat[mesh[1][3][0]]
+    save_mesh(folder / FILES[0], flat, mesh[1])
+    with pytest.raises(DegenerateSurfaceError, match=FILES[0]):
+        load_bodies(folder)
 
 
 @pytest.mark.parametrize(
