@@ -8,8 +8,11 @@ import sys
 import numpy as np
 import pytest
 
+from riemhuman import retrieval
 from riemhuman.__main__ import main
 from riemhuman.datasets import Bodies, load_open_bodies
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.surfaces import save_mesh
 
 
@@ -85,6 +88,20 @@ def test_tables_as_json(capsys):
     assert scores["n_queries"] == 100
 
 
+def test_natural_and_other_people(capsys):
+    choice = ["--resolution", "coarse", "--json", "--quiet", "--open", "natural"]
+    found = []
+    for options in ([], ["--people", "1"]):
+        assert main([*choice, *options]) == 0
+        tables = json.loads(capsys.readouterr().out)
+        found.append(tables["How do they stand?"]["pose metric (0, 0, 1)"])
+    people = [load_open_bodies("coarse", "natural", people=seed) for seed in (None, 1)]
+    for scores, bodies in zip(found, people, strict=True):
+        metric = ElasticMetric(AlignedSurfaces(bodies.template), a=0.0, lam=0.0, c=1.0)
+        expected = retrieval.scores(metric.dist_pairwise(bodies.points), bodies.pose)
+        assert scores["first_tier"] == pytest.approx(expected.first_tier)
+
+
 def few_bodies(resolution):
     bodies = load_open_bodies(resolution)
     chosen = [0, 2, 80, 82]
@@ -101,7 +118,7 @@ def few_bodies(resolution):
 
 def test_all_representations(monkeypatch, capsys):
     few = few_bodies("coarse")
-    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", lambda resolution: few)
+    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", lambda *of: few)
     assert main(["--all", "--resolution", "coarse"]) == 0
     printed = capsys.readouterr().out
     who, how = printed.split("How do they stand?")

@@ -6,13 +6,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from riemhuman.cli.body_sets import add_body_sets, check_body_sets, read_body_set
 from riemhuman.cli.inputs import path_argument
 from riemhuman.cli.terminal import Reporter, say
 from riemhuman.cli.verbs import Verbs, add_verb
-from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
-    from riemhuman.datasets import Bodies
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 _N_COMPONENTS = 100
@@ -37,18 +36,11 @@ def add_verbs(verbs: Verbs) -> None:
         "before is used again.",
         "  riemhuman report\n"
         "  riemhuman report --quick -o quick-report\n"
+        "  riemhuman report --open natural -o natural-report\n"
         "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
         "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
     )
-    source = parser.add_mutually_exclusive_group()
-    source.add_argument("--faust", metavar="FOLDER", help="registrations of MPI FAUST")
-    source.add_argument("--bodies", metavar="FOLDER", help="registered meshes; see --labels")
-    parser.add_argument(
-        "--labels",
-        metavar="CSV",
-        help="with --bodies: a table with the columns file, subject and pose (default: "
-        "labels.csv in the folder)",
-    )
+    add_body_sets(parser)
     parser.add_argument(
         "--dfaust", metavar="FILE", help="motions of Dynamic FAUST for the basis of geodesics"
     )
@@ -66,25 +58,16 @@ def add_verbs(verbs: Verbs) -> None:
 def _report(options: argparse.Namespace) -> None:
     from riemhuman.report import make_report
 
-    if options.labels is not None and options.bodies is None:
-        raise ArgumentError("--labels goes with --bodies FOLDER")
+    check_body_sets(options)
     reporter = Reporter(options.quiet)
-    bodies, basis = _bodies(options, reporter), _basis(options, reporter)
+    with reporter.task("Loading the bodies"):
+        resolution = "coarse" if options.quick else "full"
+        bodies = read_body_set(options, resolution, bars=reporter.bars)
+    basis = _basis(options, reporter)
     page = make_report(
         options.output, bodies=bodies, basis=basis, quick=options.quick, progress=reporter.task
     )
     say(str(page))
-
-
-def _bodies(options: argparse.Namespace, reporter: Reporter) -> Bodies | None:
-    from riemhuman import datasets
-
-    if options.faust is None and options.bodies is None:
-        return None
-    with reporter.task("Loading the bodies"):
-        if options.faust is not None:
-            return datasets.load_faust(options.faust)
-        return datasets.load_bodies(options.bodies, options.labels, progress=reporter.bars)
 
 
 def _basis(options: argparse.Namespace, reporter: Reporter) -> DeformationBasis | None:

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
+from riemhuman.cli.body_sets import add_body_sets, check_body_sets, read_body_set
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_verb
-from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
@@ -36,27 +36,12 @@ def add_verbs(verbs: Verbs) -> None:
         "with the package, ten people in ten poses.",
         "  riemhuman\n"
         "  riemhuman tables --resolution coarse\n"
+        "  riemhuman tables --open natural --people 1    # ten people nothing was tuned on\n"
         "  riemhuman tables --faust ~/MPI-FAUST\n"
         "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
         "  riemhuman tables --all --resolution coarse    # descriptors and model vectors too\n",
     )
-    source = parser.add_mutually_exclusive_group()
-    source.add_argument(
-        "--faust",
-        metavar="FOLDER",
-        help="use the registrations of MPI FAUST (tr_reg_000.ply ... tr_reg_099.ply) instead",
-    )
-    source.add_argument(
-        "--bodies",
-        metavar="FOLDER",
-        help="use the registered meshes of a folder instead; see --labels",
-    )
-    parser.add_argument(
-        "--labels",
-        metavar="CSV",
-        help="with --bodies: who and in which pose, a table with the columns file, subject and "
-        "pose (default: labels.csv in the folder)",
-    )
+    add_body_sets(parser)
     parser.add_argument(
         "--resolution",
         choices=("full", "coarse"),
@@ -74,15 +59,12 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from riemhuman import retrieval
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.elastic_metric import ElasticMetric
-    from riemhuman.geometry.srnf import SRNFMetric
+    from riemhuman.retrieval.benchmark import paper_metrics
 
-    if options.labels is not None and options.bodies is None:
-        raise ArgumentError("--labels goes with --bodies FOLDER")
+    check_body_sets(options)
     watch = Reporter(options.quiet).task if options.json or options.quiet else _timed
     with watch("Loading the bodies"):
-        bodies = _bodies(options)
+        bodies = read_body_set(options, options.resolution)
     if not options.json:
         n_people, n_poses = len(set(bodies.subject)), len(set(bodies.pose))
         say(
@@ -94,15 +76,9 @@ def _run(options: argparse.Namespace) -> None:
         _compare_all(bodies, options)
         return
 
-    space = AlignedSurfaces(bodies.template, equip=False)
-    metrics = {
-        "shape metric (1, 0.0001, 0)": ElasticMetric(space, a=1.0, lam=1e-4, c=0.0),
-        "pose metric (0, 0, 1)": ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
-        "SRNF": SRNFMetric(space),
-    }
     n_pairs = len(bodies) * (len(bodies) - 1) // 2
     distances = {}
-    for name, metric in metrics.items():
+    for name, metric in paper_metrics(bodies).items():
         with watch(f"{name}: {n_pairs:,} distances"):
             distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
 
@@ -141,16 +117,6 @@ def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
         "\nPer cent, every body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
     )
-
-
-def _bodies(options: argparse.Namespace) -> Bodies:
-    from riemhuman import datasets
-
-    if options.faust is not None:
-        return datasets.load_faust(options.faust)
-    if options.bodies is not None:
-        return datasets.load_bodies(options.bodies, options.labels)
-    return datasets.load_open_bodies(options.resolution)
 
 
 @contextmanager

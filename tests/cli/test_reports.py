@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.surfaces import DeformationBasis
 
 
@@ -41,13 +42,17 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
     expected = DeformationBasis.from_motions([bodies.points[:50]], 3)
     np.testing.assert_array_equal(asked["basis"].vectors, expected.vectors)
     assert asked["quick"] is False
-    run("report", "--quick")
-    assert (asked["bodies"], asked["basis"], asked["quick"]) == (None, None, True)
+    run("report", "--quick", "--open", "natural", "--people", 4)
+    expected = load_open_bodies("coarse", "natural", people=4)
+    np.testing.assert_array_equal(asked["bodies"].points, expected.points)
+    assert (asked["basis"], asked["quick"]) == (None, True)
     assert str(asked["output"]) == "riemhuman-report"
 
 
 def test_failures(refused, scans, tmp_path):
     assert "--labels goes with --bodies" in refused("report", "--labels", "labels.csv")
+    assert "--people SEED goes with" in refused("report", "--bodies", scans, "--people", 1)
+    assert "people" in refused("report", "--people", -1, "-o", tmp_path / "r")
     assert "no folder" in refused("report", "--faust", tmp_path / "absent", "-o", tmp_path / "r")
     message = refused("report", "--bodies", scans, "--labels", "absent.csv", "-o", tmp_path / "r")
     assert "no table of labels absent.csv" in message

@@ -1,0 +1,91 @@
+"""The labelled bodies that verbs take: those that ship, those of MPI FAUST, or the user's own."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+
+
+def add_body_sets(parser: argparse.ArgumentParser) -> None:
+    """Declare --open, --faust, --bodies and what goes with them.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        The verb's parser.
+    """
+    source = parser.add_mutually_exclusive_group()
+    source.add_argument(
+        "--open",
+        choices=("plain", "natural"),
+        help="which open bodies: little more than a body model (plain, the default), or as "
+        "people are, who hold poses in their own way and touch themselves (natural)",
+    )
+    source.add_argument(
+        "--faust",
+        metavar="FOLDER",
+        help="use the registrations of MPI FAUST (tr_reg_000.ply ... tr_reg_099.ply) instead",
+    )
+    source.add_argument(
+        "--bodies",
+        metavar="FOLDER",
+        help="use the registered meshes of a folder instead; see --labels",
+    )
+    parser.add_argument(
+        "--people", metavar="SEED", type=int, help="ten other people among the open bodies"
+    )
+    parser.add_argument(
+        "--labels",
+        metavar="CSV",
+        help="with --bodies: who and in which pose, a table with the columns file, subject and "
+        "pose (default: labels.csv in the folder)",
+    )
+
+
+def check_body_sets(options: argparse.Namespace) -> None:
+    """Refuse options that do not go together.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The command line.
+
+    Raises
+    ------
+    ArgumentError
+        If labels are given without a folder, or other people for bodies that are not open.
+    """
+    if options.labels is not None and options.bodies is None:
+        raise ArgumentError("--labels goes with --bodies FOLDER")
+    if options.people is not None and (options.bodies is not None or options.faust is not None):
+        raise ArgumentError("--people SEED goes with the open bodies")
+
+
+def read_body_set(options: argparse.Namespace, resolution: str, *, bars: bool = False) -> Bodies:
+    """Return the bodies the command line asks for.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        The command line.
+    resolution : {"full", "coarse"}
+        Of the open bodies.
+    bars : bool
+        Whether to show progress bars.
+
+    Returns
+    -------
+    bodies : Bodies
+    """
+    from riemhuman import datasets
+
+    if options.faust is not None:
+        return datasets.load_faust(options.faust)
+    if options.bodies is not None:
+        return datasets.load_bodies(options.bodies, options.labels, progress=bars)
+    return datasets.load_open_bodies(resolution, options.open or "plain", options.people)
