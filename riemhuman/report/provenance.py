@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
     from riemhuman.report.store import Step
 
-_PACKAGES = ("numpy", "scipy", "autograd", "numba", "matplotlib", "scikit-learn")
+_PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "scikit-learn")
 
 
 def now() -> str:

@@ -99,13 +99,9 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     Returns
     -------
     trimesh.Trimesh
-
-    Raises
-    ------
-    MissingDependencyError
-        If trimesh is not installed.
     """
-    trimesh = import_optional("trimesh", "meshes")
+    import trimesh  # loads when it is used, for it takes long
+
     return trimesh.Trimesh(*mesh_arrays(vertices, faces), process=False)
 
 
