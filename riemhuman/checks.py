@@ -16,6 +16,8 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 Rng = int | np.random.Generator | None
 _LONGEST = 200
+# Fourth powers of lengths, and what weights make of them, stay within double precision.
+_LONGEST_LENGTH, _SHORTEST_LENGTH, _LARGEST_WEIGHT = 1e60, 1e-60, 1e60
 
 
 def values_of(array: Any) -> np.ndarray:
@@ -118,6 +120,64 @@ def check_shape(
     if not fits or (not batched and values.ndim != len(shape)):
         expected = ", ".join(str(length) for length in (["..."] if batched else []) + list(shape))
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
+
+
+def moderate_lengths(array: Any, name: str) -> Any:
+    """Return lengths, unless their squares or areas would leave the range of double precision.
+
+    Parameters
+    ----------
+    array : array, shape (...)
+        Coordinates; an autograd box is returned as it is.
+    name : str
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    array : array, shape (...)
+
+    Raises
+    ------
+    ArgumentError
+        If the largest is above 1e60, or below 1e-60 and not 0.
+    """
+    values = values_of(array)
+    largest = np.abs(values).max(initial=0.0)
+    if largest != 0.0 and not _SHORTEST_LENGTH <= largest <= _LONGEST_LENGTH:
+        raise ArgumentError(
+            f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "
+            f"{_LONGEST_LENGTH:g} in size; the largest is {largest:g}: choose another unit"
+        )
+    return array
+
+
+def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
+    """Return a weight of a metric as a float of at least 0, or above it if `strict`.
+
+    Parameters
+    ----------
+    value : float
+        The argument.
+    name : str
+        Name of the argument, for messages.
+    strict : bool
+        Whether 0 is refused.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the argument does not convert to a real number.
+    ArgumentError
+        If it is NaN, below 0, or above 1e60, where squared distances would overflow.
+    """
+    number = real_number(value, name, minimum=0.0, strict=strict)
+    if number > _LARGEST_WEIGHT:
+        raise ArgumentError(f"{name} must be at most {_LARGEST_WEIGHT:g}; found {number:g}")
+    return number
 
 
 def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:

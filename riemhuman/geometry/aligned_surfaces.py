@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
+from riemhuman.checks import (
+    Rng,
+    generator,
+    moderate_lengths,
+    real_array,
+    refuse_triangles,
+    values_of,
+)
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
@@ -229,9 +236,10 @@ class AlignedSurfaces(Manifold):
         Raises
         ------
         ArgumentError
-            If the number of vertices is not the template's, or an entry is not finite.
+            If the number of vertices is not the template's, an entry is not finite, or areas
+            would leave the range of double precision.
         """
-        return real_array(point, name, self.shape)
+        return moderate_lengths(real_array(point, name, self.shape), name)
 
     def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
         """Return surfaces as float64 arrays, refusing those with triangles without area.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_number
+from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
@@ -76,9 +76,9 @@ class ElasticMetric(SurfaceMetric):
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
     ) -> None:
-        self._a = real_number(a, "a", minimum=0.0)
-        self._lam = real_number(lam, "lam", minimum=0.0)
-        self._c = real_number(c, "c", minimum=0.0)
+        self._a = metric_weight(a, "a")
+        self._lam = metric_weight(lam, "lam")
+        self._c = metric_weight(c, "c")
         if self._a == self._c == 0:
             raise ArgumentError("a and c must not both be 0: every distance would be 0")
         if self._a > 0 and self._lam == 0:
@@ -92,7 +92,7 @@ class ElasticMetric(SurfaceMetric):
             factors.append(ebin)
         if self._c > 0:
             factors.append(NormalFields(space.template))
-        weights = [weight for weight in (self._a, self._c) if weight > 0]
+        weights = [w for w in (self._a, self._c) if w > 0]
         self._product = ProductManifold(factors)
         self._product.equip_with_metric(ProductMetric, weights=weights)
         super().__init__(

@@ -11,8 +11,8 @@ from numpy import ndarray
 from riemhuman.checks import (
     Rng,
     generator,
+    metric_weight,
     real_array,
-    real_number,
     refuse_triangles,
     values_of,
 )
@@ -195,7 +195,7 @@ class EbinMetric(BulkMetric):
         geodesic_solver: GeodesicSolver | None = None,
     ) -> None:
         super().__init__(space, geodesic_solver)
-        self._lam = real_number(lam, "lam", minimum=0.0, strict=True)
+        self._lam = metric_weight(lam, "lam", strict=True)
 
     @property
     def lam(self) -> float:

@@ -139,7 +139,7 @@ def squared_dist_rectangle(
     squared = metric.squared_dist_of_features(features_a, features_b, n_jobs)
     rounding = metric.rounding(features_a)[:, None] + metric.rounding(features_b)
     # Written so that NaN, from an overflow in single precision, counts as not settled.
-    close = ~(ROUNDING_SHARE * np.sqrt(squared) >= rounding)
+    close = ~((ROUNDING_SHARE * np.sqrt(squared) >= rounding) & np.isfinite(squared))
     within = features_a is features_b
     if within:
         close = np.triu(close, 1)
@@ -149,6 +149,11 @@ def squared_dist_rectangle(
         exact = metric.squared_dist_of_features(exact_a, exact_b, n_jobs)
         window = np.ix_(rows, columns)
         squared[window] = np.where(close[window], exact, squared[window])
+        if not np.isfinite(exact).all():
+            raise ArgumentError(
+                "a distance is too large for double precision: the points, or the weights of the "
+                "metric, must be given in a larger unit"
+            )
     if within:
         squared = np.triu(squared, 1)
         squared += squared.T

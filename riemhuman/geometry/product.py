@@ -9,7 +9,7 @@ from typing import Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, real_number
+from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -222,7 +222,7 @@ class ProductMetric(RiemannianMetric):
             weights = [1.0] * count
         weights = real_array(weights, "weights", (count,), batched=False)
         self._weights = tuple(
-            real_number(weight, f"weights[{k}]", minimum=0.0) for k, weight in enumerate(weights)
+            metric_weight(value, f"weights[{k}]") for k, value in enumerate(weights)
         )
         if not any(self._weights):
             raise ArgumentError("weights must not all be 0: every distance would be 0")

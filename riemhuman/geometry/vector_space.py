@@ -8,8 +8,7 @@ from typing import Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array
-from riemhuman.errors import ArgumentError
+from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
@@ -106,8 +105,8 @@ class FlatMetric(BulkMetric):
             weights = np.ones(length)
         # A copy: a metric keeps its parameters.
         weights = real_array(weights, "weights", (length,), batched=False).copy()
-        if weights.min() < 0:
-            raise ArgumentError(f"weights must be at least 0; found {weights.min():g}")
+        for k in (weights.argmin(), weights.argmax()):
+            metric_weight(weights[k], f"weights[{k}]")
         self._weights = np.expand_dims(weights, space._point_axes[1:])
 
     def inner_product(

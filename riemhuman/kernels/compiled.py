@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.kernels.threads import in_chunks
 
@@ -21,7 +21,7 @@ from riemhuman.kernels.threads import in_chunks
 _WORTH_THREADS = 50_000
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _squared_arc(p: float, q: float) -> tuple[float, float]:
     """Return θ² and dθ²/dp = θ/sin θ of unit vectors n, m with p = ‖n − m‖² and q = ‖n + m‖²."""
     if p < 0.04:
@@ -39,7 +39,7 @@ def _squared_arc(p: float, q: float) -> tuple[float, float]:
     return theta * theta, (2.0 * theta / (a * b) if b > 0.0 else 0.0)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _half_angle(m: float, kappa: float) -> tuple[float, float]:
     """Return sin²(½ min(π, θ)) and its slope in m = cosh ℓ − 1, where θ = κℓ."""
     if m < 0.02:
@@ -66,7 +66,7 @@ def _half_angle(m: float, kappa: float) -> tuple[float, float]:
     return half * half, slope
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _squared_segments(
     path: ndarray,
     faces: ndarray,

@@ -11,9 +11,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.surface import DEGENERATE
 
 LANES = 64
@@ -44,7 +44,7 @@ def of_one_kind(array: ndarray) -> ndarray:
     return view
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _triangle(
     f: ndarray, faces: ndarray, frames: ndarray, t: int
 ) -> tuple[float, float, float, float, float, float]:
@@ -64,7 +64,7 @@ def _triangle(
     return e, u0 * v0 + u1 * v1 + u2 * v2, n0, n1, n2, area
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _half_plane(
     f: ndarray, faces: ndarray, frames: ndarray, x: ndarray, y: ndarray, s: ndarray
 ) -> None:
@@ -76,7 +76,7 @@ def _half_plane(
             x[t], y[t], s[t] = 0.0, 1.0, 0.0
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _normals(f: ndarray, faces: ndarray, frames: ndarray, normals: ndarray, rooted: bool) -> None:
     """Write unit normals, or square root normals; 0 on triangles without area."""
     for t in range(len(faces)):
@@ -87,7 +87,7 @@ def _normals(f: ndarray, faces: ndarray, frames: ndarray, normals: ndarray, root
         normals[t, 0], normals[t, 1], normals[t, 2] = n0 * scale, n1 * scale, n2 * scale
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _pack_half_plane(
     x: ndarray, y: ndarray, s: ndarray, roots: ndarray, lam: float, kept: ndarray
 ) -> float:
@@ -106,7 +106,7 @@ def _pack_half_plane(
     return 16.0 * lam * gap
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _pack_normals(normals: ndarray, weights: ndarray, kept: ndarray) -> float:
     gap = 0.0
     for t in range(len(normals)):
@@ -119,7 +119,7 @@ def _pack_normals(normals: ndarray, weights: ndarray, kept: ndarray) -> float:
     return gap
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _pack_vector(vector: ndarray, roots: ndarray, kept: ndarray) -> float:
     gap = 0.0
     for k in range(len(vector)):

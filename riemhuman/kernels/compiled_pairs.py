@@ -18,10 +18,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
 from numpy import ndarray
 
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.compiled_features import of_one_kind
 from riemhuman.kernels.half_angle_fit import (
     LARGEST_LAMBDA,
@@ -130,7 +131,7 @@ def _split(typing_context: Any, x: Any) -> Any:
     return types.UniTuple(x, 2)(x), generate
 
 
-@njit(cache=True, forceinline=True, fastmath=_FUSED)
+@njit(forceinline=True, fastmath=_FUSED)
 def squared_angle(x1: float, y1: float, z1: float, x2: float, y2: float, z2: float) -> float:
     """Return the squared angle between two unit vectors.
 
@@ -153,7 +154,7 @@ def squared_angle(x1: float, y1: float, z1: float, x2: float, y2: float, z2: flo
     return squared if acute else obtuse * obtuse
 
 
-@njit(cache=True, forceinline=True, fastmath=_FUSED)
+@njit(forceinline=True, fastmath=_FUSED)
 def half_angle_sine_squared(m: float, half_kappa: float) -> float:
     """Return sin²(½ min(π, θ)) of θ = κℓ and m = cosh ℓ − 1.
 
@@ -180,7 +181,7 @@ def half_angle_sine_squared(m: float, half_kappa: float) -> float:
     return squared * _sine(squared) + real(0.0) * growth
 
 
-@njit(cache=True, forceinline=True, fastmath=_FUSED)
+@njit(forceinline=True, fastmath=_FUSED)
 def bounded_half_angle_sine_squared(
     m: float, inverse_reach: float, coefficients: tuple[float, ...]
 ) -> float:
@@ -205,14 +206,14 @@ def bounded_half_angle_sine_squared(
     return share * _evaluate(coefficients, share)
 
 
-@njit(cache=True, forceinline=True, fastmath=_FUSED)
+@njit(forceinline=True, fastmath=_FUSED)
 def _excess(x1: float, y1: float, h1: float, x2: float, y2: float, h2: float) -> float:
     """Return m = cosh ℓ − 1, with h = 1/(√2 y)."""
     x, y = x1 - x2, y1 - y2
     return (x * x + y * y) * (h1 * h2)
 
 
-@njit(cache=True, forceinline=True, fastmath=_FUSED)
+@njit(forceinline=True, fastmath=_FUSED)
 def _cone(s1: float, s2: float, half: float) -> float:
     """Return (s₁ − s₂)² + 4 s₁ s₂ sin²(½θ)."""
     s, product = s1 - s2, s1 * s2
@@ -220,7 +221,7 @@ def _cone(s1: float, s2: float, half: float) -> float:
     return s * s + (product + product) * half
 
 
-@njit(cache=True, forceinline=True, fastmath=_SUM)
+@njit(forceinline=True, fastmath=_SUM)
 def _cone_chunk(a: ndarray, b: ndarray, half_kappa: float, first: int, last: int) -> float:
     x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
     x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
@@ -231,7 +232,7 @@ def _cone_chunk(a: ndarray, b: ndarray, half_kappa: float, first: int, last: int
     return total
 
 
-@njit(cache=True, forceinline=True, fastmath=_SUM)
+@njit(forceinline=True, fastmath=_SUM)
 def _bounded_cone_chunk(
     a: ndarray,
     b: ndarray,
@@ -250,7 +251,7 @@ def _bounded_cone_chunk(
     return total
 
 
-@njit(cache=True, forceinline=True, fastmath=_SUM)
+@njit(forceinline=True, fastmath=_SUM)
 def _normal_chunk(a: ndarray, b: ndarray, weights: ndarray, first: int, last: int) -> float:
     x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
     x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
@@ -261,7 +262,7 @@ def _normal_chunk(a: ndarray, b: ndarray, weights: ndarray, first: int, last: in
     return total
 
 
-@njit(cache=True, forceinline=True, fastmath=_SUM)
+@njit(forceinline=True, fastmath=_SUM)
 def _flat_chunk(a: ndarray, b: ndarray, first: int, last: int) -> float:
     u, v = a[first:last], b[first:last]
     total = a.dtype.type(0.0)
@@ -271,7 +272,7 @@ def _flat_chunk(a: ndarray, b: ndarray, first: int, last: int) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _cone_tile(a: ndarray, b: ndarray, half_kappa: float, within: bool, squared: ndarray) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, _CHUNK):
@@ -281,7 +282,7 @@ def _cone_tile(a: ndarray, b: ndarray, half_kappa: float, within: bool, squared:
                 squared[i, j] += _cone_chunk(a[i], b[j], half_kappa, first, last)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _bounded_cone_tile(
     a: ndarray,
     b: ndarray,
@@ -300,7 +301,7 @@ def _bounded_cone_tile(
                 )
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _normal_tile(a: ndarray, b: ndarray, weights: ndarray, within: bool, squared: ndarray) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, _CHUNK):
@@ -310,7 +311,7 @@ def _normal_tile(a: ndarray, b: ndarray, weights: ndarray, within: bool, squared
                 squared[i, j] += _normal_chunk(a[i], b[j], weights, first, last)
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _flat_tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
     n_values = a.shape[1]
     for first in range(0, n_values, _CHUNK):

@@ -10,16 +10,16 @@ import heapq
 import math
 
 import numpy as np
-from numba import njit
 from numpy import ndarray
 
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.threads import in_chunks
 
 # Below this many triangles, threads cost more than they bring.
 _WORTH_THREADS = 5_000
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, float]:
     """Fill e₁ ∥ f_u, e₂, n as rows; return p, q, r with f_u = p e₁, f_v = q e₁ + r e₂."""
     p = math.sqrt(f_u[0] ** 2 + f_u[1] ** 2 + f_u[2] ** 2)
@@ -37,7 +37,7 @@ def _frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, flo
     return p, q, r
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
     """Fill the unit axis of a rotation matrix; return its angle in [0, π]."""
     # Shepperd's method: the quaternion through its largest entry.
@@ -70,7 +70,7 @@ def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
     return 2.0 * math.atan2(size, real)
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _derivatives(f: ndarray, face: ndarray, frame: ndarray, both: ndarray) -> None:
     """Fill f_u and f_v of one triangle as rows."""
     for k in range(3):
@@ -79,7 +79,7 @@ def _derivatives(f: ndarray, face: ndarray, frame: ndarray, both: ndarray) -> No
         both[1, k] = (f[face[2], k] - f[face[0], k]) * frame[1] - edge * frame[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _turns(
     start: ndarray,
     end: ndarray,
@@ -146,7 +146,7 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray
     return turns
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _unwrap(turn: ndarray, before: ndarray) -> None:
     """Add full turns to a rotation vector so that it is close to another."""
     angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
@@ -160,7 +160,7 @@ def _unwrap(turn: ndarray, before: ndarray) -> None:
         turn[k] *= factor
 
 
-@njit(cache=True)
+@njit()
 def unwrap_turns(
     turns: ndarray, quaternions: ndarray, roots: ndarray, ends: ndarray, neighbours: ndarray
 ) -> None:
@@ -201,7 +201,7 @@ def unwrap_turns(
                     heapq.heappush(queue, (min(near, far), other, t))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _turn(vectors: ndarray, axis: ndarray, angle: float, turned: ndarray) -> None:
     """Turn two vectors about a unit axis, by Rodrigues' formula."""
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -213,7 +213,7 @@ def _turn(vectors: ndarray, axis: ndarray, angle: float, turned: ndarray) -> Non
         turned[d, 2] = cosine * z + sine * (axis[0] * y - axis[1] * x) + along * axis[2]
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _turned_sources(
     start: ndarray,
     end: ndarray,
@@ -297,7 +297,7 @@ def turned_sources(
     return np.add.reduce(in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS))
 
 
-@njit(cache=True, nogil=True)
+@njit(nogil=True)
 def _add_elastic_blocks(
     points: ndarray,
     faces: ndarray,

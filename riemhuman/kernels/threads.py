@@ -67,20 +67,31 @@ class _SharedLimit:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._n_users = 0
+        self._users: list[int] = []
         self._limiter: Any = None
 
     def enter(self) -> None:
         with self._lock:
-            if self._n_users == 0:
-                self._limiter = ThreadpoolController().limit(limits=1)
-            self._n_users += 1
+            if not self._users:
+                limiter = ThreadpoolController().limit(limits=1)
+                # After a fork, what was there before is known to the limit of the parent.
+                self._limiter = self._limiter or limiter
+            self._users.append(threading.get_ident())
 
     def leave(self) -> None:
         with self._lock:
-            self._n_users -= 1
-            if self._n_users == 0:
+            self._users.remove(threading.get_ident())
+            if not self._users:
                 self._limiter.restore_original_limits()
+                self._limiter = None
+
+    def keep_own(self) -> None:
+        """Go on in a child process, where of all threads the one that forked has survived.
+
+        A limit that others had set stays until the next who enters leaves.
+        """
+        self._lock = threading.Lock()
+        self._users = [user for user in self._users if user == threading.get_ident()]
 
 
 _limit = _SharedLimit()
@@ -170,3 +181,5 @@ def _pool() -> ThreadPoolExecutor:
 if hasattr(os, "register_at_fork"):
     # Threads do not survive a fork: the child makes a pool of its own.
     os.register_at_fork(after_in_child=_pool.cache_clear)
+    # Nor does whoever holds the lock of the limit.
+    os.register_at_fork(after_in_child=_limit.keep_own)

@@ -101,9 +101,12 @@ def check_weights(weights: ndarray | None, n_points: int) -> ndarray:
     if weights is None:
         return np.full(n_points, 1.0 / n_points)
     weights = real_array(weights, "weights", (n_points,), batched=False)
-    if weights.min() < 0 or weights.sum() <= 0:
+    smallest, largest = weights.min(), weights.max()
+    if smallest < 0 or largest <= 0:
         raise ArgumentError(
-            f"weights must be at least 0 and not all 0; the smallest is {weights.min():g} and "
-            f"their sum {weights.sum():g}"
+            "weights must be at least 0 and not all 0; they are between "
+            f"{smallest:g} and {largest:g}"
         )
+    # Their sum might overflow.
+    weights = weights / largest
     return weights / weights.sum()

@@ -34,7 +34,7 @@ def test_weights_are_checked_and_kept():
         FlatMetric(space, weights=[1.0, 2.0, 3.0])
     with pytest.raises(ArgumentError, match=r"weights must have shape \(2\); found \(1, 2\)"):
         FlatMetric(space, weights=[[1.0, 2.0]])
-    with pytest.raises(ArgumentError, match="weights must be at least 0; found -2"):
+    with pytest.raises(ArgumentError, match="must be a finite number of at least 0; found -2"):
         FlatMetric(space, weights=[1.0, -2.0])
     with pytest.raises(ArgumentError, match="weights holds 1 NaN"):
         FlatMetric(space, weights=[1.0, np.nan])

@@ -1,0 +1,74 @@
+"""Where compiled functions cannot be kept, everything works as well, and one warning says so."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+COMPUTE = """
+import resource, sys
+import numpy as np
+from riemhuman.geometry.vector_space import VectorSpace
+
+if sys.argv[1:]:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+points = np.arange(12.0).reshape(4, 3)
+print(VectorSpace((3,)).metric.dist_pairwise(points)[0].round(4).tolist())
+"""
+EXPECTED = "[0.0, 5.1962, 10.3923, 15.5885]"
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory):
+    """Return a folder with a copy of the package, in which nothing can be kept: root may write
+    to folders that are read-only, but not below a file."""
+    folder = tmp_path_factory.mktemp("read-only")
+    ignored = shutil.ignore_patterns("__pycache__", "data", "web")
+    shutil.copytree(ROOT / "riemhuman", folder / "riemhuman", ignore=ignored)
+    (folder / "riemhuman" / "kernels" / "__pycache__").write_text("not a folder")
+    return folder
+
+
+def compute(package, *arguments, **environment):
+    """Return what a process with a copy of the package complains of."""
+    nowhere = str(package / "riemhuman" / "__init__.py" / "home")
+    places = {"HOME": nowhere, "XDG_CACHE_HOME": nowhere, "PYTHONPATH": str(package)}
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", COMPUTE, *arguments],
+        env=os.environ | places | environment,
+        cwd=package,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == EXPECTED
+    return done.stderr
+
+
+@pytest.mark.parametrize("named", [False, True], ids=["no home", "NUMBA_CACHE_DIR"])
+def test_nowhere_to_keep_compiled_functions(package, named):
+    below_a_file = str(package / "riemhuman" / "__init__.py" / "cache")
+    said = compute(package, **({"NUMBA_CACHE_DIR": below_a_file} if named else {}))
+    assert said.count("UserWarning: compiled functions cannot be kept on disk") == 1
+    assert "NUMBA_CACHE_DIR" in said
+    assert "Traceback" not in said
+
+
+def test_a_full_disk_and_damaged_files(package, tmp_path):
+    pytest.importorskip("resource")
+    said = compute(package, "4000", NUMBA_CACHE_DIR=str(tmp_path))
+    assert said.count("UserWarning: compiled functions cannot be kept on disk") == 1
+    assert "Traceback" not in said
+    kept = list(tmp_path.rglob("*.nbi"))
+    assert kept
+    for file in kept:
+        file.write_bytes(file.read_bytes()[:20])
+    assert compute(package, NUMBA_CACHE_DIR=str(tmp_path)) == ""
+    assert all(len(file.read_bytes()) > 20 for file in kept)
