@@ -122,33 +122,34 @@ def check_shape(
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
 
 
-def moderate_lengths(array: Any, name: str) -> Any:
-    """Return lengths, unless their squares or areas would leave the range of double precision.
+def moderate_lengths(surfaces: Any, name: str) -> Any:
+    """Return surfaces, unless their areas would leave the range of double precision.
 
     Parameters
     ----------
-    array : array, shape (...)
-        Coordinates; an autograd box is returned as it is.
+    surfaces : array, shape (..., V, 3)
+        Vertices; an autograd box is returned as it is.
     name : str
         Name of the argument, for messages.
 
     Returns
     -------
-    array : array, shape (...)
+    array, shape (..., V, 3)
 
     Raises
     ------
     ArgumentError
-        If the largest is above 1e60, or below 1e-60 and not 0.
+        If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0.
     """
-    values = values_of(array)
-    largest = np.abs(values).max(initial=0.0)
-    if largest != 0.0 and not _SHORTEST_LENGTH <= largest <= _LONGEST_LENGTH:
+    largest = np.abs(values_of(surfaces)).max(axis=(-2, -1), initial=0.0)
+    wrong = (largest > _LONGEST_LENGTH) | ((0 < largest) & (largest < _SHORTEST_LENGTH))
+    if wrong.any():
         raise ArgumentError(
             f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "
-            f"{_LONGEST_LENGTH:g} in size; the largest is {largest:g}: choose another unit"
+            f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
+            "another unit"
         )
-    return array
+    return surfaces
 
 
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:

@@ -271,14 +271,22 @@ class EbinMetric(BulkMetric):
         Raises
         ------
         OutsideManifoldError
-            If the geodesic has met the apex g = 0 on some triangle.
+            If the geodesic has met the apex g = 0 on some triangle, or ends so far away that double
+            precision does not hold the matrix.
         """
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        end, met_apex = ebin_geodesics.exp(tangent_vec, base_point, self.lam)
+        with np.errstate(over="ignore", invalid="ignore"):
+            end, met_apex = ebin_geodesics.exp(tangent_vec, base_point, self.lam)
+            lost = ebin.has_lost_its_shape(values_of(end))
         refuse_triangles(
             values_of(met_apex),
             "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
+            OutsideManifoldError,
+        )
+        refuse_triangles(
+            lost,
+            "tangent_vec must be the velocity of a geodesic whose end double precision can hold",
             OutsideManifoldError,
         )
         return end

@@ -118,7 +118,7 @@ class SurfaceMetric(PullbackMetric):
         from riemhuman.kernels import compiled_features as compiled
 
         one_of(precision, "precision", PRECISIONS)
-        surfaces = self.check_points(points)
+        surfaces = self.space.check_point(self.check_points(points), "points")
         template = self.space.template
         arrays = (surfaces, template.faces, template.frame_coefficients, template.face_areas)
         weights = self._weights

@@ -27,6 +27,9 @@ from riemhuman.kernels.scalars import (
 from riemhuman.kernels.surface import DEGENERATE, cross, dot
 
 
+_FEW_DIGITS = 1e5 * np.finfo(float).eps
+
+
 def determinants(g: ndarray) -> ndarray:
     """Return det g to working precision, also for near-degenerate g.
 
@@ -55,6 +58,22 @@ def is_degenerate(g: ndarray) -> ndarray:
     array of bool, shape (...)
     """
     return determinants(g) <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
+
+
+def has_lost_its_shape(g: ndarray) -> ndarray:
+    """Tell where g overflows, or is so near to singular that det g has fewer than five digits.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Symmetric matrices, or what became of them by overflow.
+
+    Returns
+    -------
+    array of bool, shape (...)
+    """
+    # Written so that infinite entries, whose determinants are NaN, are told too.
+    return ~(determinants(g) > _FEW_DIGITS * g[..., 0, 0] * g[..., 1, 1])
 
 
 def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:

@@ -473,3 +473,46 @@ def test_deformations_of_all_sizes_are_within_the_bound():
         expected = [metric.dist(f, g) for g in points[1:]]
         found = metric.cdist(points[:1], points[1:])[0]
         np.testing.assert_allclose(found, expected, rtol=1e-5)
+
+
+# Out of the range of numbers.
+
+
+@each_metric
+@pytest.mark.parametrize("exponent", [20, 30, 50])
+def test_single_precision_does_not_overflow(weights, exponent):
+    template = sphere_template()
+    points = surfaces(template, 3, rng=2) * 10.0**exponent
+    check_against_definition(metric_of(template, weights), points)
+
+
+def test_distances_beyond_double_precision_are_refused():
+    metric = VectorSpace((2,)).metric
+    points = np.array([[1e200, 0.0], [-1e200, 1.0]])
+    for precision in ("single", "double"):
+        with (
+            pytest.raises(ArgumentError, match="too large for double precision"),
+            np.errstate(over="ignore"),
+        ):
+            metric.dist_pairwise(points, precision=precision)
+
+
+@each_metric
+@pytest.mark.parametrize("exponent", [-300, -150, -80, 80, 150, 300])
+def test_surfaces_beyond_double_precision_are_refused(weights, exponent):
+    template = sphere_template()
+    metric = metric_of(template, weights)
+    points = surfaces(template, 2, rng=2) * 10.0**exponent
+    for call in (lambda: metric.dist(*points), lambda: metric.dist_pairwise(points)):
+        with pytest.raises(ArgumentError, match="coordinates of between 1e-60 and 1e.?60"):
+            call()
+
+
+@pytest.mark.parametrize("exponent", [-59, 59])
+def test_surfaces_at_the_ends_of_the_range_are_right(exponent):
+    template, scale = sphere_template(), 10.0**exponent
+    points = surfaces(template, 2, rng=2)
+    shape, pose = metric_of(template, (1.0, 0.1, 0.0)), metric_of(template, (0.0, 0.0, 1.0))
+    expected = shape.dist(*points) * scale
+    np.testing.assert_allclose(shape.dist(*(points * scale)), expected, rtol=1e-12)
+    np.testing.assert_allclose(pose.dist(*(points * scale)), pose.dist(*points), rtol=1e-12)
