@@ -104,8 +104,8 @@ def check_weights(weights: ndarray | None, n_points: int) -> ndarray:
     smallest, largest = weights.min(), weights.max()
     if smallest < 0 or largest <= 0:
         raise ArgumentError(
-            "weights must be at least 0 and not all 0; they are between "
-            f"{smallest:g} and {largest:g}"
+            f"weights must be at least 0 and not all 0; the smallest is {smallest:g}, the largest "
+            f"{largest:g}"
         )
     # Their sum might overflow.
     weights = weights / largest

@@ -414,6 +414,18 @@ def test_what_has_not_converged_says_so():
         GeometricMedian(fields, GradientDescentMean(), max_iter=1).fit(near_points(fields))
 
 
+def test_weights_as_large_or_as_small_as_numbers_get():
+    for size in (1e308, 1e-308):
+        weights = check_weights(size * np.array([1.0, 0.0, 0.5, 1.5]), 4)
+        np.testing.assert_allclose(weights, np.array([2, 0, 1, 3]) / 6, rtol=1e-14)
+
+
+@pytest.mark.parametrize("name", ["a", "lam", "c"])
+def test_weights_of_metrics_whose_distances_overflow_are_refused(name):
+    with pytest.raises(ArgumentError, match=f"{name} must be at most 1e.?60; found 1e.?308"):
+        equipped(**({"a": 1.0, "lam": 1.0, "c": 1.0} | {name: 1e308}))
+
+
 def test_refusals():
     space, points = five_people()
     solver = BasisMean(bodies.basis())
@@ -427,7 +439,7 @@ def test_refusals():
         FrechetMean(space, solver).fit(points, weights=[1.0, 2.0])
     with pytest.raises(ArgumentError, match="smallest is -1"):
         FrechetMean(space, solver).fit(points, weights=[1, 1, 1, 1, -1])
-    with pytest.raises(ArgumentError, match="sum 0"):
+    with pytest.raises(ArgumentError, match="largest 0"):
         check_weights(np.zeros(3), 3)
     with pytest.raises(ArgumentError, match="3606.*12"):
         FrechetMean(space, BasisMean(AllDirections(12))).fit(points)
