@@ -142,7 +142,7 @@ def moderate_lengths(surfaces: Any, name: str) -> Any:
         If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0.
     """
     largest = np.abs(values_of(surfaces)).max(axis=(-2, -1), initial=0.0)
-    wrong = (largest > _LONGEST_LENGTH) | ((0 < largest) & (largest < _SHORTEST_LENGTH))
+    wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
     if wrong.any():
         raise ArgumentError(
             f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "

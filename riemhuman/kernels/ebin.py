@@ -26,7 +26,6 @@ from riemhuman.kernels.scalars import (
 )
 from riemhuman.kernels.surface import DEGENERATE, cross, dot
 
-
 _FEW_DIGITS = 1e5 * np.finfo(float).eps
 
 
