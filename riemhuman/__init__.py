@@ -54,6 +54,7 @@ _ROOMS = (
     "geometry",
     "jobs",
     "kernels",
+    "protocols",
     "report",
     "retrieval",
     "solvers",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from riemhuman.errors import ConvergenceWarning, FileError
 
 if TYPE_CHECKING:
-    from riemhuman.solvers.results import Outcome
+    from riemhuman.solvers.results import Result
 
 
 def say(text: str = "") -> None:
@@ -149,12 +149,12 @@ class Reporter:
             sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
-def stop_if_interrupted(result: Outcome) -> None:
+def stop_if_interrupted(result: Result) -> None:
     """Raise the interruption that a solver has turned into a result.
 
     Parameters
     ----------
-    result : Outcome
+    result : Result
         What the solver returned.
 
     Raises
@@ -166,12 +166,12 @@ def stop_if_interrupted(result: Outcome) -> None:
         raise KeyboardInterrupt
 
 
-def convergence(result: Outcome) -> str:
+def convergence(result: Result) -> str:
     """Return in words whether a solver has converged.
 
     Parameters
     ----------
-    result : Outcome
+    result : Result
         What the solver returned.
 
     Returns

@@ -14,11 +14,11 @@ from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels import ebin, ebin_tangent, sphere, surface
 from riemhuman.kernels.sketches import cone_chart, patch_coordinates, triangle_patches
 from riemhuman.kernels.sums import integrate
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces

@@ -12,8 +12,8 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
 from riemhuman.geometry.bulk_distances import BulkDistances
-from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.kernels.scalars import square_root
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 
 if TYPE_CHECKING:
     from riemhuman.geometry.manifold import Manifold
@@ -254,10 +254,11 @@ class RiemannianMetric(BulkDistances):
 
         def follow(point: ndarray, velocity: ndarray) -> ndarray:
             result = solver.solve(self, velocity, point)
-            if not result.complete:
+            if not getattr(result, "complete", True):
+                where = getattr(result, "message", "a point on the way")
                 raise OutsideManifoldError(
                     f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
-                    f"can follow for unit time; it stopped at {result.message}"
+                    f"can follow for unit time; it stopped at {where}"
                 )
             return result.end
 
@@ -421,7 +422,7 @@ class RiemannianMetric(BulkDistances):
         return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        path = self._solve("geodesic", start, end).path
+        path = np.asarray(self._solve("geodesic", start, end).path)
 
         def follow(t: Any) -> ndarray:
             position = self._times(t).ravel() * (len(path) - 1)

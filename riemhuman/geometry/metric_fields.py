@@ -20,9 +20,9 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManif
 from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels import ebin, ebin_geodesics, ebin_tangent, ebin_transport
 from riemhuman.kernels.sums import integrate
+from riemhuman.protocols import GeodesicSolver
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Points
-from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.protocols import GeodesicSolver
 
 
 class ProductManifold(Manifold):

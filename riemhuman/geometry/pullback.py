@@ -11,8 +11,8 @@ from riemhuman.checks import real_array
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Points
-from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.kernels import linear
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 
 
 class PullbackMetric(RiemannianMetric):

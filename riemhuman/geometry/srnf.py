@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 from numpy import ndarray
 
-from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces

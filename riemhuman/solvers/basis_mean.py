@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from autograd.core import make_vjp
@@ -14,20 +14,13 @@ from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import Basis
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
-
-
-class Basis(Protocol):
-    """Vectors as rows; a `DeformationBasis` for surfaces."""
-
-    @property
-    def flat(self) -> ndarray:
-        """The vectors, shape (K, size of a point)."""
 
 
 @dataclass(frozen=True)
@@ -113,10 +106,7 @@ class BasisMean:
             family.point(minimum.x),
             minimum.value,
             minimum.values,
-            minimum.n_iterations,
-            minimum.n_evaluations,
-            minimum.converged,
-            minimum.message,
+            **minimum.outcome,
         )
         warn_unless_converged(self, result)
         return result
@@ -154,7 +144,7 @@ class BasisMean:
         # Distances of points that coincide to rounding error have no gradient to follow.
         if variance <= (1e-14 * np.abs(origin).max()) ** 2:
             values = np.array([variance])
-            return Minimum(start, variance, values, 0, 1, True, "all points coincide")
+            return Minimum(start, variance, values, n_evaluations=1, message="all points coincide")
 
         def around(coefficients: ndarray) -> LocalProblem:
             point = family.point(coefficients)

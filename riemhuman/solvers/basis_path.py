@@ -12,9 +12,9 @@ from numpy import ndarray
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
-from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.protocols import GeodesicSolver, PathEnergy
+from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
 from riemhuman.solvers.poisson_path import best_turns, turned_path
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
@@ -138,17 +138,16 @@ class BasisPath:
                     "without area; pass another initial_path"
                 )
             if self.n_nodes == 2:
-                return PathResult(line, energy, np.array([energy]), 0, 1, True, "a single segment")
+                return PathResult(
+                    line, energy, np.array([energy]), n_evaluations=1, message="a single segment"
+                )
             minimum = self._minimize(metric, line, energy, gradient)
         path = self._path(line, minimum.x)
         result = PathResult(
             metric.remove_drift(path) if self.remove_drift else path,
             minimum.value,
             minimum.values,
-            minimum.n_iterations,
-            minimum.n_evaluations,
-            minimum.converged,
-            minimum.message,
+            **minimum.outcome,
         )
         warn_unless_converged(self, result)
         return result

@@ -13,8 +13,8 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
-from riemhuman.solvers.results import PathResult
+from riemhuman.protocols import GeodesicSolver
+from riemhuman.solvers.results import PathResult, whole_path_result
 from riemhuman.surfaces.distortion import (
     Distortion,
     change_along_path,
@@ -142,7 +142,7 @@ def compare_paths(
     compared = []
     for name, (solver, metric_name) in solvers.items():
         began = perf_counter()
-        result = solver.solve(metrics[metric_name], start, end)
+        result = whole_path_result(solver.solve(metrics[metric_name], start, end))
         seconds = perf_counter() - began
         measures = measure_path(metrics, result.path, reference)
         compared.append(PathComparison(name, metric_name, result, measures, seconds))

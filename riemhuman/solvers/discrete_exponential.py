@@ -12,7 +12,7 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
-from riemhuman.solvers.results import warn_unless_converged
+from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -22,8 +22,8 @@ _LOST = 1e-3
 _OUTSIDE = 1e-9
 
 
-@dataclass(frozen=True)
-class ExponentialResult:
+@dataclass(frozen=True, repr=False)
+class ExponentialResult(Result):
     r"""A geodesic followed from its start, and how it was found.
 
     Attributes
@@ -34,10 +34,10 @@ class ExponentialResult:
         Squared speed on each segment, which the continuous geodesic keeps.
     n_steps : int
         Steps that unit time was divided into.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of energy and gradient, of all steps.
     complete : bool
         Whether all steps could be made.
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of energy and gradient, of all steps.
     converged : bool
         Whether all steps were made, and the equation of each solved within the tolerance.
     message : str
@@ -47,11 +47,7 @@ class ExponentialResult:
     path: ndarray
     energies: ndarray
     n_steps: int
-    n_iterations: int
-    n_evaluations: int
     complete: bool
-    converged: bool
-    message: str
 
     @property
     def end(self) -> ndarray:
@@ -205,11 +201,11 @@ class DiscreteExponential:
             path,
             steps_per_unit**2 * np.array(squared),
             steps_per_unit,
-            n_iterations,
-            n_evaluations,
-            not stop,
-            not (stop or unsolved),
-            stop or unsolved or "all steps were made",
+            complete=not stop,
+            n_iterations=n_iterations,
+            n_evaluations=n_evaluations,
+            converged=not (stop or unsolved),
+            message=stop or unsolved or "all steps were made",
         )
         warn_unless_converged(self, result)
         return result

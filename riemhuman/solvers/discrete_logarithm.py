@@ -9,12 +9,17 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.protocols import GeodesicSolver
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration
 from riemhuman.solvers.path_straightening import PathStraightening
-from riemhuman.solvers.results import PathResult, warn_unless_converged
+from riemhuman.solvers.results import (
+    PathResult,
+    Result,
+    warn_unless_converged,
+    whole_path_result,
+)
 from riemhuman.solvers.simple_paths import check_end_points, linear_path
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -22,8 +27,8 @@ from riemhuman.surfaces.deformation_basis import DeformationBasis
 _TOLERANCE = 1e-11
 
 
-@dataclass(frozen=True)
-class LogarithmResult:
+@dataclass(frozen=True, repr=False)
+class LogarithmResult(Result):
     r"""The initial velocity of a geodesic between two points, and how it was found.
 
     Attributes
@@ -46,10 +51,6 @@ class LogarithmResult:
     tangent_vec: ndarray
     path: ndarray
     energy: float
-    n_iterations: int
-    n_evaluations: int
-    converged: bool
-    message: str
 
 
 @dataclass(frozen=True)
@@ -130,10 +131,10 @@ class DiscreteLogarithm:
             0.5 * n_steps * (path[1] - before),
             path,
             found.energy,
-            found.n_iterations + backward.n_iterations,
-            found.n_evaluations + backward.n_evaluations,
-            found.converged and backward.converged and not gone,
-            message,
+            n_iterations=found.n_iterations + backward.n_iterations,
+            n_evaluations=found.n_evaluations + backward.n_evaluations,
+            converged=found.converged and backward.converged and not gone,
+            message=message,
         )
         warn_unless_converged(self, result)
         return result
@@ -147,7 +148,7 @@ class DiscreteLogarithm:
     ) -> PathResult:
         n_nodes = self.n_steps + 1
         if self.geodesic_solver is not None:
-            return self.geodesic_solver.solve(metric, start, end)
+            return whole_path_result(self.geodesic_solver.solve(metric, start, end))
         if basis is None:
             return PathStraightening(n_nodes, tolerance=_TOLERANCE, remove_drift=False).solve(
                 metric, start, end

@@ -20,7 +20,7 @@ from riemhuman.kernels.triangle_frames import (
 )
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.solvers.results import warn_unless_converged
+from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -35,8 +35,8 @@ _WALL = 2.0
 _ROUNDING = 1e-12
 
 
-@dataclass(frozen=True)
-class DisentanglingResult:
+@dataclass(frozen=True, repr=False)
+class DisentanglingResult(Result):
     """A surface near one body in shape and near another in pose, and how it was found.
 
     Attributes
@@ -62,10 +62,6 @@ class DisentanglingResult:
     values: ndarray
     shape_dist: float
     pose_dist: float
-    n_iterations: int
-    n_evaluations: int
-    converged: bool
-    message: str
 
 
 @dataclass(frozen=True)
@@ -175,10 +171,7 @@ class Disentangling:
             minimum.values,
             float(shape_metric.dist(shape, surface)),
             float(pose_metric.dist(pose, surface)),
-            minimum.n_iterations,
-            minimum.n_evaluations,
-            minimum.converged,
-            minimum.message,
+            **minimum.outcome,
         )
         warn_unless_converged(self, result)
         return result
@@ -189,7 +182,7 @@ class Disentangling:
         value, rounding = sum_.value_and_gradient(start)[0], sum_.rounding(start)
         if value <= rounding:
             message = "the start is at no distance from either"
-            return Minimum(shift, value, np.array([value]), 0, 1, True, message)
+            return Minimum(shift, value, np.array([value]), n_evaluations=1, message=message)
         with single_threaded_libraries():
             return minimize_in_rounds(
                 lambda shift: self._local_problem(sum_, start, shift),

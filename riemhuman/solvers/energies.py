@@ -3,48 +3,12 @@ r"""Path energies, :math:`E = \int_0^1 \|\dot x\|^2 dt`, of discrete paths."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import autograd.numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.geometry.metric import RiemannianMetric
-
-
-class PathEnergy(Protocol):
-    """An energy of discrete paths, with its gradient."""
-
-    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        r"""Return the energy of a path.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        float
-        """
-
-    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of a path and its gradient with respect to all points.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        energy : float
-        gradient : array, shape (n_nodes, \*shape)
-        """
 
 
 @dataclass(frozen=True)

@@ -2,44 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, Self
+from typing import Self
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.manifold import Manifold
+from riemhuman.protocols import MeanSolver
 from riemhuman.solvers.dispersion import Dispersion
-from riemhuman.solvers.results import MeanResult, warn_unless_converged
-
-
-class MeanSolver(Protocol):
-    """A strategy that finds a point of least weighted mean squared distance."""
-
-    def solve(
-        self,
-        metric: Any,
-        points: ndarray,
-        weights: ndarray | None = None,
-        initial_point: ndarray | None = None,
-    ) -> MeanResult:
-        r"""Return the mean and how it was found.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        points : array, shape (n, \*shape)
-            Points.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
-        initial_point : array, shape (\*shape,), optional
-            Where to start; by default the solver chooses.
-
-        Returns
-        -------
-        MeanResult
-        """
+from riemhuman.solvers.results import MeanResult, warn_unless_converged, whole_mean_result
 
 
 class FrechetMean:
@@ -90,7 +62,7 @@ class FrechetMean:
         FrechetMean
             The estimator itself.
         """
-        self._keep(self.solver.solve(self.space.metric, X, weights))
+        self._keep(whole_mean_result(self.solver.solve(self.space.metric, X, weights)))
         return self
 
     def _keep(self, result: MeanResult) -> None:
@@ -162,7 +134,7 @@ class GeometricMedian(FrechetMean):
             If the sum of distances was still falling after the last round.
         """
         dispersion = Dispersion(self.space.metric, X, weights)
-        mean = self.solver.solve(self.space.metric, X, dispersion.weights)
+        mean = whole_mean_result(self.solver.solve(self.space.metric, X, dispersion.weights))
         point, n_evaluations = mean.point, mean.n_evaluations
         sums: list[float] = []
         converged, message = False, "the most rounds were made"
@@ -175,17 +147,19 @@ class GeometricMedian(FrechetMean):
             # A sample that the median has reached keeps a large but finite weight.
             floor = max(1e-9 * distances.max(), np.finfo(float).tiny)
             pull = dispersion.weights / np.maximum(distances, floor)
-            mean = self.solver.solve(self.space.metric, X, pull, initial_point=point)
+            mean = whole_mean_result(
+                self.solver.solve(self.space.metric, X, pull, initial_point=point)
+            )
             point = mean.point
             n_evaluations += mean.n_evaluations
         result = MeanResult(
             point,
             float(dispersion.weights @ dispersion.squared_dists(point)),
             np.array(sums),
-            len(sums) - 1,
-            n_evaluations,
-            converged,
-            message,
+            n_iterations=len(sums) - 1,
+            n_evaluations=n_evaluations,
+            converged=converged,
+            message=message,
         )
         warn_unless_converged(self, result)
         self._keep(result)

@@ -107,10 +107,10 @@ class GradientDescentMean:
             point,
             variances[-1],
             np.array(variances),
-            len(variances) - 1,
-            n_evaluations,
-            converged,
-            message,
+            n_iterations=len(variances) - 1,
+            n_evaluations=n_evaluations,
+            converged=converged,
+            message=message,
         )
         warn_unless_converged(self, result)
         return result

@@ -23,7 +23,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.basis_mean import Basis
+from riemhuman.protocols import Basis
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.root_finding import find_root
 from riemhuman.solvers.spatial_factors import spatial_factor

@@ -11,6 +11,7 @@ from numpy import ndarray
 from scipy import optimize
 
 from riemhuman.progress import ProgressBar
+from riemhuman.solvers.results import Result
 
 # Iterations that together must gain more than `_STILL` times the expected decrease.
 _PATIENCE = 15
@@ -23,8 +24,8 @@ _MEMORY = 20
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 
 
-@dataclass(frozen=True)
-class Minimum:
+@dataclass(frozen=True, repr=False)
+class Minimum(Result):
     """What a minimisation has reached.
 
     Attributes
@@ -35,23 +36,19 @@ class Minimum:
         Its value.
     values : array, shape (n_iterations + 1,)
         Value at the start and after each iteration.
+    interrupted : bool
+        Whether it was stopped from the keyboard.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of value and gradient.
     converged : bool
         Whether the stopping test was met.
     message : str
         Why it stopped.
-    interrupted : bool
-        Whether it was stopped from the keyboard.
     """
 
     x: ndarray
     value: float
     values: ndarray
-    n_iterations: int
-    n_evaluations: int
-    converged: bool
-    message: str
     interrupted: bool = False
 
 
@@ -124,7 +121,9 @@ def minimize(
     values = [value]
     if not np.isfinite(value):
         message = "the value at the start is not finite"
-        return Minimum(start, value, np.array(values), 0, 1, False, message)
+        return Minimum(
+            start, value, np.array(values), n_evaluations=1, converged=False, message=message
+        )
     met_test = expected_decrease is not None and _is_met(
         expected_decrease, value, record.last_gradient
     )
@@ -178,11 +177,11 @@ def minimize(
         record.best_x,
         record.best_value,
         np.array(values),
-        len(values) - 1,
-        record.n_evaluations,
-        converged,
-        message,
         interrupted,
+        n_iterations=len(values) - 1,
+        n_evaluations=record.n_evaluations,
+        converged=converged,
+        message=message,
     )
 
 
@@ -255,11 +254,11 @@ def minimize_in_rounds(
                 x,
                 values[-1],
                 values,
-                len(values) - 1,
-                n_evaluations,
-                False,
-                "interrupted from the keyboard",
                 interrupted=True,
+                n_iterations=len(values) - 1,
+                n_evaluations=n_evaluations,
+                converged=False,
+                message="interrupted from the keyboard",
             )
         n_before = max(len(values) - 1, 0)
 
@@ -288,11 +287,11 @@ def minimize_in_rounds(
                 x,
                 found.value * local.unit,
                 values,
-                n_iterations,
-                n_evaluations,
-                found.converged,
-                found.message,
                 found.interrupted,
+                n_iterations=n_iterations,
+                n_evaluations=n_evaluations,
+                converged=found.converged,
+                message=found.message,
             )
 
 

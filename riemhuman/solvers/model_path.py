@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 from riemhuman.checks import one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.protocols import PathEnergy
+from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
 

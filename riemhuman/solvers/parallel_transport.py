@@ -13,16 +13,16 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.protocols import GeodesicSolver
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
-from riemhuman.solvers.results import warn_unless_converged
+from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.solvers.simple_paths import check_end_points
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
-@dataclass(frozen=True)
-class TransportResult:
+@dataclass(frozen=True, repr=False)
+class TransportResult(Result):
     r"""A tangent vector carried along a path, and how.
 
     Attributes
@@ -44,10 +44,6 @@ class TransportResult:
     tangent_vec: ndarray
     tangent_vecs: ndarray
     path: ndarray
-    n_iterations: int
-    n_evaluations: int
-    converged: bool
-    message: str
 
 
 class _Geometry(Protocol):
@@ -140,9 +136,7 @@ class _Ladder:
         carried = metric.parallel_transport(  # type: ignore[attr-defined]
             vector, start, end_point=end
         )
-        return TransportResult(
-            carried, np.stack([vector, carried]), path, 0, 0, True, "closed form"
-        )
+        return TransportResult(carried, np.stack([vector, carried]), path, message="closed form")
 
     def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:
         if metric.has_closed_form_geodesic:
@@ -179,10 +173,10 @@ class _Ladder:
             vectors[-1],
             np.stack(vectors),
             path,
-            geometry.n_iterations,
-            geometry.n_evaluations,
-            converged,
-            f"{len(path) - 1} rungs{unsolved}",
+            n_iterations=geometry.n_iterations,
+            n_evaluations=geometry.n_evaluations,
+            converged=converged,
+            message=f"{len(path) - 1} rungs{unsolved}",
         )
         warn_unless_converged(self, result)
         return result

@@ -14,7 +14,8 @@ from scipy.interpolate import make_interp_spline
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.protocols import PathEnergy
+from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
@@ -181,10 +182,10 @@ class _Descent:
             remove_drift(self._on_manifold(self._path)),
             value,
             values,
-            len(values) - 1,
-            self._n_evaluations,
-            converged,
-            message,
+            n_iterations=len(values) - 1,
+            n_evaluations=self._n_evaluations,
+            converged=converged,
+            message=message,
         )
 
     def _descend(self, is_last: bool) -> Minimum:

@@ -10,7 +10,8 @@ from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.protocols import PathEnergy
+from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
 

@@ -2,17 +2,122 @@
 
 from __future__ import annotations
 
+import dataclasses
+import os
 import warnings
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, fields
+from html import escape
+from typing import Any, Self
 
+import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import ConvergenceWarning
+from riemhuman.errors import ConvergenceWarning, FileFormatError
+from riemhuman.protocols import FoundMean, FoundPath
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
+
+_CLASS = "result_class"
 
 
-@dataclass(frozen=True)
-class PathResult:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Result:
+    """What every solver says of how it ended; subclasses add what it has found.
+
+    Attributes
+    ----------
+    n_iterations, n_evaluations : int
+        Iterations, and evaluations of the objective and its gradient.
+    converged : bool
+        Whether the solver's stopping test was met.
+    message : str
+        Why it stopped.
+    """
+
+    n_iterations: int = 0
+    n_evaluations: int = 0
+    converged: bool = True
+    message: str = ""
+
+    @property
+    def outcome(self) -> dict[str, Any]:
+        """How the solver ended, by name: what a result made from this one passes on."""
+        return {field.name: getattr(self, field.name) for field in fields(Result)}
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write everything to an .npz file.
+
+        Parameters
+        ----------
+        path : path_like
+            The file, with its ending; an existing file is replaced, whole or not at all.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        arrays = {name: np.asarray(value) for name, value in values.items() if value is not None}
+        save_arrays(path, {_CLASS: np.array(type(self).__name__), **arrays})
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a result that `save` wrote.
+
+        Parameters
+        ----------
+        path : path_like
+            The file.
+
+        Returns
+        -------
+        Result
+            Of the class whose method this is.
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it does not hold a result of this class.
+        """
+        required = [field.name for field in fields(cls) if field.default is dataclasses.MISSING]
+        arrays = load_arrays(path, [_CLASS, *required], [field.name for field in fields(cls)])
+        found = str(arrays.pop(_CLASS))
+        if found != cls.__name__:
+            raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {found[:60]}")
+        values: dict[str, Any] = {
+            name: value.item() if value.ndim == 0 else value for name, value in arrays.items()
+        }
+        return cls(**values)
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{name}={text}" for name, text in self._shown().items())
+        return f"{type(self).__name__}({shown})"
+
+    def _repr_html_(self) -> str:
+        rows = "".join(
+            f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>"
+            for name, text in self._shown().items()
+        )
+        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+    def _shown(self) -> dict[str, str]:
+        """Return the numbers as text, and the shapes of arrays."""
+        shown = {}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, ndarray) and value.ndim:
+                shown[field.name] = f"<array {value.shape}>"
+            elif isinstance(value, (float, ndarray)):
+                shown[field.name] = f"{float(value):.6g}"
+            else:
+                shown[field.name] = repr(value)
+        return shown
+
+
+@dataclass(frozen=True, repr=False)
+class PathResult(Result):
     r"""A path between two points, and how it was found.
 
     Attributes
@@ -34,14 +139,10 @@ class PathResult:
     path: ndarray
     energy: float
     energies: ndarray
-    n_iterations: int
-    n_evaluations: int
-    converged: bool
-    message: str
 
 
-@dataclass(frozen=True)
-class MeanResult:
+@dataclass(frozen=True, repr=False)
+class MeanResult(Result):
     r"""A point that minimises a weighted sum of squared distances, and how it was found.
 
     Attributes
@@ -63,36 +164,56 @@ class MeanResult:
     point: ndarray
     variance: float
     variances: ndarray
-    n_iterations: int
-    n_evaluations: int
-    converged: bool
-    message: str
 
 
-class Outcome(Protocol):
-    """What every result says of how its solver ended."""
+def whole_path_result(found: FoundPath) -> PathResult:
+    """Return what any geodesic solver has found, with defaults for what it leaves out.
 
-    @property
-    def converged(self) -> bool:
-        """Whether the stopping test was met."""
+    Parameters
+    ----------
+    found : FoundPath
+        What a solver returned: at least a path and its energy.
 
-    @property
-    def n_iterations(self) -> int:
-        """Number of iterations."""
+    Returns
+    -------
+    PathResult
+        The same object if it is one.
+    """
+    if isinstance(found, PathResult):
+        return found
+    path, energy = np.asarray(found.path, dtype=float), float(found.energy)
+    energies = np.asarray(getattr(found, "energies", [energy]), dtype=float)
+    return PathResult(path, energy, energies, **_outcome(found))
 
-    @property
-    def message(self) -> str:
-        """Why it stopped."""
+
+def whole_mean_result(found: FoundMean) -> MeanResult:
+    """Return what any mean solver has found, with defaults for what it leaves out.
+
+    Parameters
+    ----------
+    found : FoundMean
+        What a solver returned: at least a point and its variance.
+
+    Returns
+    -------
+    MeanResult
+        The same object if it is one.
+    """
+    if isinstance(found, MeanResult):
+        return found
+    point, variance = np.asarray(found.point, dtype=float), float(found.variance)
+    variances = np.asarray(getattr(found, "variances", [variance]), dtype=float)
+    return MeanResult(point, variance, variances, **_outcome(found))
 
 
-def warn_unless_converged(solver: object, result: Outcome) -> None:
+def warn_unless_converged(solver: object, result: Result) -> None:
     """Warn once if a solver has stopped without converging.
 
     Parameters
     ----------
     solver : object
         The solver; the warning names its class.
-    result : Outcome
+    result : Result
         What it found.
 
     Warns
@@ -107,3 +228,9 @@ def warn_unless_converged(solver: object, result: Outcome) -> None:
             ConvergenceWarning,
             stacklevel=3,
         )
+
+
+def _outcome(found: object) -> dict[str, Any]:
+    """Return what an object says of how its solver ended."""
+    said = {field.name: getattr(found, field.name, field.default) for field in fields(Result)}
+    return {name: type(getattr(Result, name))(value) for name, value in said.items()}

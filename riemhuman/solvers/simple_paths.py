@@ -10,7 +10,8 @@ from numpy import ndarray
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.energies import PathEnergy, SegmentEnergy
+from riemhuman.protocols import PathEnergy
+from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.results import PathResult
 
 
@@ -200,4 +201,4 @@ def known_path(
     PathResult
     """
     value = energy.value(metric, path)
-    return PathResult(path, value, np.array([value]), 0, 1, True, message)
+    return PathResult(path, value, np.array([value]), n_evaluations=1, message=message)

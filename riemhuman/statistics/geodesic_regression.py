@@ -282,12 +282,4 @@ def _numbers(X: ndarray) -> ndarray:
 
 
 def _as_result(point: ndarray, found: Minimum) -> MeanResult:
-    return MeanResult(
-        point,
-        found.value,
-        found.values,
-        found.n_iterations,
-        found.n_evaluations,
-        found.converged,
-        found.message,
-    )
+    return MeanResult(point, found.value, found.values, **found.outcome)

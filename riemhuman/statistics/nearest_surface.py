@@ -121,10 +121,7 @@ class NearestSurface:
             result.point,
             float(variance(result.point)),
             result.variances,
-            result.n_iterations,
-            result.n_evaluations,
-            result.converged,
-            result.message,
+            **result.outcome,
         )
         warn_unless_converged(self, found)
         return found
@@ -156,7 +153,13 @@ class NearestSurface:
             elif share > _GOOD:
                 damping *= 0.25
         return MeanResult(
-            f, values[-1], np.array(values), len(values) - 1, n_evaluations, converged, message
+            f,
+            values[-1],
+            np.array(values),
+            n_iterations=len(values) - 1,
+            n_evaluations=n_evaluations,
+            converged=converged,
+            message=message,
         )
 
     def _step(

@@ -140,7 +140,15 @@ class Given:
     """A solver with its result."""
 
     def __init__(self, path, converged=True):
-        self.result = PathResult(path, 3.5, np.array([3.5]), 70, 900, converged, "as given")
+        self.result = PathResult(
+            path,
+            3.5,
+            np.array([3.5]),
+            n_iterations=70,
+            n_evaluations=900,
+            converged=converged,
+            message="as given",
+        )
 
     def solve(self, metric, start, end):
         return self.result
@@ -217,7 +225,7 @@ def test_the_path_is_sought_from_what_the_basis_has_of_the_first(monkeypatch, co
 
         def solve(self, metric, start, end, initial_path=None):
             sought.append(initial_path)
-            return PathResult(first, 1.0, np.ones(1), 0, 1, True, "")
+            return PathResult(first, 1.0, np.ones(1))
 
     monkeypatch.setattr(discrete_logarithm, "BasisPath", Scripted)
     DiscreteLogarithm(basis, n_steps=3).solve(case.metric, end, start)

@@ -4,18 +4,32 @@ import dataclasses
 import importlib
 import pkgutil
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from cases import CASES
 
 from riemhuman import solvers
-from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.errors import ArgumentError, ConvergenceWarning, FileFormatError
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.solvers.minimization import Minimum
+from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
 
 
 class Solver:
     def solve(self, converged):
-        result = PathResult(np.zeros((2, 1)), 1.0, np.array([1.0]), 7, 9, converged, "out of time")
+        result = PathResult(
+            np.zeros((2, 1)),
+            1.0,
+            np.array([1.0]),
+            n_iterations=7,
+            converged=converged,
+            message="out of time",
+        )
         warn_unless_converged(self, result)
         return result
 
@@ -38,7 +52,7 @@ def test_a_solver_that_has_converged_is_silent():
 
 @pytest.mark.parametrize("result_class", [PathResult, MeanResult])
 def test_results_do_not_change(result_class):
-    result = result_class(np.zeros(1), 0.0, np.zeros(1), 0, 1, True, "")
+    result = result_class(np.zeros(1), 0.0, np.zeros(1))
     for field in dataclasses.fields(result):
         with pytest.raises(dataclasses.FrozenInstanceError):
             setattr(result, field.name, None)
@@ -147,3 +161,93 @@ def test_small_numbers_above_zero_are_legal(cls, name):
     assert getattr(build(cls, **{name: 1e-300}), name) == 1e-300
     with pytest.raises(ArgumentError, match=f"{name} must be a finite number above 0"):
         build(cls, **{name: 0.0})
+
+
+RESULTS = [
+    PathResult(np.arange(6.0).reshape(3, 2), 0.5, np.array([2.0, 0.5]), n_iterations=1),
+    MeanResult(np.ones(2), 0.25, np.array([0.25]), converged=False, message="out of time"),
+    Minimum(np.zeros(2), 1.0, np.ones(3), interrupted=True, n_evaluations=4),
+    TransportResult(np.ones(2), np.ones((3, 2)), np.zeros((3, 2)), message="closed form"),
+]
+
+
+@pytest.mark.parametrize("result", RESULTS, ids=lambda result: type(result).__name__)
+def test_results_are_kept_in_files(tmp_path, result):
+    result.save(tmp_path / "result.npz")
+    found = type(result).load(tmp_path / "result.npz")
+    for field in dataclasses.fields(result):
+        expected = getattr(result, field.name)
+        assert type(getattr(found, field.name)) is type(expected)
+        np.testing.assert_array_equal(getattr(found, field.name), expected)
+
+
+def test_results_of_another_class_are_refused(tmp_path):
+    path = tmp_path / "result.npz"
+    PathResult(np.zeros((2, 2)), 0.0, np.zeros(1)).save(path)
+    with pytest.raises(FileFormatError, match="lacks the fields point"):
+        MeanResult.load(path)
+    save_arrays(path, {**load_arrays(path, []), "result_class": np.array("Path" * 50)})
+    with pytest.raises(FileFormatError, match=r"must hold a PathResult; found a (Path){15}$"):
+        PathResult.load(path)
+
+
+@pytest.mark.parametrize("result", RESULTS, ids=lambda result: type(result).__name__)
+def test_results_are_shown_in_a_line_and_a_table(result):
+    assert "\n" not in repr(result)
+    assert len(repr(result)) < 200
+    html = result._repr_html_()
+    for field in dataclasses.fields(result):
+        assert f"{field.name}=" in repr(result)
+        assert f"<th>{field.name}</th>" in html
+    shown = Minimum(np.zeros(2), 1.0, np.ones(3), message="1 < 2")._repr_html_()
+    assert "1 &lt; 2" in shown
+
+
+class Straight:
+    """A user's solver, whose results have what the protocol asks for and no more."""
+
+    def solve(self, metric, start, end):
+        path = np.linspace(start, end, 5)
+        return SimpleNamespace(path=path.tolist(), energy=metric.energy(path))
+
+
+class Middle:
+    """A user's mean solver."""
+
+    def solve(self, metric, points, weights=None, initial_point=None):
+        point = np.average(points, axis=0, weights=weights)
+        return SimpleNamespace(point=point, variance=np.mean(metric.squared_dist(points, point)))
+
+
+class Adding:
+    """A user's exponential solver."""
+
+    def solve(self, metric, tangent_vec, base_point):
+        return SimpleNamespace(end=base_point + tangent_vec)
+
+
+def test_bare_results_of_geodesic_solvers_suffice():
+    case = CASES["mixed sphere"]
+    start, end = case.points[:2]
+    (row,) = solvers.compare_paths({"m": case.metric}, start, end, {"straight": (Straight(), "m")})
+    assert row.result.converged
+    assert row.result.n_iterations == row.as_row()["n_iterations"] == 0
+    np.testing.assert_array_equal(row.result.energies, [row.result.energy])
+    log = solvers.DiscreteLogarithm(geodesic_solver=Straight()).solve(case.metric, end, start)
+    assert log.path.shape == (5, *case.space.shape)
+    path = np.linspace(start, end, 5)
+    metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, geodesic_solver=Straight())
+    np.testing.assert_allclose(metric.geodesic(start, end)(np.linspace(0, 1, 5)), path, atol=1e-15)
+
+
+def test_bare_results_of_other_solvers_suffice():
+    space = VectorSpace((2,))
+    points = space.random_point(5, rng=1)
+    mean = solvers.FrechetMean(space, Middle()).fit(points)
+    assert isinstance(mean.result_, MeanResult)
+    assert mean.n_iter_ == 0
+    assert np.isfinite(solvers.GeometricMedian(space, Middle()).fit(points).estimate_).all()
+    case = CASES["mixed sphere"]
+    metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, exp_solver=Adding())
+    found = metric.exp(case.tangent_vecs, case.points)
+    np.testing.assert_array_equal(found, case.points + case.tangent_vecs)

@@ -40,7 +40,6 @@ _MIRRORS = {
     "geometry/bulk_distances.py": "geometry/test_pairwise.py",
     "geometry/bulk_metric.py": "geometry/test_pairwise.py",
     "geometry/elastic_metric.py": "geometry/test_aligned_surfaces.py",
-    "geometry/strategies.py": "geometry/test_metric.py",
     "solvers/basis_mean.py": "solvers/test_means.py",
     "solvers/dispersion.py": "solvers/test_means.py",
     "solvers/frechet_mean.py": "solvers/test_means.py",
