@@ -83,7 +83,9 @@ class HalfPlane(Manifold):
 
     def belongs(self, point, atol=1e-9):
         """Tell where y > 0."""
-        return np.asarray(point)[..., 1] > 0
+        if np.shape(point)[-1:] != (2,):
+            return np.zeros(np.shape(point)[:-1], dtype=bool)
+        return np.isfinite(point).all(axis=-1) & (np.asarray(point)[..., 1] > 0)
 
     def to_tangent(self, vector, base_point=None):
         """Return the vector itself."""

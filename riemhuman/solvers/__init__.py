@@ -14,14 +14,17 @@ from riemhuman.solvers.disentangling import Disentangling, DisentanglingResult
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
 from riemhuman.solvers.frechet_mean import FrechetMean, GeometricMedian
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
-from riemhuman.solvers.metric_checks import MetricReport, PropertyCheck, check_metric
+from riemhuman.solvers.manifold_checks import check_manifold
+from riemhuman.solvers.metric_checks import check_metric
 from riemhuman.solvers.model_path import ModelParameters, ModelPath
 from riemhuman.solvers.motion_transfer import MotionTransfer, ShapeTransfer
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_straightening import PathStraightening
 from riemhuman.solvers.poisson_path import PoissonPath
-from riemhuman.solvers.results import MeanResult, PathResult
+from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
+from riemhuman.solvers.results import MeanResult, PathResult, Result
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath
+from riemhuman.solvers.solver_checks import check_solver
 
 __all__ = [
     "BasisMean",
@@ -39,7 +42,6 @@ __all__ = [
     "LinearPath",
     "LogarithmResult",
     "MeanResult",
-    "MetricReport",
     "ModelParameters",
     "ModelPath",
     "MotionTransfer",
@@ -50,11 +52,15 @@ __all__ = [
     "PoissonPath",
     "PoleLadder",
     "PropertyCheck",
+    "PropertyReport",
+    "Result",
     "SchildLadder",
     "SegmentEnergy",
     "ShapeTransfer",
     "TransportResult",
+    "check_manifold",
     "check_metric",
+    "check_solver",
     "compare_paths",
     "measure_path",
 ]

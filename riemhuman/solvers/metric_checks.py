@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from autograd import grad
@@ -14,6 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport, difference, excess
 
 # Remainders smaller than this share of the values are rounding.
 _ROUNDING = 1e-13
@@ -23,73 +23,13 @@ _LIMIT_STEPS = np.logspace(-2, -8, 7)
 _ORDER_TOLERANCE = 0.1
 
 
-@dataclass(frozen=True)
-class PropertyCheck:
-    """How far a metric is from having a property.
-
-    Attributes
-    ----------
-    name : str
-        The property.
-    error : float
-        By how much it is violated, relative to the size of what is compared; NaN where the metric
-        returned one.
-    tolerance : float
-        Largest error that passes.
-    """
-
-    name: str
-    error: float
-    tolerance: float
-
-    @property
-    def holds(self) -> bool:
-        """Whether the metric has the property, within the tolerance."""
-        return bool(self.error <= self.tolerance)
-
-    def __str__(self) -> str:
-        verdict, sign = ("holds", "≤") if self.holds else ("FAILS", ">")
-        return f"{verdict}  {self.name:<48} {self.error:8.1e} {sign} {self.tolerance:.0e}"
-
-
-@dataclass(frozen=True)
-class MetricReport:
-    """The properties of a metric that were checked; printed, a table of them.
-
-    Attributes
-    ----------
-    name : str
-        Class of the metric.
-    checks : tuple of PropertyCheck
-        One for every property.
-    """
-
-    name: str
-    checks: tuple[PropertyCheck, ...]
-
-    @property
-    def failures(self) -> tuple[PropertyCheck, ...]:
-        """The properties that the metric lacks."""
-        return tuple(check for check in self.checks if not check.holds)
-
-    @property
-    def passed(self) -> bool:
-        """Whether the metric has them all."""
-        return not self.failures
-
-    def __str__(self) -> str:
-        held = len(self.checks) - len(self.failures)
-        lines = [f"{self.name}: {held} of {len(self.checks)} properties hold"]
-        return "\n".join([*lines, *map(str, self.checks)])
-
-
 def check_metric(
     metric: RiemannianMetric,
     points: ndarray,
     tangent_vecs: ndarray | None = None,
     *,
     tolerance: float = 1e-6,
-) -> MetricReport:
+) -> PropertyReport:
     r"""Try on a few points whether a metric is one, and whether its parts belong together.
 
     The inner product must be symmetric, linear, positive and the same for points in a stack as for
@@ -120,7 +60,7 @@ def check_metric(
 
     Returns
     -------
-    MetricReport
+    PropertyReport
 
     Raises
     ------
@@ -150,7 +90,7 @@ def check_metric(
             PropertyCheck(name, float(error(sample)), float(tolerances.get(error, tolerance)))
             for name, error in properties.items()
         )
-    return MetricReport(type(metric).__name__, checks)
+    return PropertyReport(type(metric).__name__, checks)
 
 
 @dataclass(frozen=True)
@@ -188,68 +128,55 @@ class _Sample:
         return np.array([[self.metric.dist(x, y) for y in every] for x in every])
 
 
-def _difference(found: Any, expected: Any, size: float) -> float:
-    """Return the largest difference relative to a size, infinite if the shapes differ."""
-    if np.shape(found) != np.shape(expected):
-        return np.inf
-    gap = np.abs(np.subtract(found, expected)).max()
-    return 0.0 if gap == 0 else float(gap / np.float64(size))
-
-
-def _excess(smaller: Any, larger: Any, size: float) -> float:
-    """Return by how much an inequality is violated at most, relative to a size."""
-    return _difference(np.maximum(np.subtract(smaller, larger), 0.0), np.zeros_like(smaller), size)
-
-
 def _symmetry(s: _Sample) -> float:
-    return _difference(s.products(s.a, s.b), s.products(s.b, s.a), s.size)
+    return difference(s.products(s.a, s.b), s.products(s.b, s.a), s.size)
 
 
 def _linearity(s: _Sample) -> float:
     together = s.products(2.0 * s.a - 3.0 * s.b, s.b)
     apart = 2.0 * s.products(s.a, s.b) - 3.0 * s.products(s.b, s.b)
-    return _difference(together, apart, s.size)
+    return difference(together, apart, s.size)
 
 
 def _positivity(s: _Sample) -> float:
     norms = s.squared_norms
-    return _excess(-norms, np.zeros_like(norms), s.size) if np.any(norms != 0) else np.inf
+    return excess(-norms, np.zeros_like(norms), s.size) if np.any(norms != 0) else np.inf
 
 
 def _stacked_products(s: _Sample) -> float:
-    return _difference(s.metric.inner_product(s.a, s.b, s.points), s.products(s.a, s.b), s.size)
+    return difference(s.metric.inner_product(s.a, s.b, s.points), s.products(s.a, s.b), s.size)
 
 
 def _covectors(s: _Sample) -> float:
     found = [
         np.sum(s.metric.covector(a, x) * b) for a, b, x in zip(s.a, s.b, s.points, strict=True)
     ]
-    return _difference(found, s.products(s.a, s.b), s.size)
+    return difference(found, s.products(s.a, s.b), s.size)
 
 
 def _diagonal(s: _Sample) -> float:
-    return _difference(np.diag(s.distances), np.zeros(len(s.distances)), s.distances.max())
+    return difference(np.diag(s.distances), np.zeros(len(s.distances)), s.distances.max())
 
 
 def _flat_diagonal(s: _Sample) -> float:
     slope: Callable[..., ndarray] = grad(s.metric.squared_dist, 1)
     slopes = [slope(x, x) for x in s.points]
-    return _difference(slopes, np.zeros_like(s.points), s.distances.max() ** 2)
+    return difference(slopes, np.zeros_like(s.points), s.distances.max() ** 2)
 
 
 def _symmetric_distances(s: _Sample) -> float:
-    return _difference(s.distances, s.distances.T, s.distances.max())
+    return difference(s.distances, s.distances.T, s.distances.max())
 
 
 def _triangle_inequality(s: _Sample) -> float:
     detours = s.distances[:, :, None] + s.distances[None, :, :]
-    return _excess(s.distances, detours.min(axis=1), s.distances.max())
+    return excess(s.distances, detours.min(axis=1), s.distances.max())
 
 
 def _stacked_distances(s: _Sample) -> float:
     n = len(s.points)
     stacked = s.metric.squared_dist(s.points[:, None], s.points[None])
-    return _difference(stacked, s.distances[:n, :n] ** 2, s.distances.max() ** 2)
+    return difference(stacked, s.distances[:n, :n] ** 2, s.distances.max() ** 2)
 
 
 def _limit(s: _Sample) -> float:
@@ -261,7 +188,7 @@ def _limit(s: _Sample) -> float:
             0.5 * (s.metric.squared_dist(x, y) + s.metric.squared_dist(x, z)) / step**2
             for x, y, z in zip(s.points, there, back, strict=True)
         ]
-        errors.append(_difference(squares, s.squared_norms, s.size))
+        errors.append(difference(squares, s.squared_norms, s.size))
     return float(np.nanmin(errors)) if np.isfinite(errors).any() else np.inf
 
 
@@ -270,7 +197,7 @@ def _least_energy(s: _Sample) -> float:
     bounds = [s.metric.length(s.points) ** 2]
     if s.metric.has_closed_form_dist:
         bounds.append(s.metric.squared_dist(s.points[0], s.points[-1]))
-    return _excess(bounds, np.full(len(bounds), energy), float(energy))
+    return excess(bounds, np.full(len(bounds), energy), float(energy))
 
 
 def _order(s: _Sample) -> float:

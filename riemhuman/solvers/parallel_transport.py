@@ -85,6 +85,7 @@ class _Ladder:
         metric: RiemannianMetric,
         tangent_vec: ndarray,
         base_point: ndarray,
+        direction: ndarray | None = None,
         end_point: ndarray | None = None,
         path: ndarray | None = None,
     ) -> TransportResult:
@@ -98,10 +99,12 @@ class _Ladder:
             Tangent vector at the base point.
         base_point : array, shape (\*shape,)
             Where the path starts.
+        direction : array, shape (\*shape,), optional
+            Initial velocity of the geodesic, which is followed for unit time by the metric's `exp`.
         end_point : array, shape (\*shape,), optional
             End of the geodesic.
         path : array, shape (n_nodes, \*shape), optional
-            Path from the base point, with one rung a segment; exactly one of the two is given.
+            Path from the base point, with one rung a segment; exactly one of the three is given.
 
         Returns
         -------
@@ -119,23 +122,30 @@ class _Ladder:
         ConvergenceWarning
             If an equation was not solved within its tolerance.
         """
-        if (end_point is None) == (path is None):
-            raise ArgumentError("solve needs end_point or path, and not both")
+        if sum(way is not None for way in (direction, end_point, path)) != 1:
+            raise ArgumentError("solve needs exactly one of direction, end_point and path")
         vector = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
-        if end_point is None:
+        if path is not None:
             return self._climb(metric, vector, _checked_path(metric, base_point, path))
-        start, end = check_end_points(metric, base_point, end_point)
+        if direction is not None:
+            direction = real_array(direction, "direction", metric.space.shape, batched=False)
+            times = np.linspace(0.0, 1.0, self.n_rungs + 1)
+            path = metric.geodesic(base_point, initial_tangent_vec=direction)(times)
+            start, end = path[0], path[-1]
+        else:
+            start, end = check_end_points(metric, base_point, np.asarray(end_point))
         if self.exact and hasattr(metric, "parallel_transport"):
-            return self._by_closed_form(metric, vector, start, end)
-        return self._climb(metric, vector, self._geodesic(metric, start, end))
+            ends = np.stack([start, end])
+            return self._by_closed_form(metric, vector, ends, direction)
+        if path is None:
+            path = self._geodesic(metric, start, end)
+        return self._climb(metric, vector, path)
 
     def _by_closed_form(
-        self, metric: RiemannianMetric, vector: ndarray, start: ndarray, end: ndarray
+        self, metric: RiemannianMetric, vector: ndarray, path: ndarray, direction: ndarray | None
     ) -> TransportResult:
-        path = np.stack([start, end])
-        carried = metric.parallel_transport(  # type: ignore[attr-defined]
-            vector, start, end_point=end
-        )
+        way = {"end_point": path[1]} if direction is None else {"direction": direction}
+        carried = metric.parallel_transport(vector, path[0], **way)  # type: ignore[attr-defined]
         return TransportResult(carried, np.stack([vector, carried]), path, message="closed form")
 
     def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:

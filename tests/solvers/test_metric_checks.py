@@ -10,7 +10,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.normal_fields import NormalFieldMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
-from riemhuman.solvers.metric_checks import MetricReport, PropertyCheck, check_metric
+from riemhuman.solvers.metric_checks import PropertyCheck, PropertyReport, check_metric
 
 POINTS = HalfPlane().random_point(4, rng=3)
 PLANE_POINTS = np.random.default_rng(4).uniform(-1.0, 1.0, (4, 2))
@@ -220,7 +220,7 @@ def test_report_is_a_table():
     assert COVECTORS in failed
     assert "> 1e-06" in failed
     assert not report.passed
-    assert MetricReport("Nothing", ()).passed
+    assert PropertyReport("Nothing", ()).passed
 
 
 def test_not_a_number_does_not_pass():

@@ -51,7 +51,7 @@ def vectors_at(case, rng=1):
 def test_inner_products_are_kept_on_fields(case, ladder):
     start, end = case.points[:2]
     u, v = vectors_at(case)
-    results = [ladder(n_rungs=2).solve(case.metric, w, start, end) for w in (u, v)]
+    results = [ladder(n_rungs=2).solve(case.metric, w, start, end_point=end) for w in (u, v)]
     carried = [result.tangent_vec for result in results]
     assert all(result.converged for result in results)
     assert np.all(case.space.is_tangent(np.stack(carried), end, atol=1e-8))
@@ -87,7 +87,7 @@ def test_ladders_come_to_the_closed_form_at_second_order(case, ladder):
     exact = case.metric.parallel_transport(u, start, end_point=end)
     errors = []
     for n_rungs in (4, 8, 16):
-        result = ladder(n_rungs=n_rungs, exact=False).solve(case.metric, u, start, end)
+        result = ladder(n_rungs=n_rungs, exact=False).solve(case.metric, u, start, end_point=end)
         assert len(result.path) == len(result.tangent_vecs) == n_rungs + 1
         errors.append(np.abs(result.tangent_vec - exact).max())
     assert orders(errors)[-1] > 1.85
@@ -98,9 +98,9 @@ def test_pole_ladders_are_exact_on_symmetric_spaces(case):
     start, end = case.points[:2]
     u, _ = vectors_at(case)
     exact = case.metric.parallel_transport(u, start, end_point=end)
-    one_rung = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end)
+    one_rung = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end_point=end)
     np.testing.assert_allclose(one_rung.tangent_vec, exact, atol=1e-12)
-    schild = SchildLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end)
+    schild = SchildLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end_point=end)
     assert np.abs(schild.tangent_vec - exact).max() > 1e-4
 
 
@@ -144,7 +144,7 @@ def test_half_plane_against_the_known_transport():
         np.testing.assert_allclose(result.tangent_vecs, growth * vector, rtol=2e-3)
     solver = PathStraightening(n_nodes=9)
     found = PoleLadder(geodesic_solver=solver, tolerance=1e-9).solve(
-        case.metric, vector, start, end
+        case.metric, vector, start, end_point=end
     )
     assert len(found.path) == 9
     np.testing.assert_allclose(found.tangent_vec, 2.0 * vector, rtol=2e-2)
@@ -154,10 +154,10 @@ def test_half_plane_against_the_known_transport():
 def test_where_closed_forms_serve_nothing_is_solved(case):
     start, end = case.points[:2]
     u, _ = vectors_at(case)
-    exact = PoleLadder().solve(case.metric, u, start, end)
+    exact = PoleLadder().solve(case.metric, u, start, end_point=end)
     np.testing.assert_array_equal(exact.path, [start, end])
     np.testing.assert_array_equal(exact.tangent_vecs, [u, exact.tangent_vec])
-    climbed = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end)
+    climbed = PoleLadder(n_rungs=1, exact=False).solve(case.metric, u, start, end_point=end)
     for result, message in ((exact, "closed form"), (climbed, "1 rungs")):
         assert (result.n_iterations, result.n_evaluations) == (0, 0)
         assert (result.converged, result.message) == (True, message)
@@ -261,16 +261,28 @@ def test_settings_are_checked(ladder, settings, error):
         ladder(**settings)
 
 
+@pytest.mark.parametrize("exact", [True, False])
+def test_along_an_initial_velocity(exact):
+    case = CASES["ebin 1 sphere"]
+    vector, start, end = case.tangent_vecs[1], *case.points[:2]
+    ladder = PoleLadder(n_rungs=4, exact=exact)
+    direction = case.metric.log(end, start)
+    found = ladder.solve(case.metric, vector, start, direction)
+    expected = ladder.solve(case.metric, vector, start, end_point=end)
+    np.testing.assert_allclose(found.tangent_vec, expected.tangent_vec, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.path, expected.path, rtol=0, atol=1e-9)
+
+
 def test_bad_input():
     case = CASES["mixed triangle"]
     start, end = case.points[:2]
     vector = case.tangent_vecs[0]
     ladder = PoleLadder()
     for arguments in ({}, {"end_point": end, "path": case.points}):
-        with pytest.raises(ArgumentError, match="end_point or path, and not both"):
+        with pytest.raises(ArgumentError, match="exactly one of direction, end_point and path"):
             ladder.solve(case.metric, vector, start, **arguments)
     with pytest.raises(NotDefinedError, match="geodesic_solver=BasisPath"):
-        ladder.solve(case.metric, vector, start, end)
+        ladder.solve(case.metric, vector, start, end_point=end)
     with pytest.raises(ArgumentError, match="tangent_vec must have shape"):
         ladder.solve(case.metric, vector[:2], start, path=case.points)
     with pytest.raises(ArgumentError, match="tangent_vec must have shape"):

@@ -1,0 +1,191 @@
+"""Checks of solvers: those of the library pass, and broken twins do not."""
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from cases import CASES
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.solvers import (
+    ClosedFormGeodesic,
+    DiscreteExponential,
+    DiscreteLogarithm,
+    GradientDescentMean,
+    LinearPath,
+    PathStraightening,
+    PoleLadder,
+    SchildLadder,
+    check_solver,
+)
+
+EBIN, NORMALS = CASES["ebin 1 sphere"], CASES["normals triangle"]
+SURFACES = CASES["mixed triangle"]
+GOOD = {
+    "linear": (LinearPath(5), SURFACES),
+    "linear on spheres": (LinearPath(5), NORMALS),
+    "closed form": (ClosedFormGeodesic(5), EBIN),
+    "straightening": (PathStraightening(5, tolerance=1e-9), SURFACES),
+    "exponential": (DiscreteExponential(n_steps=4), SURFACES),
+    "logarithm": (DiscreteLogarithm(n_steps=4), SURFACES),
+    "pole ladder": (PoleLadder(), EBIN),
+    "pole ladder of segments": (PoleLadder(exact=False, n_rungs=3), NORMALS),
+    "Schild's ladder": (SchildLadder(exact=False, n_rungs=3), NORMALS),
+    "mean": (GradientDescentMean(tolerance=1e-10), NORMALS),
+}
+
+
+@pytest.mark.parametrize(("solver", "case"), GOOD.values(), ids=GOOD)
+def test_solvers_of_the_library_pass(solver, case):
+    report = check_solver(solver, case.metric, case.points)
+    assert report.passed, report
+    assert report.name == type(solver).__name__
+
+
+PLANE = VectorSpace((2,))
+POINTS = PLANE.random_point(4, rng=1)
+
+
+@dataclass
+class Geodesic:
+    """Straight lines in the plane, with one thing wrong."""
+
+    broken: str = ""
+    calls: int = 0
+
+    def solve(self, metric, start, end):
+        self.calls += 1
+        path = np.linspace(start, end, 5)
+        if self.broken == "shape":
+            path = path[..., None]
+        elif self.broken == "ends":
+            path = path[:-1]
+        elif self.broken == "outside":
+            path[2] = np.nan
+        elif self.broken == "restless":
+            path[2] += 1.0
+        elif self.broken == "random":
+            path[2] += 1e-3 * self.calls
+        elif self.broken == "greedy":
+            start += 1.0
+        energy = 1.0 if self.broken in ("shape", "outside") else float(metric.energy(path))
+        if self.broken == "energy":
+            energy *= 2.0
+        return SimpleNamespace(path=path, energy=energy)
+
+
+@dataclass
+class Exp:
+    """Addition, with one thing wrong."""
+
+    broken: str = ""
+
+    def solve(self, metric, tangent_vec, base_point):
+        if self.broken == "greedy":
+            tangent_vec *= 2.0
+        if self.broken == "swapped":
+            return SimpleNamespace(end=base_point)
+        return SimpleNamespace(end=base_point + tangent_vec + (self.broken == "adrift"))
+
+
+@dataclass
+class Log:
+    """Subtraction, with one thing wrong."""
+
+    broken: str = ""
+
+    def solve(self, metric, point, base_point):
+        if self.broken == "greedy":
+            point += 1.0
+        if self.broken == "swapped":
+            return SimpleNamespace(tangent_vec=base_point - point)
+        return SimpleNamespace(tangent_vec=point - base_point + (self.broken == "adrift"))
+
+
+@dataclass
+class Transport:
+    """Nothing to do in the plane, with one thing wrong."""
+
+    broken: str = ""
+
+    def solve(self, metric, tangent_vec, base_point, direction=None, end_point=None):
+        if self.broken == "greedy":
+            tangent_vec += 1.0
+        carried: Any = tangent_vec
+        if self.broken == "turning":
+            carried = -tangent_vec
+        elif self.broken == "bent" and np.any(end_point != base_point):
+            carried = tangent_vec**3
+        elif self.broken == "adrift" and np.any(end_point != base_point):
+            carried = tangent_vec + 1.0
+        return SimpleNamespace(tangent_vec=carried)
+
+
+@dataclass
+class Mean:
+    """The arithmetic mean, with one thing wrong."""
+
+    broken: str = ""
+
+    def solve(self, metric, points, weights=None, initial_point=None):
+        if self.broken == "greedy":
+            points += 1.0
+        used = None if self.broken == "unweighted" else weights
+        point = np.average(points, axis=0, weights=used) + 9.0 * (self.broken == "far")
+        squares = metric.squared_dist(points, point)
+        variance = np.average(squares, weights=weights) + (self.broken == "boasting")
+        return SimpleNamespace(point=point, variance=variance)
+
+
+UNCHANGED = "what is given is not changed"
+BROKEN = [
+    (Geodesic, "greedy", UNCHANGED),
+    (Geodesic, "shape", "paths have the points' shape behind their nodes"),
+    (Geodesic, "ends", "paths run from start to end"),
+    (Geodesic, "outside", "paths stay on the manifold"),
+    (Geodesic, "energy", "the energy is that of the path"),
+    (Geodesic, "restless", "the path from a point to itself stays there"),
+    (Geodesic, "random", "the same path is found twice"),
+    (Exp, "greedy", UNCHANGED),
+    (Exp, "swapped", "geodesics begin with their initial velocity"),
+    (Exp, "adrift", "without velocity they stay"),
+    (Log, "greedy", UNCHANGED),
+    (Log, "swapped", "logarithms of points nearby lead there"),
+    (Log, "adrift", "the logarithm of the base point is 0"),
+    (Transport, "greedy", UNCHANGED),
+    (Transport, "turning", "vectors that go nowhere stay what they are"),
+    (Transport, "bent", "transport is linear"),
+    (Transport, "adrift", "the vector 0 stays 0"),
+    (Mean, "greedy", UNCHANGED),
+    (Mean, "far", "the mean is no worse than any of the points"),
+    (Mean, "boasting", "the variance is that of the mean"),
+    (Mean, "unweighted", "with all weight on one point it is the mean"),
+]
+
+
+@pytest.mark.parametrize(("solver", "broken", "name"), BROKEN)
+def test_every_property_tells_a_broken_twin(solver, broken, name):
+    assert check_solver(solver(), PLANE.metric, POINTS).passed
+    failures = check_solver(solver(broken), PLANE.metric, POINTS.copy()).failures
+    assert name in [check.name for check in failures]
+
+
+@pytest.mark.parametrize("solver", [Geodesic, Exp, Log, Transport, Mean])
+def test_every_property_is_told(solver):
+    expected = {name for cls, _, name in BROKEN if cls is solver}
+    assert {check.name for check in check_solver(solver(), PLANE.metric, POINTS).checks} == expected
+
+
+def test_bad_input():
+    with pytest.raises(ArgumentError, match="solver must have a method solve; int has none"):
+        check_solver(3, PLANE.metric, POINTS)
+    odd = SimpleNamespace(solve=lambda metric, what: None)
+    with pytest.raises(ArgumentError, match="takes what behind the metric"):
+        check_solver(odd, PLANE.metric, POINTS)
+    with pytest.raises(ArgumentError, match="kind must be one of 'geodesic'"):
+        check_solver(Geodesic(), PLANE.metric, POINTS, kind="other")
+    with pytest.raises(ArgumentError, match="points must hold two points or more; found 1"):
+        check_solver(Geodesic(), PLANE.metric, POINTS[:1])
