@@ -51,7 +51,7 @@ class Surfaces:
 
 
 def add_template(parser: argparse.ArgumentParser, default: str) -> None:
-    """Declare the option that names the template.
+    """Declare the options that name the template and say whether sizes may differ.
 
     Parameters
     ----------
@@ -65,6 +65,11 @@ def add_template(parser: argparse.ArgumentParser, default: str) -> None:
         metavar="MESH",
         type=path_argument,
         help=f"measure over this mesh, whose triangles weigh the normals (default: {default})",
+    )
+    parser.add_argument(
+        "--any-scale",
+        action="store_true",
+        help="take meshes of any size; otherwise those in another unit are refused",
     )
 
 
@@ -112,7 +117,7 @@ def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
     files : sequence of Path
         Mesh files.
     options : argparse.Namespace
-        Parsed options, with the file `template`, by default the first, and `align`.
+        Parsed options, with the file `template`, by default the first, `any_scale` and `align`.
 
     Returns
     -------
@@ -121,7 +126,8 @@ def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
     from riemhuman.datasets.registered_meshes import RegisteredMeshes
     from riemhuman.surfaces.template import Template
 
-    meshes = RegisteredMeshes(files, options.template)
+    scale = None if options.any_scale else "template"
+    meshes = RegisteredMeshes(files, options.template, scale)
     template = Template.from_file(options.template or files[0])
     return Surfaces(meshes, template, options.align)
 

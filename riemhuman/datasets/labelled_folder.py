@@ -35,6 +35,7 @@ def load_bodies(
     template: Template | str | os.PathLike[str] | None = None,
     *,
     align: bool = True,
+    scale: str | None = "template",
     progress: bool = False,
 ) -> Bodies:
     """Load the registered meshes of a folder, labelled by a table.
@@ -53,6 +54,9 @@ def load_bodies(
         default the first mesh: a template is a body, and a mean of poses is none.
     align : bool
         Whether the meshes are rotated and moved (never scaled) onto the template.
+    scale : {"template"} or None
+        Whether a mesh more than eight times as large or as small as the first or the template is
+        refused, because it must be in another unit.
     progress : bool
         Whether to show a progress bar over files.
 
@@ -68,11 +72,13 @@ def load_bodies(
         If the folder holds no mesh, there is no table, or a file cannot be read.
     FileFormatError
         If the table lacks a column or an entry, or names a file twice; if meshes have no row in
-        it or rows no mesh; if a mesh is damaged or does not share the triangles of the first.
+        it or rows no mesh; if a mesh is damaged or does not share the triangles and the unit of
+        the first.
     DegenerateSurfaceError
         If a triangle of the template has no area.
     ArgumentError
-        If the template has other triangles or another number of vertices than the meshes.
+        If the template has other triangles, another number of vertices or another unit than the
+        meshes.
     ArgumentTypeError
         If an argument is not of a type named above.
     """
@@ -85,8 +91,8 @@ def load_bodies(
         )
     rows = _matched(files, _read_rows(table), table)
     reference = read_template(template, files[0])
-    points, faces = load_registered(files, progress=progress)
-    check_template(reference, points, faces)
+    points, faces = load_registered(files, scale=scale, progress=progress)
+    check_template(reference, points, faces, scale)
     if align:
         points = procrustes(points, to=reference.vertices)
     subject, subject_names = _numbered([row.subject for row in rows])

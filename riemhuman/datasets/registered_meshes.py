@@ -217,7 +217,9 @@ def read_template(
     return Template.from_file(first_mesh if template is None else template)
 
 
-def check_template(template: Template, points: np.ndarray, faces: np.ndarray) -> None:
+def check_template(
+    template: Template, points: np.ndarray, faces: np.ndarray, scale: str | None = "template"
+) -> None:
     """Refuse a template that meshes are not registered to.
 
     Parameters
@@ -228,11 +230,13 @@ def check_template(template: Template, points: np.ndarray, faces: np.ndarray) ->
         Vertices of the meshes.
     faces : array of int, shape (F, 3)
         Their triangles.
+    scale : {"template"} or None
+        Whether meshes more than eight times as large or as small are refused.
 
     Raises
     ------
     ArgumentError
-        If the template has other triangles or another number of vertices.
+        If the template has other triangles, another number of vertices or another unit.
     """
     if template.n_vertices != points.shape[1]:
         raise ArgumentError(
@@ -241,6 +245,8 @@ def check_template(template: Template, points: np.ndarray, faces: np.ndarray) ->
     difference = face_difference(template.faces, faces)
     if difference:
         raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
+    if scale is not None:
+        refuse_other_scale(points, template.vertices, "the mesh", "the template")
 
 
 def existing_folder(folder: str | os.PathLike[str]) -> Path:

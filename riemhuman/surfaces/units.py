@@ -80,7 +80,7 @@ def refuse_other_scale(
     factor, kind = (ratio, "large") if ratio > 1 else (1 / ratio, "small")
     raise error(
         f"{place} is {factor:.3g} times as {kind} as {reference_name}{_likely_units(ratio)}; bring "
-        "both to one unit, or say scale=None if these sizes are meant"
+        "both to one unit; scale=None, on the command line --any-scale, takes them as they are"
     )
 
 

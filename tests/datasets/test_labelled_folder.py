@@ -200,3 +200,14 @@ def test_meshes_that_do_not_fit(folder, mesh):
         load_bodies(folder)
     with pytest.raises(FileError, match="no folder"):
         load_bodies(folder / "absent")
+
+
+def test_other_units_are_refused_unless_any_scale_is_meant(folder, mesh):
+    template = Template(1000 * mesh[0][0], mesh[1])
+    with pytest.raises(ArgumentError, match=r"the mesh\[0\] is 1e\+03 times as small as the temp"):
+        load_bodies(folder, template=template)
+    save_mesh(folder / FILES[2], 100 * mesh[0][2], mesh[1])
+    with pytest.raises(FileFormatError, match=r"b11\.off is .*centimetres and the other in metres"):
+        load_bodies(folder)
+    bodies = load_bodies(folder, template=template, align=False, scale=None)
+    np.testing.assert_array_equal(bodies.points[2], 100 * mesh[0][2])
