@@ -15,8 +15,11 @@ from numpy import ndarray
 from riemhuman.errors import ConvergenceWarning, FileFormatError
 from riemhuman.protocols import FoundMean, FoundPath
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.surfaces.html_pictures import vertices_html
 
 _CLASS = "result_class"
+# Smaller arrays are points of other spaces.
+_FEWEST_VERTICES = 100
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -100,7 +103,18 @@ class Result:
             f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>"
             for name, text in self._shown().items()
         )
-        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+        table = f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+        surfaces = self._surfaces()
+        return table if surfaces is None else vertices_html(surfaces, repr(self)) + table
+
+    def _surfaces(self) -> ndarray | None:
+        """Return what was found as surfaces to draw, if that is what it looks like."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if isinstance(value, ndarray) and value.ndim in (2, 3):
+                is_surface = value.shape[-1] == 3 and value.shape[-2] >= _FEWEST_VERTICES
+                return value.reshape(-1, *value.shape[-2:]) if is_surface else None
+        return None
 
     def _shown(self) -> dict[str, str]:
         """Return the numbers as text, and the shapes of arrays."""

@@ -5,13 +5,13 @@ from __future__ import annotations
 import base64
 import struct
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from html import escape
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.surfaces.rendering import View, render, window_around
+from riemhuman.surfaces.rendering import SKIN, View, Window, render, window_around
 
 _HEIGHT = 160
 _MOST_SHOWN = 8
@@ -34,21 +34,66 @@ def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption
     str
         An HTML fragment that needs no other file.
     """
-    shown = np.linspace(0, len(surfaces) - 1, min(len(surfaces), _MOST_SHOWN)).round().astype(int)
-    chosen = np.stack([surfaces[i] for i in shown]) if len(shown) else np.zeros((0, 1, 3))
+
+    def draw(f: ndarray, view: View, window: Window) -> ndarray:
+        return render(f, faces, height=_HEIGHT, view=view, window=window)
+
+    return _figure(surfaces, draw, caption)
+
+
+def vertices_html(surfaces: Sequence[ndarray] | ndarray, caption: str) -> str:
+    """Return a picture of at most eight surfaces by their vertices alone, with a caption.
+
+    Parameters
+    ----------
+    surfaces : sequence of array, each of shape (V, 3)
+        Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
+    caption : str
+        Plain text below the picture.
+
+    Returns
+    -------
+    str
+        An HTML fragment that needs no other file.
+    """
+    return _figure(surfaces, _draw_vertices, caption)
+
+
+def _figure(
+    surfaces: Sequence[ndarray] | ndarray,
+    draw: Callable[[ndarray, View, Window], ndarray],
+    caption: str,
+) -> str:
+    """Return a strip of pictures, each of a surface on the same spot, in one scale."""
     text = f"<figcaption>{escape(caption)}</figcaption>"
-    if len(chosen) == 0:
+    if len(surfaces) == 0:
         return f"<figure>{text}</figure>"
-    # Each stands on the same spot, in one scale.
+    shown = np.linspace(0, len(surfaces) - 1, min(len(surfaces), _MOST_SHOWN)).round().astype(int)
+    chosen = np.stack([surfaces[i] for i in shown])
     chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
     view = View()
     window = window_around(chosen, view)
-    strip = np.concatenate(
-        [render(f, faces, height=_HEIGHT, view=view, window=window) for f in chosen], axis=1
-    )
+    strip = np.concatenate([draw(f, view, window) for f in chosen], axis=1)
     source = base64.b64encode(png_bytes(strip)).decode()
     image = f'<img src="data:image/png;base64,{source}" alt="{escape(caption, quote=True)}">'
     return f'<figure style="margin:0">{image}{text}</figure>'
+
+
+def _draw_vertices(f: ndarray, view: View, window: Window) -> ndarray:
+    """Draw vertices as dots, the near ones above and lighter than the far ones."""
+    width = max(1, round(_HEIGHT * window.width / window.height))
+    picture = np.zeros((_HEIGHT, width, 4), dtype=np.uint8)
+    seen = view.turned(f)
+    seen = seen[np.argsort(seen[:, 2])]
+    across = (seen[:, 0] - window.centre[0]) / window.width + 0.5
+    down = 0.5 - (seen[:, 1] - window.centre[1]) / window.height
+    rows = np.clip((down * _HEIGHT).astype(int), 0, _HEIGHT - 1)
+    columns = np.clip((across * width).astype(int), 0, width - 1)
+    depth = np.ptp(seen[:, 2]) or 1.0
+    light = 0.35 + 0.65 * (seen[:, 2] - seen[0, 2]) / depth
+    picture[rows, columns, :3] = np.round(255 * light[:, None] * np.array(SKIN))
+    picture[rows, columns, 3] = 255
+    return picture
 
 
 def png_bytes(picture: ndarray) -> bytes:

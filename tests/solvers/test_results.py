@@ -251,3 +251,11 @@ def test_bare_results_of_other_solvers_suffice():
     metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, exp_solver=Adding())
     found = metric.exp(case.tangent_vecs, case.points)
     np.testing.assert_array_equal(found, case.points + case.tangent_vecs)
+
+
+def test_surfaces_are_drawn_in_notebooks_and_other_points_are_not():
+    surface = np.random.default_rng(0).normal(size=(150, 3))
+    assert "<img" in PathResult(np.stack([surface, surface]), 1.0, np.ones(1))._repr_html_()
+    assert "<img" in MeanResult(surface, 1.0, np.ones(1))._repr_html_()
+    assert "<img" not in MeanResult(np.zeros(3), 1.0, np.ones(1))._repr_html_()
+    assert "<img" not in PathResult(np.zeros((4, 2, 3)), 1.0, np.ones(1))._repr_html_()
