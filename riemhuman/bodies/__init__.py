@@ -3,7 +3,7 @@
 from riemhuman.bodies.body_model import BodyModel
 from riemhuman.bodies.conversion import convert_model
 from riemhuman.bodies.fitting import ModelFit, fit_model
-from riemhuman.bodies.rotations import rotation_derivative, rotation_matrix
+from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 __all__ = [
     "BodyModel",

@@ -20,10 +20,10 @@ from riemhuman.bodies.model_checks import (
     precision,
 )
 from riemhuman.bodies.model_files import read_model_fields, write_model_fields
-from riemhuman.bodies.rotations import rotation_matrix
 from riemhuman.bodies.skinning import chained_motions, skinned
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.surfaces.template import Template
 
 

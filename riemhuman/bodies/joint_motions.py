@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.bodies.joint_tree import root_first
-from riemhuman.bodies.rotations import rotation_derivative, rotation_matrix
+from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 if TYPE_CHECKING:
     from riemhuman.bodies.body_model import BodyModel

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.surfaces.triangle_heat import adjacent_triangles
 
 
 class PoissonInterpolator:
@@ -53,7 +54,7 @@ class PoissonInterpolator:
         )
         _, component = connected_components(links, directed=False)
         _, anchors, sizes = np.unique(component, return_index=True, return_counts=True)
-        self._neighbours = _neighbours(faces)
+        self._neighbours = adjacent_triangles(faces)[0]
         both_ways = np.concatenate([self._neighbours, self._neighbours[:, ::-1]])
         both_ways = both_ways[np.lexsort(both_ways.T[::-1])]
         self._neighbours_of = np.ascontiguousarray(both_ways[:, 1])
@@ -181,12 +182,3 @@ class PoissonInterpolator:
         averages = self._average @ points
         points += (centroids.reshape(averages.shape) - averages)[self._component]
         return np.ascontiguousarray(np.swapaxes(points.reshape(source.shape), 0, 1))
-
-
-def _neighbours(faces: ndarray) -> ndarray:
-    """Return pairs of triangles that share an edge, a chain of them where many share it."""
-    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
-    owners = np.tile(np.arange(len(faces)), 3)
-    order = np.lexsort(edges.T)
-    same = np.all(edges[order][1:] == edges[order][:-1], axis=1)
-    return np.stack([owners[order][:-1][same], owners[order][1:][same]], axis=1)

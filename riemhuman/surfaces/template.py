@@ -17,6 +17,7 @@ from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, refuse_
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 from riemhuman.surfaces.mesh_objects import arrays_of_mesh, to_pyvista, to_trimesh
 from riemhuman.surfaces.poisson import PoissonInterpolator
+from riemhuman.surfaces.triangle_heat import TriangleHeat
 
 # A triangle is flat when its height is within rounding of zero: relative to its longest side, or
 # to the coordinates it was computed from.
@@ -232,6 +233,11 @@ class Template:
         return PoissonInterpolator(
             self.faces, self.frame_coefficients, self.differential_operator, self.face_areas
         )
+
+    @cached_property
+    def heat(self) -> TriangleHeat:
+        """The flow of heat between the triangles."""
+        return TriangleHeat(self.vertices, self.faces, self.face_areas)
 
     def __getstate__(self) -> dict[str, Any]:
         # What follows from the mesh is made anew where it is wanted: some of it cannot be pickled.

@@ -8,8 +8,8 @@ from oracles import taylor_slope
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import rotation_derivative, rotation_matrix
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 # Across zero, the switch to the power series (at about 0.0316), π and several turns.
 ANGLES = [0.0, 1e-12, 1e-8, 1e-4, 0.0316, 0.0317, 1.0, 3.0, np.pi - 1e-9, np.pi, 3.2, 6.28, 40.0]

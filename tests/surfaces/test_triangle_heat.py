@@ -1,0 +1,64 @@
+"""Heat between the triangles of a template."""
+
+import numpy as np
+import pytest
+import trimesh
+from cases import TEMPLATES
+
+from riemhuman.surfaces import Template
+from riemhuman.surfaces.triangle_heat import adjacent_triangles
+
+
+@pytest.fixture(params=TEMPLATES)
+def template(request):
+    return TEMPLATES[request.param]()
+
+
+def test_constants_stay_and_nothing_is_lost(template):
+    step = template.heat.step(0.1)
+    constants = np.array([[1.0, -2.0]]).repeat(template.n_faces, axis=0)
+    np.testing.assert_allclose(step @ constants, constants, rtol=1e-12)
+    values = np.random.default_rng(0).standard_normal((template.n_faces, 3))
+    before, after = (template.face_areas @ field for field in (values, step @ values))
+    np.testing.assert_allclose(after, before, rtol=0, atol=1e-13)
+
+
+def test_transpose_is_the_adjoint(template):
+    step = template.heat.step(0.02)
+    x, y = np.random.default_rng(1).standard_normal((2, template.n_faces, 2))
+    assert np.vdot(step @ x, y) == pytest.approx(np.vdot(x, step.T @ y), rel=1e-12)
+    np.testing.assert_array_equal(step.T.T @ x, step @ x)
+
+
+def test_time_zero_changes_nothing_and_much_time_averages(template):
+    values = np.random.default_rng(2).standard_normal((template.n_faces, 2))
+    np.testing.assert_allclose(template.heat.step(0.0) @ values, values, rtol=1e-13)
+    average = template.face_areas @ values / template.face_areas.sum()
+    np.testing.assert_allclose(template.heat.step(1e8) @ values - average, 0.0, atol=1e-6)
+
+
+def test_harmonics_of_a_sphere_decay_as_they_should():
+    # Spherical harmonics of degree k are eigenfunctions: one implicit step divides them by
+    # 1 + k (k + 1) time.
+    mesh = trimesh.creation.icosphere(4)
+    sphere = Template(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+    x, y, z = sphere.vertices[sphere.faces].mean(axis=1).T
+    step = sphere.heat.step(0.1)
+    for degree, harmonic in ((1, z), (2, x * y), (3, z * (5 * z**2 - 3))):
+        decayed = (step @ harmonic[:, None])[:, 0]
+        factor = (decayed @ harmonic) / (harmonic @ harmonic)
+        assert factor == pytest.approx(1 / (1 + 0.1 * degree * (degree + 1)), rel=0.02)
+
+
+def test_what_is_known_of_a_time_is_computed_once_and_is_not_pickled(template):
+    assert template.heat.step(0.1) is template.heat.step(0.1)
+    assert "heat" not in template.__getstate__()
+
+
+def test_adjacent_triangles_share_their_edge(template):
+    pairs, edges = adjacent_triangles(template.faces)
+    for (one, other), edge in zip(pairs, edges, strict=True):
+        shared = set(template.faces[one]) & set(template.faces[other])
+        assert set(edge) <= shared
+    if template.n_faces == 80:  # a closed surface
+        assert len(pairs) == 120
