@@ -3,6 +3,7 @@
 from functools import cache
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_model
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -59,3 +60,19 @@ def body(name):
     builds |= {f"build {k}": (betas[k], pose()) for k in range(5)}
     shape, vector = builds[name]
     return model()(betas=shape, pose=vector)
+
+
+def swung_arms(seed):
+    """Return a body in two poses whose arms point, twist and bend in seeded, unlike ways."""
+    rng = np.random.default_rng(seed)
+    betas = rng.normal(size=model().n_betas)
+    poses = np.zeros((2, model().n_joints, 3))
+    for joints in poses:
+        for side, sign in (("left", 1.0), ("right", -1.0)):
+            forward, up = rng.uniform((-30.0, -80.0), (120.0, 90.0))
+            twist, bend = rng.uniform((-80.0, 0.0), (80.0, 140.0))
+            angles = [-sign * forward, sign * up, twist]
+            shoulder = Rotation.from_euler("yzx", angles, degrees=True)
+            joints[model().joint_names.index(f"{side}_shoulder")] = shoulder.as_rotvec()
+            joints[model().joint_names.index(f"{side}_elbow")] = np.radians([0, -sign * bend, 0])
+    return model()(betas=betas, pose=poses)

@@ -19,6 +19,7 @@ from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
+from riemhuman.solvers.rounding import rounding_energy
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
 
@@ -141,8 +142,9 @@ class BasisMean:
         start = np.zeros(len(family.directions))
         origin = family.point(start)
         variance = dispersion.value(origin)
+        floor = rounding_energy(dispersion.metric, origin)
         # Distances of points that coincide to rounding error have no gradient to follow.
-        if variance <= (1e-14 * np.abs(origin).max()) ** 2:
+        if variance <= floor:
             values = np.array([variance])
             return Minimum(start, variance, values, n_evaluations=1, message="all points coincide")
 
@@ -172,6 +174,7 @@ class BasisMean:
             start,
             max_iter=self.max_iter,
             expected_decrease=self.tolerance,
+            floor=floor,
             callback=report,
             progress=self.progress,
             description="mean",

@@ -16,9 +16,10 @@ from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threa
 from riemhuman.protocols import GeodesicSolver, PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
-from riemhuman.solvers.poisson_path import best_turns, turned_path
+from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
+from riemhuman.solvers.rounding import path_floor
 from riemhuman.solvers.simple_paths import check_end_points, check_initial_path, linear_path
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ class BasisPath:
     energy : PathEnergy
         Energy to minimise.
     initial : object, optional
-        Solver that gives l, with as many times. By default that of `PoissonPath` and `LinearPath`
-        whose middle costs less for the preconditioned method and `LinearPath` for the others.
+        Solver that gives l, with as many times. By default the one of `PoissonPath` and
+        `LinearPath` whose path costs less, and `LinearPath` for the other methods.
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
         energy, as far as the preconditioned gradient tells.
@@ -127,47 +128,62 @@ class BasisPath:
             initial_path = self.initial.solve(metric, start, end).path
         with single_threaded_libraries():
             if initial_path is None:
-                line = self._default_initial_path(metric, start, end)
+                lines = self._default_initial_paths(metric, start, end)
             else:
-                line = check_initial_path(metric, start, end, self.n_nodes, initial_path)
-            energy, gradient = self.energy.value_and_gradient(metric, line)
-            if not np.isfinite(energy):
-                self.energy.value(metric, line)  # names the triangle, if the metric can
-                raise ArgumentError(
-                    "the initial path has no finite energy: a surface on it has a triangle "
-                    "without area; pass another initial_path"
-                )
-            if self.n_nodes == 2:
-                return PathResult(
-                    line, energy, np.array([energy]), n_evaluations=1, message="a single segment"
-                )
-            minimum = self._minimize(metric, line, energy, gradient)
+                lines = [check_initial_path(metric, start, end, self.n_nodes, initial_path)]
+            found = []
+            for line in lines:
+                found.append((line, self._descend(metric, line)))
+                if found[-1][1].interrupted:
+                    break
+        line, minimum = min(found, key=lambda pair: pair[1].value)
         path = self._path(line, minimum.x)
+        last = found[-1][1]
         result = PathResult(
-            metric.remove_drift(path) if self.remove_drift else path,
+            metric.remove_drift(path) if self.remove_drift and self.n_nodes > 2 else path,
             minimum.value,
             minimum.values,
-            **minimum.outcome,
+            n_iterations=minimum.n_iterations,
+            n_evaluations=sum(other.n_evaluations for _, other in found),
+            converged=minimum.converged and not last.interrupted,
+            message=last.message if last.interrupted else minimum.message,
         )
         warn_unless_converged(self, result)
         return result
 
-    def _default_initial_path(
+    def _default_initial_paths(
         self, metric: RiemannianMetric, start: ndarray, end: ndarray
-    ) -> ndarray:
+    ) -> list[ndarray]:
+        straight = linear_path(start, end, self.n_nodes)
         if self.method != "preconditioned":
-            return linear_path(start, end, self.n_nodes)
-        turns, turned_energy = best_turns(metric, self.energy, start, end)
-        middle = linear_path(start, end, 3)
-        if self.energy.value(metric, middle) <= turned_energy:
-            return linear_path(start, end, self.n_nodes)
-        return turned_path(metric, start, end, self.n_nodes, turns)
+            return [straight]
+        turned = turned_paths(metric, self.energy, start, end, self.n_nodes)
+        if self.energy.value(metric, straight) <= turned[0][1]:
+            return [straight]
+        return [path for path, _ in turned]
+
+    def _descend(self, metric: RiemannianMetric, line: ndarray) -> Minimum:
+        """Minimise the energy from a path."""
+        energy, gradient = self.energy.value_and_gradient(metric, line)
+        if not np.isfinite(energy):
+            self.energy.value(metric, line)  # names the triangle, if the metric can
+            raise ArgumentError(
+                "the initial path has no finite energy: a surface on it has a triangle "
+                "without area; pass another initial_path"
+            )
+        if self.n_nodes == 2:
+            nothing = np.zeros((0, len(self.basis)))
+            return Minimum(
+                nothing, energy, np.array([energy]), n_evaluations=1, message="a single segment"
+            )
+        return self._minimize(metric, line, energy, gradient)
 
     def _minimize(
         self, metric: RiemannianMetric, line: ndarray, line_energy: float, line_gradient: ndarray
     ) -> Minimum:
         """Return the coefficients α of least energy, shape (n_nodes − 2, K)."""
         start = np.zeros((self.n_nodes - 2, len(self.basis)))
+        floor = path_floor(metric, self.energy, line[0], line[-1], self.n_nodes)
 
         def energy(coefficients: ndarray) -> tuple[float, ndarray]:
             if coefficients.any():
@@ -204,6 +220,7 @@ class BasisPath:
                 start,
                 max_iter=self.max_iter,
                 expected_decrease=self.tolerance,
+                floor=floor,
                 options=self.options,
                 callback=report,
                 progress=self.progress,
@@ -219,6 +236,7 @@ class BasisPath:
             start.ravel(),
             method=self.method.upper(),
             max_iter=self.max_iter,
+            floor=floor,
             options=self.options,
             callback=report,
             progress=self.progress,

@@ -11,6 +11,7 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
+from riemhuman.solvers.rounding import rounding_energy
 
 _SMALLEST_STEP = 1e-6
 
@@ -82,9 +83,13 @@ class GradientDescentMean:
         weights, points = dispersion.weights[used], dispersion.points[used]
         point = points[0] if initial_point is None else metric.space.check_point(initial_point)
         variances = [dispersion.value(point)]
+        floor = rounding_energy(metric, point)
         n_evaluations, step = 1, self.step
         converged, message = False, "the most iterations were made"
         for _ in range(self.max_iter):
+            if variances[-1] <= floor:
+                converged, message = True, "the variance is no more than rounding errors"
+                break
             direction = np.tensordot(weights, metric.log(points, point), axes=1)
             size = float(metric.norm(direction, point))
             if size <= self.tolerance * np.sqrt(variances[-1]):

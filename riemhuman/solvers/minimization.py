@@ -81,6 +81,7 @@ def minimize(
     method: str = "L-BFGS-B",
     max_iter: int = 1000,
     expected_decrease: float | None = None,
+    floor: float = -np.inf,
     options: Mapping[str, Any] | None = None,
     callback: Callable[[int, float, ndarray], Any] | None = None,
     progress: bool = False,
@@ -103,6 +104,8 @@ def minimize(
         Newton step would still gain, is at most this share of the value, or when many iterations
         together have gained a small part of that, as at a minimum where the function has a kink.
         Replaces SciPy's tests, one of which takes a single short step for convergence.
+    floor : float
+        Value at which to stop, for minima that may be zero: what is below are rounding errors.
     options : mapping, optional
         More options of SciPy's method.
     callback : callable, optional
@@ -127,21 +130,24 @@ def minimize(
     met_test = expected_decrease is not None and _is_met(
         expected_decrease, value, record.last_gradient
     )
-    stands_still = False
+    is_still, at_floor = False, value <= floor
 
     def after_iteration(intermediate_result: optimize.OptimizeResult) -> None:
-        nonlocal met_test, stands_still
+        nonlocal met_test, is_still, at_floor
         values.append(float(intermediate_result.fun))
         bar.update()
         bar.set_postfix_str(f"value {values[-1]:.6g}", refresh=False)
         if callback is not None:
             callback(len(values) - 1, values[-1], intermediate_result.x.copy())
+        at_floor = record.best_value <= floor
+        if at_floor:
+            raise StopIteration
         if expected_decrease is None:
             return
         if np.array_equal(intermediate_result.x, record.last_x):
             met_test = _is_met(expected_decrease, values[-1], record.last_gradient)
-        stands_still = _stands_still(expected_decrease, values)
-        if met_test or stands_still:
+        is_still = stands_still(expected_decrease, values)
+        if met_test or is_still:
             raise StopIteration
 
     settings: dict[str, Any] = {"maxiter": max_iter}
@@ -151,9 +157,9 @@ def minimize(
         settings |= {"ftol": 0.0, "gtol": 0.0, "maxcor": _MEMORY}
     settings |= options or {}
 
-    converged, interrupted, message = met_test, False, ""
+    converged, interrupted, message = met_test or at_floor, False, ""
     with ProgressBar(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
-        if not met_test:
+        if not converged:
             try:
                 result = optimize.minimize(
                     record,
@@ -163,15 +169,17 @@ def minimize(
                     callback=after_iteration,
                     options=settings,
                 )
-                converged = met_test or stands_still
-                if expected_decrease is None:
+                converged = met_test or is_still or at_floor
+                if expected_decrease is None and not at_floor:
                     converged = bool(result.success)
                 message = str(result.message)
             except KeyboardInterrupt:
                 converged, interrupted, message = False, True, "interrupted from the keyboard"
-    if met_test:
+    if at_floor:
+        message = "the value is no more than rounding errors"
+    elif met_test:
         message = "the expected decrease is below the tolerance"
-    elif stands_still:
+    elif is_still:
         message = f"the value has stood still for {_PATIENCE} iterations"
     return Minimum(
         record.best_x,
@@ -210,6 +218,7 @@ def minimize_in_rounds(
     *,
     max_iter: int,
     expected_decrease: float,
+    floor: float = -np.inf,
     iterations_per_round: int = _ROUND,
     options: Mapping[str, Any] | None = None,
     callback: Callable[[int, float, ndarray], Any] | None = None,
@@ -228,6 +237,8 @@ def minimize_in_rounds(
         Most iterations of all rounds together.
     expected_decrease : float
         Stopping test, see `minimize`.
+    floor : float
+        Value at which to stop, see `minimize`.
     iterations_per_round : int
         Most iterations of one round.
     options : mapping, optional
@@ -272,6 +283,7 @@ def minimize_in_rounds(
             np.zeros(start.size),
             max_iter=min(iterations_per_round, max_iter - n_before),
             expected_decrease=expected_decrease,
+            floor=floor / local.unit,
             options=options,
             callback=report,
             progress=progress,
@@ -299,7 +311,20 @@ def _is_met(expected_decrease: float, value: float, gradient: ndarray) -> bool:
     return 0.5 * float(gradient @ gradient) <= expected_decrease * value
 
 
-def _stands_still(expected_decrease: float, values: list[float]) -> bool:
+def stands_still(expected_decrease: float, values: list[float]) -> bool:
+    """Return whether many iterations have gained a small part of the decrease that would do.
+
+    Parameters
+    ----------
+    expected_decrease : float
+        Share of the value at which a minimisation stops.
+    values : list of float
+        Values after each iteration.
+
+    Returns
+    -------
+    bool
+    """
     if len(values) <= _PATIENCE:
         return False
     before, now = values[-1 - _PATIENCE], values[-1]

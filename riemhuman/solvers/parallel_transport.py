@@ -17,6 +17,7 @@ from riemhuman.protocols import GeodesicSolver
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
+from riemhuman.solvers.rounding import rounding_energy
 from riemhuman.solvers.simple_paths import check_end_points
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -168,11 +169,11 @@ class _Ladder:
             if basis is not None:
                 basis = basis_with(basis_with(basis, path[-1] - path[0]), vector)
             geometry = _SingleSegments(MiddleEquation(metric, basis, self.tolerance, self.max_iter))
-        vectors = [vector]
+        vectors, floor = [vector], np.sqrt(rounding_energy(metric, path[0]))
         for start, end in pairwise(path):
             length = float(metric.norm(vectors[-1], start))
             rung = float(metric.length(np.stack([start, end])))
-            if length * rung == 0.0:
+            if length == 0.0 or rung <= floor:
                 vectors.append(vectors[-1])
                 continue
             share = self.scale * rung / length

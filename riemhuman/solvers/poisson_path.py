@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,13 +20,22 @@ if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
+# Parts of a body that are tried both ways, each at the cost of one path; the smallest matter least.
+_MOST_PARTS = 8
+
+# A part of this share of the area is a limb, and a path within this factor of the least energy
+# may still lead to less once it is minimised.
+_LIMB = 0.01
+_RIVAL = 1.1
+
+
 @dataclass(frozen=True)
 class PoissonPath:
     """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
 
     Triangles turn the shorter way. Where neighbours then turn different ways, as in a limb that
-    turns by about half a turn, a second path has them turn alike; the one whose middle costs less
-    energy is taken.
+    turns by about half a turn, each part of the body, the largest first, turns the shorter way or
+    like its neighbours, whichever costs less energy.
 
     Parameters
     ----------
@@ -61,31 +71,34 @@ class PoissonPath:
             If a triangle of an end point has no area, so that it has no rotation.
         """
         start, end = check_end_points(metric, start, end)
-        turns, _ = best_turns(metric, self.energy, start, end)
-        path = turned_path(metric, start, end, self.n_nodes, turns)
+        path, _ = turned_paths(metric, self.energy, start, end, self.n_nodes)[0]
         return known_path(metric, self.energy, path, "interpolated deformation gradients")
 
 
-def best_turns(
-    metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray
-) -> tuple[ndarray, float]:
-    """Return how the triangles turn, the shorter way or alike, whichever has the better middle.
+def turned_paths(
+    metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
+) -> list[tuple[ndarray, float]]:
+    """Return the path of least energy whose triangles turn one way or the other, and its rivals.
+
+    All are compared at all times: on few of them the chords of large turns cost too little, and a
+    limb that shrinks or swings too far looks cheap.
 
     Parameters
     ----------
     metric : RiemannianMetric
         A metric on surfaces over a template.
     energy : PathEnergy
-        Energy by which the surfaces in the middle are compared.
+        Energy by which the paths are compared.
     start, end : array, shape (V, 3)
         Surfaces whose triangles have an area.
+    n_nodes : int
+        Number of points of the path, both ends included.
 
     Returns
     -------
-    turns : array, shape (F, 3)
-        Rotation vectors.
-    middle_energy : float
-        Energy of the path of three points through the middle.
+    list of (array of shape (n_nodes, V, 3), float)
+        Paths with their energies. After the best follow those with a whole limb that turns the
+        other way, if they cost little more.
 
     Raises
     ------
@@ -96,13 +109,26 @@ def best_turns(
     space.check_immersed(start, "start")
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator
-    turns = interpolator.turns(start, end)
-    ways = [turns]
-    if interpolator.is_torn(turns):
-        ways.append(interpolator.mended(turns))
-    energies = [energy.value(metric, turned_path(metric, start, end, 3, way)) for way in ways]
-    best = int(np.argmin(energies))
-    return ways[best], energies[best]
+
+    def candidate(turns: ndarray) -> tuple[float, ndarray, ndarray]:
+        path = turned_path(metric, start, end, n_nodes, turns)
+        return energy.value(metric, path), path, turns
+
+    shorter = interpolator.turns(start, end)
+    best = candidate(shorter)
+    rivals = []
+    if interpolator.is_torn(shorter):
+        alike = interpolator.mended(shorter)
+        best = min(best, candidate(alike), key=itemgetter(0))
+        parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
+        limb = _LIMB * space.template.face_areas.sum()
+        for part in parts[:_MOST_PARTS]:
+            turns = best[2].copy()
+            turns[part] = shorter[part] + alike[part] - turns[part]
+            best, other = sorted([best, candidate(turns)], key=itemgetter(0))
+            if space.template.face_areas[part].sum() >= limb:
+                rivals.append(other)
+    return [(path, value) for value, path, _ in (best, *rivals) if value <= _RIVAL * best[0]]
 
 
 def turned_path(

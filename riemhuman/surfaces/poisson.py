@@ -128,6 +128,28 @@ class PoissonInterpolator:
         unwrap_turns(mended, quaternions, roots, self._neighbour_ends, self._neighbours_of)
         return mended
 
+    def parts(self, chosen: ndarray) -> list[ndarray]:
+        """Return the connected parts of a set of triangles, the largest first.
+
+        Parameters
+        ----------
+        chosen : array of bool, shape (F,)
+            Triangles.
+
+        Returns
+        -------
+        list of array of int
+            Triangles of each part, which shares edges within itself alone.
+        """
+        one, other = self._neighbours[chosen[self._neighbours].all(axis=1)].T
+        shape = (len(chosen), len(chosen))
+        links = sparse.coo_array((np.ones(len(one)), (one, other)), shape=shape)
+        _, labels = connected_components(links, directed=False)
+        triangles = np.flatnonzero(chosen)
+        _, part, sizes = np.unique(labels[triangles], return_inverse=True, return_counts=True)
+        areas = np.bincount(part, self._areas[triangles], minlength=len(sizes))
+        return [triangles[part == k] for k in np.argsort(-areas, kind="stable")]
+
     def interpolate(
         self, start: ndarray, end: ndarray, times: ndarray, turns: ndarray | None = None
     ) -> ndarray:

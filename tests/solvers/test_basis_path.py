@@ -22,6 +22,7 @@ from riemhuman.solvers import (
     PoissonPath,
     SegmentEnergy,
 )
+from riemhuman.solvers.poisson_path import turned_path
 from riemhuman.surfaces import DeformationBasis
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
@@ -89,6 +90,24 @@ def test_bfgs_reaches_the_same_energy():
         )
     ]
     np.testing.assert_allclose(reached, reached[0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("seed", [1, 3, 4])
+def test_arms_turn_the_way_that_costs_least(seed):
+    """Minimised from paths whose triangles all turn the shorter way, or all alike, it is no less.
+
+    A comparison by the middles alone ends 0.4 to 1.4 % above the better of the two.
+    """
+    metric = elastic((0, 0, 1))
+    start, end = bodies.swung_arms(seed)
+    interpolator = bodies.space().template.interpolator
+    shorter = interpolator.turns(start, end)
+    solver = BasisPath(bodies.basis())
+    reached = [
+        solver.solve(metric, start, end, turned_path(metric, start, end, 11, turns)).energy
+        for turns in (shorter, interpolator.mended(shorter))
+    ]
+    assert solver.solve(metric, start, end).energy <= min(reached)
 
 
 def test_gradient_vanishes_on_the_basis(solved):
@@ -228,11 +247,13 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
 
 
 class Level(SegmentEnergy):
-    """An energy that is the same everywhere, but in the middle where it is not asked for."""
+    """An energy that is the same everywhere but at rest."""
 
     asked = []  # noqa: RUF012
 
     def value(self, metric, path):
+        if len(path) == 2:
+            return 0.0
         self.asked.append(len(path))
         return 3.0
 
@@ -240,8 +261,8 @@ class Level(SegmentEnergy):
         return 3.0, np.zeros_like(path)
 
 
-def test_where_the_middles_cost_the_same_it_starts_straight():
-    """It looks at the middles alone, and no step lowers this energy."""
+def test_where_they_cost_the_same_it_starts_straight():
+    """It compares paths of all times, and no step lowers this energy."""
     metric, energy = elastic((1, 1, 0)), Level()
     ends = bodies.body("resting"), bodies.body("elbow bent")
     energy.asked.clear()
@@ -249,7 +270,7 @@ def test_where_the_middles_cost_the_same_it_starts_straight():
     result = solver.solve(metric, *ends)
     np.testing.assert_array_equal(result.path, LinearPath(6).solve(metric, *ends).path)
     assert (result.n_iterations, result.n_evaluations, result.energy) == (0, 1, 3.0)
-    assert set(energy.asked) == {3}
+    assert set(energy.asked) == {6}
 
 
 class Counting(SegmentEnergy):

@@ -375,20 +375,20 @@ def test_standing_still_is_measured_over_many_iterations():
         return 1.0 + 1e-6 * (1 - x[0]), np.array([1.0])
 
     values = [slow(np.array([0.01 * k]))[0] for k in range(30)]
-    assert minimization._stands_still(1e-3, values)
-    assert not minimization._stands_still(1e-4, values[:15])
-    assert not minimization._stands_still(1e-9, values)
-    assert not minimization._stands_still(1e-3, [*[2.0] * 30, 1.0])
-    assert minimization._stands_still(1e-3, [9.0] * 5 + [2.0] * 16)
-    assert not minimization._stands_still(1e-3, [9.0] * 5 + [2.0] * 15)
+    assert minimization.stands_still(1e-3, values)
+    assert not minimization.stands_still(1e-4, values[:15])
+    assert not minimization.stands_still(1e-9, values)
+    assert not minimization.stands_still(1e-3, [*[2.0] * 30, 1.0])
+    assert minimization.stands_still(1e-3, [9.0] * 5 + [2.0] * 16)
+    assert not minimization.stands_still(1e-3, [9.0] * 5 + [2.0] * 15)
     level = [2.0] * minimization._PATIENCE
-    assert not minimization._stands_still(1e-3, level)
-    assert minimization._stands_still(1e-3, [2.0, *level])
+    assert not minimization.stands_still(1e-3, level)
+    assert minimization.stands_still(1e-3, [2.0, *level])
     # A share of the expected decrease, itself a share of the value.
     gain = 2.0 * 1e-3 * minimization._STILL
-    assert minimization._stands_still(1e-3, [2.0 + 0.99 * gain, *level])
-    assert not minimization._stands_still(1e-3, [2.0 + 1.01 * gain, *level])
-    assert minimization._stands_still(1e-3, [-2.0 + 0.99 * gain, *[-2.0] * minimization._PATIENCE])
+    assert minimization.stands_still(1e-3, [2.0 + 0.99 * gain, *level])
+    assert not minimization.stands_still(1e-3, [2.0 + 1.01 * gain, *level])
+    assert minimization.stands_still(1e-3, [-2.0 + 0.99 * gain, *[-2.0] * minimization._PATIENCE])
 
 
 def test_an_interruption_between_rounds_keeps_what_was_reached():

@@ -1,5 +1,6 @@
 """Paths that turn every triangle: which way they turn, and what they refuse."""
 
+import bodies_in_motion
 import numpy as np
 import pytest
 from cases import sphere_template
@@ -9,7 +10,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import LinearPath, PoissonPath, SegmentEnergy
-from riemhuman.solvers.poisson_path import best_turns, turned_path
+from riemhuman.solvers.poisson_path import turned_path, turned_paths
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def test_arms_that_turn_by_more_than_half_a_turn(bodies):
         path[1:-1] = interpolator.interpolate(start, end, np.linspace(0, 1, 7)[1:-1], way)
         energies.append(metric.energy(path))
     found = PoissonPath(7).solve(metric, start, end)
-    assert found.energy == pytest.approx(min(energies), rel=1e-12)
+    assert found.energy <= min(energies) * (1 + 1e-12)
     assert found.energy < 0.8 * energies[0]
 
 
@@ -49,15 +50,25 @@ def test_less_energy_than_the_straight_path(bodies, poses):
     np.testing.assert_array_equal(turning.path[[0, -1]], [start, end])
 
 
-def test_the_better_turns_and_the_energy_of_their_middle(bodies):
-    metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.0)
-    interpolator = bodies.template.interpolator
-    start, end = pose_pair(bodies, "arms_up", "bent_elbows")
-    turns, energy = best_turns(metric, SegmentEnergy(), start, end)
-    np.testing.assert_array_equal(turns, interpolator.mended(interpolator.turns(start, end)))
-    (middle,) = interpolator.interpolate(start, end, np.array([0.5]), turns)
-    halves = metric.squared_dist(np.stack([start, middle]), np.stack([middle, end]))
-    assert energy == pytest.approx(2.0 * halves.sum(), rel=1e-12)
+@pytest.mark.parametrize("seed", [1, 2, 14])
+def test_the_best_turned_path_and_its_rivals(seed):
+    """Every part of the body turns the way that costs less; rivals turn a whole limb the other."""
+    metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
+    start, end = bodies_in_motion.swung_arms(seed)
+    found = turned_paths(metric, SegmentEnergy(), start, end, 11)
+    energies = [energy for _, energy in found]
+    interpolator = metric.space.template.interpolator
+    shorter = interpolator.turns(start, end)
+    alike = interpolator.mended(shorter)
+    for turns in (shorter, alike):
+        assert energies[0] <= metric.energy(turned_path(metric, start, end, 11, turns))
+    largest = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)[0]
+    assert (len(found) > 1) == (seed == 1)
+    assert (len(largest) > 0.04 * len(shorter)) == (seed == 1)
+    for path, energy in found:
+        np.testing.assert_array_equal(path[[0, -1]], [start, end])
+        assert energies[0] <= energy <= 1.1 * energies[0]
+        assert energy == pytest.approx(metric.energy(path), rel=1e-12)
 
 
 def test_turned_paths_are_at_equal_times(bodies):

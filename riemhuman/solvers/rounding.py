@@ -1,0 +1,66 @@
+"""The energies of rounding errors, below which a minimum that may be zero need not be sought."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import PathEnergy
+from riemhuman.solvers.energies import SegmentEnergy
+
+# Relative rounding errors of a point's entries.
+_ROUNDING = 1e-13
+
+
+def rounding_energy(
+    metric: RiemannianMetric,
+    point: ndarray,
+    energy: PathEnergy | None = None,
+    size: float = _ROUNDING,
+) -> float:
+    r"""Return the energy of the path from a point to itself with rounding errors.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    point : array, shape (\*shape,)
+        A point.
+    energy : PathEnergy, optional
+        Energy of paths, by default `SegmentEnergy`.
+    size : float
+        Relative errors of the point's entries.
+
+    Returns
+    -------
+    float
+        About a squared distance that is no different from 0.
+    """
+    noise = np.random.default_rng(0).uniform(-size, size, point.shape)
+    near = metric.space.projection(point * (1.0 + noise))
+    return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
+
+
+def path_floor(
+    metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
+) -> float:
+    r"""Return the energy of a path that stands still but for rounding errors.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    energy : PathEnergy
+        Energy of paths.
+    start, end : array, shape (\*shape,)
+        Ends of the path.
+    n_nodes : int
+        Number of its points.
+
+    Returns
+    -------
+    float
+    """
+    both = [rounding_energy(metric, point, energy) for point in (start, end)]
+    return (n_nodes - 1) ** 2 * max(both)

@@ -1,0 +1,135 @@
+"""Minima that are zero are found at once, by every solver, though rounding errors remain."""
+
+import bodies_in_motion as bodies
+import numpy as np
+import pytest
+from cases import CASES, name_of
+
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.solvers import (
+    BasisMean,
+    BasisPath,
+    DiscreteExponential,
+    DiscreteLogarithm,
+    FrechetMean,
+    GeometricMedian,
+    GradientDescentMean,
+    LinearPath,
+    PathStraightening,
+    PoissonPath,
+    PoleLadder,
+)
+from riemhuman.solvers.rounding import path_floor, rounding_energy
+
+WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
+MOST_EVALUATIONS = 3
+
+PATHS = {
+    "basis": BasisPath(bodies.basis(), n_nodes=5),
+    "recipe": BasisPath(bodies.basis(), n_nodes=5, method="l-bfgs-b"),
+    "straightening": PathStraightening(n_nodes=5),
+    "linear": LinearPath(5),
+    "poisson": PoissonPath(5),
+}
+
+
+def moved(body, *, turn):
+    """Return the same body elsewhere, within rounding errors of its coordinates."""
+    if turn:
+        axis = np.array([0.3, -0.8, 0.5])
+        skew = np.cross(np.eye(3), axis / np.linalg.norm(axis))
+        body = body @ (np.eye(3) + np.sin(1.1) * skew + (1 - np.cos(1.1)) * skew @ skew).T
+    return body + [3.0, -2.0, 0.7]
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+@pytest.mark.parametrize("solver", PATHS.values(), ids=PATHS)
+def test_paths_from_a_body_to_itself(weights, solver):
+    metric = ElasticMetric(bodies.space(), *weights)
+    body = bodies.body("elbow bent")
+    for end in (body, moved(body, turn=False)):
+        result = solver.solve(metric, body, end)
+        assert result.converged
+        assert result.n_evaluations <= MOST_EVALUATIONS
+        assert result.energy <= 1e-20
+        np.testing.assert_array_equal(result.path[[0, -1]], [body, end])
+
+
+@pytest.mark.parametrize("name", ["basis", "poisson"])
+def test_paths_of_a_body_that_only_turns(name):
+    """The metric does not see rotations where c = 0, but a straight path would shrink the body."""
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
+    body = bodies.body("elbow bent")
+    end = moved(body, turn=True)
+    result = PATHS[name].solve(metric, body, end)
+    assert result.converged
+    assert result.n_evaluations <= MOST_EVALUATIONS
+    assert result.energy <= 1e-20
+    assert LinearPath(5).solve(metric, body, end).energy > 1e-3
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+@pytest.mark.parametrize("basis", [bodies.basis(), None], ids=["basis", "free"])
+def test_logarithm_and_exponential_that_stay(weights, basis):
+    metric = ElasticMetric(bodies.space(), *weights)
+    body = bodies.body("elbow bent")
+    for end in (body, moved(body, turn=False)):
+        logarithm = DiscreteLogarithm(basis, n_steps=4).solve(metric, end, body)
+        assert logarithm.converged
+        assert logarithm.n_evaluations <= 2 * MOST_EVALUATIONS
+        assert metric.norm(logarithm.tangent_vec, body) <= 1e-9
+    still = DiscreteExponential(basis, n_steps=4).solve(metric, np.zeros_like(body), body)
+    assert still.converged
+    np.testing.assert_allclose(still.end, body, atol=1e-12)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_means_and_medians_of_the_same_body(weights):
+    space = bodies.space().new(equip=False)
+    metric = space.equip_with_metric(
+        ElasticMetric, a=weights[0], lam=weights[1], c=weights[2]
+    ).metric
+    body = bodies.body("elbow bent")
+    points = np.stack([body, body, moved(body, turn=False)])
+    for start in ("lowest", "first", "medoid", "euclidean"):
+        solver = BasisMean(bodies.basis(), start=start)
+        for estimator in (FrechetMean(space, solver), GeometricMedian(space, solver)):
+            result = estimator.fit(points).result_
+            assert result.converged
+            assert result.n_evaluations <= 3 * MOST_EVALUATIONS
+            assert result.variance <= 1e-20
+            assert metric.dist(result.point, body) <= 1e-9
+
+
+@pytest.mark.parametrize("case", [CASES["normals sphere"], CASES["ebin 1 sphere"]], ids=name_of)
+def test_means_by_exponentials_of_the_same_point(case):
+    point = case.points[0]
+    noise = np.random.default_rng(3).uniform(-1e-15, 1e-15, point.shape)
+    points = np.stack([point, point, case.space.projection(point * (1.0 + noise))])
+    if case.name.startswith("ebin"):
+        points = 0.5 * (points + np.swapaxes(points, -1, -2))
+    result = GradientDescentMean().solve(case.metric, points)
+    assert result.converged
+    assert result.n_iterations <= 1
+    assert result.variance <= 1e-20
+
+
+def test_transport_that_stays():
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 1.0)
+    body = bodies.body("elbow bent")
+    vector = bodies.basis().vectors[3]
+    ladder = PoleLadder(geodesic_solver=PATHS["straightening"], basis=bodies.basis())
+    for end in (body, moved(body, turn=False)):
+        result = ladder.solve(metric, vector, body, end_point=end)
+        assert result.converged
+        np.testing.assert_allclose(result.tangent_vec, vector, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["all sphere", "normals sphere", "ebin 1 sphere", "flat"])
+def test_rounding_is_far_below_what_matters(name):
+    case = CASES[name]
+    start, end = case.points[:2]
+    rounding = rounding_energy(case.metric, start)
+    assert 0 < rounding < 1e-20 * case.metric.squared_dist(start, end)
+    floor = path_floor(case.metric, LinearPath().energy, start, start, 6)
+    assert floor == 25 * rounding
