@@ -65,6 +65,9 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
     found = load(path, tuple(_FIELDS), tuple(_OPTIONAL_FIELDS))
     names = _FIELDS | _OPTIONAL_FIELDS
     fields = {names[name]: array for name, array in found.items()}
+    for name, array in fields.items():
+        if sparse.issparse(array) and name != "joint_regressor":
+            raise FileFormatError(f"{path}: {name} must not be a sparse matrix")
     try:
         fields["joint_regressor"] = _dense(fields["joint_regressor"], fields["weights"].shape)
     except ArgumentError as error:

@@ -140,7 +140,7 @@ class SparseRecord(Record):
         self._state = _attributes(state, f"{self._layout} matrix")
 
     def matrix(self) -> sparse.coo_array:
-        """Return the matrix, its indices checked.
+        """Return the matrix; its indices are checked before anything is computed with them.
 
         Returns
         -------
@@ -165,13 +165,12 @@ class SparseRecord(Record):
         else:
             starts, minor = (_indices(self._state.get(name)) for name in ("indptr", "indices"))
             n_major = shape[1] if self._layout == "csc" else shape[0]
-            counts = np.diff(starts)
-            if len(starts) != n_major + 1 or starts[0] != 0 or (counts < 0).any():
+            if len(starts) != n_major + 1 or starts[0] != 0 or (starts[1:] < starts[:-1]).any():
                 raise FileFormatError(f"holds a {self._layout} matrix whose indptr is malformed")
             if starts[-1] > len(minor):
                 raise FileFormatError(f"holds a {self._layout} matrix with too few indices")
             minor, data = minor[: starts[-1]], data[: starts[-1]]
-            major = np.repeat(np.arange(n_major), counts)
+            major = np.repeat(np.arange(n_major), np.diff(starts))
             row, column = (minor, major) if self._layout == "csc" else (major, minor)
         if data.shape != row.shape or row.shape != column.shape:
             raise FileFormatError(f"holds a {self._layout} matrix with unequal parts")
@@ -203,13 +202,15 @@ class ChumpyRecord(Record):
     def _take(self, state: Any, budget: Budget) -> None:
         self._state = _attributes(state, f"chumpy {self._name}")
 
-    def value(self, depth: int) -> np.ndarray:
+    def value(self, depth: int, budget: Budget) -> np.ndarray:
         """Return the value of the object.
 
         Parameters
         ----------
         depth : int
             Number of chumpy objects around this one.
+        budget : Budget
+            What may still be copied.
 
         Returns
         -------
@@ -227,9 +228,11 @@ class ChumpyRecord(Record):
         if missing:
             raise FileFormatError(f"holds a chumpy {self._name} without {' and '.join(missing)}")
         if self._name == "Ch":
-            return _dense(self._state["x"], depth + 1)
-        chosen_from = _dense(self._state["a"], depth + 1).ravel()
-        indices = _dense(self._state["idxs"], depth + 1).ravel()
+            return _dense(self._state["x"], depth + 1, budget)
+        chosen_from = _dense(self._state["a"], depth + 1, budget).ravel()
+        indices = _dense(self._state["idxs"], depth + 1, budget).ravel()
+        # An entry may be chosen any number of times, and what is chosen by other choices.
+        budget.take(len(indices) * max(chosen_from.itemsize, indices.itemsize))
         if indices.dtype.kind not in "iu" or (
             indices.size and not 0 <= indices.min() <= indices.max() < len(chosen_from)
         ):
@@ -238,7 +241,7 @@ class ChumpyRecord(Record):
         if shape is None:
             return chosen_from[indices]
         if isinstance(shape, (ArrayRecord, list)):
-            shape = tuple(_dense(shape, depth + 1).ravel().tolist())
+            shape = tuple(_dense(shape, depth + 1, budget).ravel().tolist())
         if not isinstance(shape, tuple) or len(shape) > _MOST_AXES:
             raise FileFormatError("holds a chumpy Select with a malformed preferred_shape")
         if not all(map(_is_length, shape)) or math.prod(shape) != len(indices):
@@ -249,13 +252,15 @@ class ChumpyRecord(Record):
         return chosen_from[indices].reshape(shape)
 
 
-def plain_value(value: Any) -> Any:
+def plain_value(value: Any, budget: Budget) -> Any:
     """Return the array, or sparse matrix, that a value of a pickle stands for.
 
     Parameters
     ----------
     value : object
         A record, a number, a text, or a list of them.
+    budget : Budget
+        What may still be copied.
 
     Returns
     -------
@@ -266,7 +271,7 @@ def plain_value(value: Any) -> Any:
     FileFormatError
         If it stands for none.
     """
-    return value.matrix() if isinstance(value, SparseRecord) else _dense(value, 0)
+    return value.matrix() if isinstance(value, SparseRecord) else _dense(value, 0, budget)
 
 
 def shortened(value: Any) -> str:
@@ -290,15 +295,16 @@ def shortened(value: Any) -> str:
     return text if len(text) <= 80 else text[:77] + "..."
 
 
-def _dense(value: Any, depth: int) -> np.ndarray:
+def _dense(value: Any, depth: int, budget: Budget) -> np.ndarray:
     if isinstance(value, ChumpyRecord):
-        return value.value(depth)
+        return value.value(depth, budget)
     if isinstance(value, ArrayRecord) and value.array is not None:
         return value.array
     items = value if isinstance(value, (list, tuple)) else [value]
     if all(
-        isinstance(item, (int, float, np.generic))
-        or (isinstance(item, str) and len(item) <= _LONGEST_TEXT)
+        len(item) <= _LONGEST_TEXT
+        if isinstance(item, (str, np.bytes_))
+        else isinstance(item, (int, float, np.generic))
         for item in items
     ):
         return np.asarray(value)

@@ -28,6 +28,8 @@ _MOST_BITS = 64
 _NAMES_SHOWN = 40
 # Data are read, decoded to bytes and viewed: more copies than these no honest file needs.
 _COPIES = 4
+# Entries are chosen out of others, and become larger: more bytes than these no honest file makes.
+_WIDENED = 64
 
 _VALUES = {
     "INT",
@@ -100,14 +102,15 @@ def load_pickled_arrays(
                 f"lacks the fields {', '.join(missing)}; found {', '.join(found) or 'none'}"
             )
         wanted = [name for name in (*required, *optional) if name in fields]
-        return {name: _field(fields, name) for name in wanted}
+        budget = Budget(_WIDENED * len(content))
+        return {name: _field(fields, name, budget) for name in wanted}
     except FileFormatError as error:
         raise FileFormatError(f"{file} {error}") from error
 
 
-def _field(fields: dict[Any, Any], name: str) -> Any:
+def _field(fields: dict[Any, Any], name: str, budget: Budget) -> Any:
     try:
-        return plain_value(fields[name])
+        return plain_value(fields[name], budget)
     except (ArithmeticError, LookupError, TypeError, ValueError) as error:
         raise FileFormatError(f"{error}, in its field {name}") from error
 

@@ -85,7 +85,9 @@ def path_argument(text: str) -> Path:
     -------
     Path
     """
-    return Path(text).expanduser()
+    from riemhuman.surfaces.file_content import file_path
+
+    return file_path(text)
 
 
 def meshes_named(paths: Sequence[Path]) -> list[Path]:

@@ -21,6 +21,7 @@ from riemhuman.errors import (
     FileFormatError,
 )
 from riemhuman.surfaces.array_files import load_arrays, opened_archive
+from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 # The joints of SMPL's body, which all its family begin with: the parent of each.
@@ -314,12 +315,7 @@ def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
 
 
 def _find_files(path: str | os.PathLike[str]) -> list[Path]:
-    try:
-        root = Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(
-            f"path must be the path of a file or folder; found {path!r}"
-        ) from error
+    root = file_path(path, kind="file or folder")
     if not root.exists():
         raise FileError(f"there is no file or folder {root}")
     if not root.is_dir():

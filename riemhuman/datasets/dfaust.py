@@ -21,7 +21,8 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.optional import import_optional
-from riemhuman.surfaces.file_content import brief, check_file
+from riemhuman.surfaces.array_files import memory_of, room_of
+from riemhuman.surfaces.file_content import brief, check_file, file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
@@ -29,8 +30,6 @@ _FACES = "faces"
 _FRAMES_PER_SECOND = 60.0
 # Frames that lie together in the file are read together, as far as this.
 _SPAN = 64
-# Numbers do not compress further than this, and what is left out of a file is small.
-_MOST_COMPRESSED, _ROOM = 64, 2**26
 
 
 class DynamicFaustMotion(Motion):
@@ -221,8 +220,11 @@ def _lies_here(contents: Any, key: str) -> bool:
     found = contents[key]
     if not isinstance(found, h5py.Dataset):
         return True
-    room = _ROOM + _MOST_COMPRESSED * found.id.get_storage_size()
-    return not found.external and not found.is_virtual and found.nbytes <= room
+    room = room_of(found.id.get_storage_size())
+    # To read a part of a chunk, HDF5 unpacks all of it, however much larger than the data it is.
+    shapes = [shape for shape in (found.shape, found.chunks) if shape is not None]
+    fits = all(memory_of(shape, found.dtype) <= room for shape in shapes)
+    return fits and not found.external and not found.is_virtual
 
 
 @contextmanager
@@ -265,12 +267,7 @@ def _named(subjects: Any) -> Any:
 
 
 def _find_files(path: str | os.PathLike[str]) -> list[Path]:
-    try:
-        root = Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(
-            f"path must be the path of a file or folder; found {path!r}"
-        ) from error
+    root = file_path(path, kind="file or folder")
     if not root.exists():
         raise FileError(f"there is no file or folder {root}")
     if not root.is_dir():

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -19,8 +21,9 @@ from riemhuman.datasets.registered_meshes import (
     natural_key,
     read_template,
 )
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces.file_content import file_content
+from riemhuman.errors import FileError, FileFormatError
+from riemhuman.surfaces.file_content import file_path
+from riemhuman.surfaces.number_text import text_content
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
@@ -83,7 +86,7 @@ def load_bodies(
         If an argument is not of a type named above.
     """
     files = find_meshes(folder)
-    table = existing_folder(folder) / _LABELS if labels is None else _as_path(labels)
+    table = existing_folder(folder) / _LABELS if labels is None else file_path(labels, "labels")
     if labels is None and not table.is_file():
         raise FileError(
             f"there is no table of labels {table}; write one with the columns "
@@ -117,29 +120,21 @@ class _Row(NamedTuple):
     pose: str
 
 
-def _as_path(labels: str | os.PathLike[str]) -> Path:
-    try:
-        return Path(labels).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"labels must be the path of a file; found {labels!r}") from error
-
-
 def _read_rows(table: Path) -> list[_Row]:
     """Read the table, naming the line where something is wrong with it."""
     if table.is_dir():
         raise FileError(f"{table} is a folder; a table of labels was expected")
     if not table.exists():
         raise FileError(f"there is no table of labels {table}")
-    content = file_content(table)
+    text = text_content(table)
+    heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
+    separator = max(_SEPARATORS, key=heading.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    lines: list[tuple[int, list[str]]] = []
     try:
-        # Spreadsheet programs put a byte order mark first.
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{table} is not text in UTF-8: {error}") from error
-    heading = text.partition("\n")[0]
-    reader = csv.reader(text.splitlines(), delimiter=max(_SEPARATORS, key=heading.count))
-    try:
-        lines = [(reader.line_num, [entry.strip() for entry in entries]) for entries in reader]
+        for entries in reader:
+            if not lines or any(entries):
+                lines.append((reader.line_num, [entry.strip() for entry in entries]))
     except csv.Error as error:
         raise FileFormatError(f"{table}, line {reader.line_num}: {error}") from error
 

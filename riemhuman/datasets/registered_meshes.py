@@ -12,8 +12,9 @@ from typing import overload
 import numpy as np
 
 from riemhuman.checks import one_of
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.progress import ProgressBar
+from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
@@ -268,10 +269,7 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
     ArgumentTypeError
         If `folder` is not a path.
     """
-    try:
-        root = Path(folder).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"folder must be the path of a folder; found {folder!r}") from error
+    root = file_path(folder, "folder", "folder")
     if not root.is_dir():
         raise FileError(
             f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"

@@ -12,9 +12,10 @@ import numpy as np
 
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
-from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError, RiemhumanError
-from riemhuman.surfaces.file_content import file_content
+from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_files import load_mesh
+from riemhuman.surfaces.number_text import text_content
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ def load_shrec14(
     """
     root = existing_folder(folder)
     scale = real_number(scale, "scale", minimum=0.0, strict=True)
-    class_file = _find_class_file(root) if classes is None else _as_path(classes)
+    class_file = _find_class_file(root) if classes is None else file_path(classes, "classes")
     members = read_classes(class_file)
     names, files = _find_meshes(root)
     ids = [name for listed in members.values() for name in listed]
@@ -184,9 +185,8 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
     FileFormatError
         If it is damaged; the message names the line.
     """
-    file = _as_path(path)
-    text = file_content(file).decode("utf-8-sig", errors="replace")
-    words = _Words(file, text)
+    file = file_path(path, "classes")
+    words = _Words(file, text_content(file))
     if words.next("the word PSB").upper() != "PSB":
         words.refuse("a class file begins with PSB")
     words.next("the version")
@@ -222,22 +222,17 @@ class _Words:
 
     def __init__(self, file: Path, text: str) -> None:
         self._file = file
-        self._lines = text.splitlines()
-        self._words = [
-            (number, word)
-            for number, line in enumerate(self._lines, start=1)
-            for word in line.split()
-        ]
-        self._position = 0
+        self._matches = re.finditer(r"\r\n|\r|\n|[^ \t\r\n\v\f]+", text)
+        self._line = 1
+        self._word = ""
 
     def next(self, meaning: str) -> str:
-        if self._position == len(self._words):
+        self._word = self._following()
+        if not self._word:
             raise FileFormatError(
-                f"{self._file}, line {max(len(self._lines), 1)}: the file ends where {meaning} "
-                "was expected"
+                f"{self._file}, line {self._line}: the file ends where {meaning} was expected"
             )
-        self._position += 1
-        return self._words[self._position - 1][1]
+        return self._word
 
     def next_count(self, meaning: str) -> int:
         word = self.next(meaning)
@@ -246,20 +241,24 @@ class _Words:
         return int(word)
 
     def refuse(self, reason: str) -> None:
-        number, word = self._words[self._position - 1]
-        raise FileFormatError(f"{self._file}, line {number}: {word[:60]!r} found; {reason}")
+        raise FileFormatError(
+            f"{self._file}, line {self._line}: {self._word[:60]!r} found; {reason}"
+        )
 
     def refuse_more(self) -> None:
-        if self._position < len(self._words):
-            self._position += 1
+        self._word = self._following()
+        if self._word:
             self.refuse("the file has more words than its header declares")
 
-
-def _as_path(path: str | os.PathLike[str]) -> Path:
-    try:
-        return Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"classes must be the path of a file; found {path!r}") from error
+    def _following(self) -> str:
+        """Return the next word, nothing at the end; line ends before it are counted."""
+        line = self._line
+        for match in self._matches:
+            if match[0] not in ("\r\n", "\r", "\n"):
+                self._line = line
+                return match[0]
+            line += 1
+        return ""
 
 
 def _find_class_file(root: Path) -> Path:

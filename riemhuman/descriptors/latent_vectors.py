@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+from array import array
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.surfaces.array_files import load_array, load_arrays
-from riemhuman.surfaces.file_content import file_content
+from riemhuman.surfaces.file_content import file_path
+from riemhuman.surfaces.number_text import real_field, text_content
 
 
 @dataclass(frozen=True)
@@ -111,10 +113,7 @@ class LatentVectors(Descriptor):
             If the ending is another, a field is missing, an id is missing or there twice, a row
             has another length than the first, or something is not a finite number.
         """
-        try:
-            file = Path(path).expanduser()
-        except TypeError as error:
-            raise ArgumentTypeError(f"path must be the path of a file; found {path!r}") from error
+        file = file_path(path)
         readers = {".npz": _read_npz, ".csv": _read_csv, ".npy": _read_npy}
         read = readers.get(file.suffix.lower())
         if read is None:
@@ -252,12 +251,19 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
         raise FileFormatError(
             f"{file}: ids must have shape (n_vectors); found {arrays['ids'].shape}"
         )
+    # Before any of them becomes a text of its own: equal ones take no room in an archive.
+    ids, counts = np.unique(arrays["ids"], return_counts=True)
+    if counts.max(initial=1) > 1:
+        raise FileFormatError(
+            f"{file}: ids must differ; there more than once: "
+            f"{_listed([str(name) for name in ids[counts > 1][:20]])}"
+        )
     return arrays["ids"], arrays["vectors"]
 
 
 def _read_npy(file: Path) -> tuple[Any, Any]:
     vectors = load_array(file)
-    if vectors.ndim != 2:
+    if vectors.ndim != 2 or vectors.size == 0:
         raise FileFormatError(
             f"{file}: the array must have shape (n_vectors, n_numbers); found {vectors.shape}"
         )
@@ -265,10 +271,9 @@ def _read_npy(file: Path) -> tuple[Any, Any]:
 
 
 def _read_csv(file: Path) -> tuple[Any, Any]:
-    text = file_content(file).decode("utf-8-sig", errors="replace")
-    vectors: dict[str, list[float]] = {}
+    vectors: dict[str, array[float]] = {}
     length = 0
-    rows = csv.reader(io.StringIO(text, newline=""), strict=True)
+    rows = csv.reader(io.StringIO(text_content(file), newline=""), strict=True)
     try:
         for row in rows:
             name, *fields = [field.strip() for field in row] or [""]
@@ -279,14 +284,11 @@ def _read_csv(file: Path) -> tuple[Any, Any]:
                 raise FileFormatError(f"{where}: the id is missing")
             if name in vectors:
                 raise FileFormatError(f"{where}: the id {name[:60]!r} is there already")
-            bad = [field for field in fields if not _is_number(field)]
-            if bad:
-                raise FileFormatError(f"{where}: {bad[0][:60]!r} is not a number")
             if not fields or (vectors and len(fields) != length):
                 expected = f"{length} expected" if vectors else "at least one expected"
                 raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")
             length = len(fields)
-            vectors[name] = [float(field) for field in fields]
+            vectors[name] = array("d", [_number(field, where) for field in fields])
     except csv.Error as error:
         raise FileFormatError(f"{file}, line {rows.line_num}: {error}") from error
     if not vectors:
@@ -294,9 +296,8 @@ def _read_csv(file: Path) -> tuple[Any, Any]:
     return list(vectors), np.array(list(vectors.values()))
 
 
-def _is_number(field: str) -> bool:
+def _number(field: str, where: str) -> float:
     try:
-        float(field)
-    except ValueError:
-        return False
-    return True
+        return real_field(field.encode())
+    except ValueError as error:
+        raise FileFormatError(f"{where}: {field[:60]!r} is not a number") from error

@@ -19,8 +19,10 @@ from riemhuman.errors import FileError, FileFormatError
 from riemhuman.surfaces.file_content import brief, check_file, file_path
 from riemhuman.surfaces.whole_files import whole_file
 
-# Numbers do not compress further than this; zeros do, and a quarter of a gigabyte of them may.
-_MOST_COMPRESSED, _ROOM = 64, 2**28
+# Numbers do not compress further than this; zeros do, and an eighth of a gigabyte of them may.
+_MOST_COMPRESSED, _ROOM = 64, 2**27
+# What becomes of an entry: a number in double precision, or an object of Python with its text.
+_NUMBER, _TEXT = 8, 64
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENDING = ".npy"
 _LAST_CHARACTER = 0x10FFFF
@@ -114,12 +116,14 @@ class ArrayArchive:
 
     def __init__(self, archive: zipfile.ZipFile, size: int) -> None:
         self._archive = archive
-        self._left = _ROOM + _MOST_COMPRESSED * size
-        self._members = {
-            member.filename.removesuffix(_ENDING): member
-            for member in archive.infolist()
-            if member.filename.endswith(_ENDING)
-        }
+        self._left = self._most = room_of(size)
+        self._members: dict[str, zipfile.ZipInfo] = {}
+        for member in archive.infolist():
+            name = member.filename.removesuffix(_ENDING)
+            if name in self._members:
+                raise FileFormatError(f"it holds {name[:60]} twice")
+            if name != member.filename:
+                self._members[name] = member
 
     @property
     def names(self) -> list[str]:
@@ -138,11 +142,17 @@ class ArrayArchive:
         -------
         tuple of int
         """
+        return self._header(name)[0]
+
+    def _header(self, name: str) -> tuple[tuple[int, ...], np.dtype[Any]]:
         member = self._members[name]
         if member.compress_type not in _COMPRESSIONS:
             raise FileFormatError(f"{name[:60]} is compressed by another method than deflate")
         with self._archive.open(member) as stream:
-            return read_array_header(stream, member.file_size)[0]
+            shape, _, dtype = read_array_header(stream, member.file_size)
+        if memory_of(shape, dtype) > self._most:
+            raise FileFormatError("its arrays take far more room than a file of its size may")
+        return shape, dtype
 
     def arrays(self, names: Sequence[str]) -> dict[str, np.ndarray]:
         """Read arrays.
@@ -158,12 +168,10 @@ class ArrayArchive:
         """
         found = {}
         for name in names:
-            self.shape(name)
-            member = self._members[name]
-            self._left -= member.file_size
+            self._left -= memory_of(*self._header(name))
             if self._left < 0:
                 raise FileFormatError("its arrays take far more room than a file of its size may")
-            with self._archive.open(member) as stream:
+            with self._archive.open(self._members[name]) as stream:
                 found[name] = np.lib.format.read_array(stream, allow_pickle=False)
             check_text(found[name])
         return found
@@ -241,6 +249,40 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
         raise FileFormatError(
             f"{file} is not an .npy file of a plain array: {brief(error)}"
         ) from error
+
+
+def room_of(size: int) -> int:
+    """Return how many bytes of memory what is compressed in a file may take.
+
+    Parameters
+    ----------
+    size : int
+        Bytes of the file.
+
+    Returns
+    -------
+    int
+    """
+    return _ROOM + _MOST_COMPRESSED * size
+
+
+def memory_of(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
+    """Return how many bytes of memory an array takes in the type that it will have.
+
+    Parameters
+    ----------
+    shape : sequence of int
+        Its shape.
+    dtype : dtype
+        Type of its entries in the file.
+
+    Returns
+    -------
+    int
+        Bytes of numbers in double precision, or of texts.
+    """
+    of_one = dtype.itemsize + _TEXT if dtype.kind in "SU" else max(dtype.itemsize, _NUMBER)
+    return math.prod(map(int, shape)) * of_one
 
 
 def check_text(array: np.ndarray) -> None:

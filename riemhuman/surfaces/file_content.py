@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import stat
 from pathlib import Path
@@ -11,7 +12,7 @@ from riemhuman.errors import ArgumentTypeError, FileError
 _LONGEST = 300
 
 
-def file_path(path: str | os.PathLike[str], name: str = "path") -> Path:
+def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "file") -> Path:
     """Return a path as `Path`; ``~`` stands for the user's home.
 
     Parameters
@@ -20,6 +21,8 @@ def file_path(path: str | os.PathLike[str], name: str = "path") -> Path:
         The path.
     name : str
         What to call it in messages.
+    kind : str
+        What it should lead to.
 
     Returns
     -------
@@ -29,11 +32,22 @@ def file_path(path: str | os.PathLike[str], name: str = "path") -> Path:
     ------
     ArgumentTypeError
         If it is not a path.
+    FileError
+        If nothing can have this name: it is too long, or holds a null character.
     """
     try:
-        return Path(path).expanduser()
+        # Not `Path.expanduser`, which knows no file ~anna.ply where there is no user anna.ply.
+        found = Path(os.path.expanduser(path))
     except TypeError as error:
-        raise ArgumentTypeError(f"{name} must be the path of a file; found {path!r}") from error
+        raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
+    try:
+        found.lstat()
+    except (OSError, ValueError) as error:
+        if isinstance(error, ValueError) or error.errno == errno.ENAMETOOLONG:
+            raise FileError(
+                f"no {kind} can be called {str(found)[:_LONGEST]!r}: {brief(error)}"
+            ) from error
+    return found
 
 
 def check_file(file: Path) -> int:
