@@ -20,21 +20,40 @@ _LONGEST = 200
 _LONGEST_LENGTH, _SHORTEST_LENGTH, _LARGEST_WEIGHT = 1e60, 1e-60, 1e60
 
 
-def values_of(array: Any) -> np.ndarray:
+def values_of(array: Any, name: str = "array") -> np.ndarray:
     """Return the plain NumPy values of an array, traced by autograd or not.
 
     Parameters
     ----------
     array : array_like, shape (...)
         An array or an autograd box.
+    name : str
+        Name of the argument, for messages.
 
     Returns
     -------
     array, shape (...)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it is made of parts of different shapes, or has masked entries: as plain numbers they
+        would count.
     """
     while array is not (value := getval(array)):
         array = value
-    return np.asarray(array)
+    parts = array if isinstance(array, (list, tuple)) else [array]
+    masked = sum(np.ma.count_masked(part) for part in parts if isinstance(part, np.ma.MaskedArray))
+    if masked:
+        raise ArgumentTypeError(
+            f"{name} has {masked} masked entries; fill them, or leave their surfaces out"
+        )
+    try:
+        return np.asarray(array)
+    except ValueError as error:
+        raise ArgumentTypeError(
+            f"{name} must be an array; found a {type(array).__name__} of parts of different shapes"
+        ) from error
 
 
 def real_array(
@@ -72,7 +91,7 @@ def real_array(
     ArgumentError
         If its shape is wrong or it holds NaN or infinite entries.
     """
-    values = values_of(array)
+    values = values_of(array, name)
     if values.dtype.kind not in "fiub":
         raise ArgumentTypeError(
             f"{name} must be an array of real numbers; found {_describe(array, values)}"
@@ -204,7 +223,7 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
     ArgumentError
         If the shape is another, or a number needs more than 64 bits.
     """
-    values = np.asarray(array)
+    values = values_of(array, name)
     if values.dtype.kind not in "iu" and not (
         values.dtype.kind == "f" and np.isfinite(values).all() and (values == values.round()).all()
     ):
@@ -212,7 +231,7 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
             f"{name} must be an array of whole numbers; found {_describe(array, values)}"
         )
     check_shape(values, name, shape, batched=False)
-    if values.size and not -(2.0**63) <= float(values.min()) <= float(values.max()) < 2.0**63:
+    if values.size and not -(2**63) <= int(values.min()) <= int(values.max()) < 2**63:
         raise ArgumentError(
             f"{name} must be an array of numbers of at most 64 bits; found "
             f"{values.min()} to {values.max()}"

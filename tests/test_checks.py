@@ -117,6 +117,28 @@ def test_traced_arrays_keep_their_tape():
         grad(function)(np.array([0.0, np.nan, 1.0]))
 
 
+@pytest.mark.parametrize("check", [checks.real_array, checks.integer_array])
+def test_masked_entries_and_ragged_lists_are_refused_by_name(check):
+    shape = () if check is checks.real_array else (("n", 2),)
+    masked = np.ma.masked_array([[1, 2], [3, 4]], mask=[[0, 1], [0, 0]])
+    for array in (masked, [masked[0], masked[1]], (masked[0], [1, 2])):
+        with pytest.raises(ArgumentTypeError, match="points has 1 masked entries"):
+            check(array, "points", *shape)
+    plain = np.ma.masked_array([[1, 2], [3, 4]], mask=False)
+    np.testing.assert_array_equal(check(plain, "points", *shape), [[1, 2], [3, 4]])
+    for ragged in ([[1, 2], [3]], [np.ones((2, 3)), np.ones((3, 3))]):
+        with pytest.raises(ArgumentTypeError, match="points .* list of parts of different shapes"):
+            check(ragged, "points", *shape)
+
+
+def test_whole_numbers_at_the_edges_of_their_type():
+    for number in (2**63 - 1, 2**63 - 600, -(2**63)):
+        assert checks.integer_array([number], "faces", ("n",)).tolist() == [number]
+    for number in (2**63, 2**64 - 1):
+        with pytest.raises(ArgumentError, match="at most 64 bits"):
+            checks.integer_array(np.array([number], np.uint64), "faces", ("n",))
+
+
 def test_integer_arrays():
     for array in ([[0, 1, 2]], np.array([[0, 1, 2]], dtype=np.uint8), [[0.0, 1.0, 2.0]]):
         found = checks.integer_array(array, "faces", ("n_faces", 3))

@@ -29,7 +29,7 @@ _NAMES_SHOWN = 40
 # Data are read, decoded to bytes and viewed: more copies than these no honest file needs.
 _COPIES = 4
 # Entries are chosen out of others, and become larger: more bytes than these no honest file makes.
-_WIDENED = 64
+_WIDENED = 16
 
 _VALUES = {
     "INT",

@@ -307,7 +307,7 @@ class Manifold(ABC):
 
         The others, of another shape or, if `finite`, with entries that are not, become 0.
         """
-        values = real_array(values_of(array), name, finite=False)
+        values = real_array(values_of(array, name), name, finite=False)
         leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
         if values.shape != (*leading, *self.shape):
             return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)

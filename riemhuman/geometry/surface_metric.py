@@ -10,7 +10,7 @@ import autograd.numpy as np
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import one_of
+from riemhuman.checks import one_of, values_of
 from riemhuman.geometry.pairwise import PRECISIONS, Points
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels.drift import still_path
@@ -55,7 +55,7 @@ class SurfaceMetric(PullbackMetric):
         DegenerateSurfaceError
             If the metric needs a normal of a triangle without area.
         """
-        if np.ndim(path) == 3:
+        if values_of(path, "path").ndim == 3:
             energy = self._compiled_energy(path)
             if np.isfinite(energy):
                 return energy

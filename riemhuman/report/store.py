@@ -17,6 +17,8 @@ from numpy import ndarray
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
 
+_LONGEST_RECORD = 2**23
+
 Progress = Callable[[str], AbstractContextManager[Any]]
 Computed = tuple[Mapping[str, ndarray], Mapping[str, Any]]
 
@@ -150,7 +152,11 @@ def _read(file: Path, name: str, wanted: str) -> Step | None:
         return None
     try:
         arrays = load_arrays(file, ["about"])
-        header = json.loads(str(arrays.pop("about")))
+        about = str(arrays.pop("about"))
+        # Lists of JSON take far more memory than their text, which may be compressed as well.
+        if len(about) > _LONGEST_RECORD:
+            return None
+        header = json.loads(about)
         found, seconds, record = (header[key] for key in ("fingerprint", "seconds", "record"))
         complete = sorted(arrays) == header["arrays"]
     except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):

@@ -10,7 +10,7 @@ import numpy as np
 from autograd.core import make_vjp
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_number, whole_number
+from riemhuman.checks import one_of, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
@@ -115,7 +115,8 @@ class BasisMean:
     def _origin(self, dispersion: Dispersion, initial_point: ndarray | None) -> ndarray:
         space, points = dispersion.metric.space, dispersion.points
         if initial_point is not None:
-            return dispersion.metric.check_points(np.asarray(initial_point)[None])[0]
+            point = values_of(initial_point, "initial_point")
+            return dispersion.metric.check_points(point[None])[0]
         if self.start == "first":
             return points[0]
         candidates = list(points) if self.start in ("medoid", "lowest") else []

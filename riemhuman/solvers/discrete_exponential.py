@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import real_array, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
@@ -121,7 +121,7 @@ class DiscreteExponential:
         ConvergenceWarning
             If it stopped early, or a step's equation was not solved within the tolerance.
         """
-        base_point = metric.check_points(np.asarray(base_point)[None], "base_point")[0]
+        base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
         n_steps = self.n_steps
         return self._walk(metric, [base_point], n_steps, n_steps, velocity / n_steps)

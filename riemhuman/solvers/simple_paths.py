@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import whole_number
+from riemhuman.checks import values_of, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PathEnergy
@@ -117,7 +117,7 @@ def check_end_points(
     start, end : array, shape (\*shape,)
     """
     return tuple(
-        metric.check_points(np.asarray(point)[None], name)[0]
+        metric.check_points(values_of(point, name)[None], name)[0]
         for point, name in ((start, "start"), (end, "end"))
     )
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import Rng, generator, whole_number
+from riemhuman.checks import Rng, generator, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.statistics.distance_matrices import distance_matrix
 
@@ -100,7 +100,7 @@ def two_sample_test(
     """
     matrix = distance_matrix(distances)
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
-    first = np.asarray(in_first)
+    first = values_of(in_first, "in_first")
     if first.dtype != bool or first.shape != (len(matrix),):
         raise ArgumentError(
             f"in_first must hold {len(matrix)} booleans, one for each row of distances; found "
@@ -129,7 +129,7 @@ def _units(units: ArrayLike | None, first: ndarray) -> tuple[ndarray, ndarray]:
     """Return the unit of every point, and which units are in the first group."""
     if units is None:
         return np.arange(len(first)), first
-    names, members = np.unique(np.asarray(units), return_inverse=True)
+    names, members = np.unique(values_of(units, "units"), return_inverse=True)
     if members.shape != first.shape:
         raise ArgumentError(
             f"units must hold one name for each of {len(first)} points; found shape "
