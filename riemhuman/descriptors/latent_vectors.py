@@ -251,6 +251,10 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
         raise FileFormatError(
             f"{file}: ids must have shape (n_vectors); found {arrays['ids'].shape}"
         )
+    if arrays["ids"].dtype.kind not in "iuSU":
+        raise FileFormatError(
+            f"{file}: ids must be text or whole numbers; found {arrays['ids'].dtype}"
+        )
     # Before any of them becomes a text of its own: equal ones take no room in an archive.
     ids, counts = np.unique(arrays["ids"], return_counts=True)
     if counts.max(initial=1) > 1:
