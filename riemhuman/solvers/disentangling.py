@@ -12,15 +12,10 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.kernels.triangle_frames import (
-    deformation_gradients,
-    nearest_rotations,
-    stacked_derivatives,
-    triangle_frames,
-)
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import Result, warn_unless_converged
+from riemhuman.solvers.smooth_turn import SMOOTHING, SmoothTurn
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -43,8 +38,10 @@ class DisentanglingResult(Result):
     ----------
     surface : array, shape (V, 3)
         The surface.
+    turned : array, shape (V, 3)
+        The body of the shape, turned as that of the pose.
     value : float
-        The weighted sum of the two squared distances.
+        The weighted sum of the squared distances from the body of the shape and from `turned`.
     values : array, shape (n_iterations + 1,)
         The same at the start and after each iteration, before any basis.
     shape_dist, pose_dist : float
@@ -58,6 +55,7 @@ class DisentanglingResult(Result):
     """
 
     surface: ndarray
+    turned: ndarray
     value: float
     values: ndarray
     shape_dist: float
@@ -66,24 +64,27 @@ class DisentanglingResult(Result):
 
 @dataclass(frozen=True)
 class Disentangling:
-    r"""The surface nearest to a body A in one metric and to a body B in another.
+    r"""A body A in the pose of a body B, A's own in every detail.
 
-    .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, B)^2
+    .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, A_B)^2
 
-    It starts from A with every triangle turned as on B, put together by a Poisson equation
-    (`surfaces.poisson`), and stands where B does. For the shape metric λ must be large enough for
-    distances not to saturate: (1, 1, 0), and not the (1, 1e-4, 0) of the paper's retrieval, whose
-    gradient vanishes almost everywhere. Normals tell the build of B a little too; the pose
-    weight of 50 was the best for the open bodies under (1, 1, 0) and (0, 0, 1).
+    A_B is A turned as B stands by a smooth field of rotations, see `SmoothTurn`: normals of B
+    itself tell its build, a face or a chest, as well as its pose. The search starts from A_B and
+    shares the strain of the joints with their neighbours. The result stands where B does.
+
+    For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
+    the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
         Deformations that bodies make as they move. With it the result is the surface nearest to
-        the minimiser, by the sum of squares, that differs from A by these alone: what normals
-        tell of the build of B, and a motion does not change, so stays A's.
+        the minimiser, by the sum of squares, that differs from A by these alone.
     shape_weight, pose_weight : float
         w_s and w_p.
+    smoothing : float
+        Time of the heat flow of the rotations, as a share of the template's area. The more, the
+        less of B's build comes along, and the rounder joints bend.
     tolerance : float
         Stop when a Newton step would gain at most this share of the value, as far as the
         preconditioned gradient tells.
@@ -97,7 +98,8 @@ class Disentangling:
 
     basis: DeformationBasis | None = None
     shape_weight: float = 1.0
-    pose_weight: float = 50.0
+    pose_weight: float = 1000.0
+    smoothing: float = SMOOTHING
     tolerance: float = 1e-3
     max_iter: int = 300
     callback: Callable[[int, float, ndarray], Any] | None = None
@@ -106,6 +108,7 @@ class Disentangling:
     def __post_init__(self) -> None:
         real_number(self.shape_weight, "shape_weight", minimum=0.0, strict=True)
         real_number(self.pose_weight, "pose_weight", minimum=0.0, strict=True)
+        real_number(self.smoothing, "smoothing", minimum=0.0, strict=True)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
 
@@ -149,12 +152,12 @@ class Disentangling:
         space = _common_space(shape_metric, pose_metric)
         shape = _body(space, shape, "shape")
         pose = _body(space, pose, "pose")
-        start = turned_as(space, shape, pose) if initial is None else initial
-        start = _body(space, start, "initial")
+        turned = SmoothTurn(space, self.smoothing).solve(shape, pose)
+        start = turned if initial is None else _body(space, initial, "initial")
         if self.basis is not None:
             self.basis.check_fits(len(start))
         sum_ = _WeightedSum(
-            (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, pose)
+            (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, turned)
         )
         minimum = self._minimize(sum_, start)
         surface, value = start + minimum.x, minimum.value
@@ -167,6 +170,7 @@ class Disentangling:
         surface = surface + np.mean(pose - surface, axis=0)
         result = DisentanglingResult(
             surface,
+            turned,
             value,
             minimum.values,
             float(shape_metric.dist(shape, surface)),
@@ -245,34 +249,6 @@ class _WeightedSum:
         """Return the factor of the sum's Hessian, near both points, in units of the value."""
         matrix: Any = sum(w * m.metric_matrix(surface) for m, w, _ in self._terms)
         return SparseCholeskyFactor(2.0 * matrix / unit)
-
-
-def turned_as(space: AlignedSurfaces, shape: ndarray, pose: ndarray) -> ndarray:
-    """Return a body with every triangle turned as on another body.
-
-    Triangles keep their metric and take the rotation R of the polar decomposition of the map from
-    one body's triangle to the other's; the surface that comes closest to R J solves a Poisson
-    equation.
-
-    Parameters
-    ----------
-    space : AlignedSurfaces
-        Space of the surfaces.
-    shape : array, shape (V, 3)
-        Body that says how large triangles are.
-    pose : array, shape (V, 3)
-        Body that says how they are turned, and where the result stands.
-
-    Returns
-    -------
-    array, shape (V, 3)
-    """
-    template = space.template
-    frames, turned = (
-        triangle_frames(body, template.differential_operator) for body in (shape, pose)
-    )
-    rotations = nearest_rotations(deformation_gradients(frames, turned))
-    return template.interpolator.surface_of(stacked_derivatives(rotations @ frames), pose)
 
 
 def _common_space(shape_metric: SurfaceMetric, pose_metric: SurfaceMetric) -> Any:

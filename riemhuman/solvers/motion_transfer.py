@@ -23,11 +23,13 @@ from riemhuman.kernels.triangle_frames import (
     stacked_derivatives,
     triangle_frames,
 )
+from riemhuman.solvers.smooth_turn import SmoothTurn
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 AXES = ("world", "body")
+TRANSFERS = ("change", "pose")
 
 # Vertices that have moved by less, in metres, are still, as planted feet are.
 _STILL = 0.01
@@ -43,12 +45,28 @@ class MotionTransfer:
         "world": triangles of both bodies turn about the same axes in space, right where the target
         stands as the source does; "body": axes are carried from the source's triangles to the
         target's by the rotation between them, for a target in another pose.
+    transfer : str
+        "change": the target takes the changes of the source since the reference; where it holds
+        the reference's pose a little otherwise, it ends as much beside the source's, hands on the
+        head instead of above it. "pose": in every frame the target stands as the source does,
+        however it stands itself.
+
+    Raises
+    ------
+    ArgumentError
+        If one of them is none of these, or poses are transferred about the axes of the body.
     """
 
     axes: str = "world"
+    transfer: str = "change"
 
     def __post_init__(self) -> None:
         one_of(self.axes, "axes", AXES)
+        if one_of(self.transfer, "transfer", TRANSFERS) == "pose" and self.axes == "body":
+            raise ArgumentError(
+                'axes must be "world" where poses are transferred: "body" tells about which axes '
+                "a change turns the target"
+            )
 
     def solve(
         self,
@@ -69,32 +87,41 @@ class MotionTransfer:
             Body to be moved.
         reference : array, shape (V, 3), optional
             The source as the target stands, by default the first frame: where a frame is the
-            reference, the result is the target.
+            reference, the result is the target. Only changes have one.
 
         Returns
         -------
         array, shape (n_frames, V, 3)
             It is placed so that what is still on the source, planted feet above all, is still:
             vertices' displacements agree in the mean with weights 1/(d² + 1 cm²), d the
-            displacement.
+            displacement. Of poses, the first is where the source is, by the centroid.
 
         Raises
         ------
         ArgumentError
-            If the motion is empty, or a surface does not fit the space.
+            If the motion is empty, a surface does not fit the space, or there is a reference where
+            poses are transferred.
         DegenerateSurfaceError
             If a triangle has no area.
         """
-        transfer, frames = None, []
+        if reference is not None and self.transfer == "pose":
+            raise ArgumentError(
+                'reference must be left out where transfer="pose": poses are transferred as they '
+                "are, whatever the pose of the target"
+            )
+        transfer: _Transfer | _PoseTransfer | None = None
+        frames: list[ndarray] = []
         for k, frame in enumerate(motion):
             frame = _one_surface(space, frame, f"motion[{k}]")
             if transfer is None:
-                transfer = _Transfer(
-                    space,
-                    _one_surface(space, frame if reference is None else reference, "reference"),
-                    _one_surface(space, target, "target"),
-                    self.axes,
-                )
+                target = _one_surface(space, target, "target")
+                if self.transfer == "pose":
+                    transfer = _PoseTransfer(space, frame, target)
+                else:
+                    start = _one_surface(
+                        space, frame if reference is None else reference, "reference"
+                    )
+                    transfer = _Transfer(space, start, target, self.axes)
             frames.append(transfer.moved(frame))
         if not frames:
             raise ArgumentError("motion must have at least one frame; found none")
@@ -170,10 +197,29 @@ class _Transfer:
         if placed_as is not None:
             return self._interpolator.surface_of(derivatives, placed_as)
         displacement = surface - self._reference
-        shifted = self._target + displacement
-        moved = self._interpolator.surface_of(derivatives, shifted)
-        weights = self._areas / (_STILL**2 + np.sum(displacement**2, axis=1))
-        return moved + np.average(shifted - moved, axis=0, weights=weights)
+        moved = self._interpolator.surface_of(derivatives, self._target + displacement)
+        return _placed(moved, self._target, displacement, self._areas)
+
+
+class _PoseTransfer:
+    """What makes a target stand as a source does."""
+
+    def __init__(self, space: AlignedSurfaces, first: ndarray, target: ndarray) -> None:
+        self._turn = SmoothTurn(space)
+        self._areas = space.template.vertex_areas
+        self._first, self._target = first, target
+        self._start = self._turn.solve(target, first)
+
+    def moved(self, surface: ndarray) -> ndarray:
+        """Return the target in the pose of a surface."""
+        moved = self._turn.solve(self._target, surface)
+        return _placed(moved, self._start, surface - self._first, self._areas)
+
+
+def _placed(moved: ndarray, start: ndarray, displacement: ndarray, areas: ndarray) -> ndarray:
+    """Return a surface shifted so that it has left its start as far as what is still has."""
+    weights = areas / (_STILL**2 + np.sum(displacement**2, axis=1))
+    return moved + np.average(start + displacement - moved, axis=0, weights=weights)
 
 
 def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:

@@ -11,6 +11,8 @@ on the template (Xu, Zhang, Wang and Bao, "Poisson shape interpolation", SPM 200
 
 from __future__ import annotations
 
+from copy import copy
+
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
@@ -45,8 +47,7 @@ class PoissonInterpolator:
     ) -> None:
         n_vertices = differential_operator.shape[1]
         self._faces, self._frames, self._areas = faces, frame_coefficients, face_areas
-        self._divergence = differential_operator.T @ sparse.diags_array(np.tile(face_areas, 2))
-        laplacian = (self._divergence @ differential_operator).tocsc()
+        self._operator = differential_operator
         # One vertex of every connected component stays put: derivatives do not know where it is.
         corner_pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
         links = sparse.coo_array(
@@ -61,11 +62,32 @@ class PoissonInterpolator:
         counts = np.bincount(both_ways[:, 0], minlength=len(faces))
         self._neighbour_ends = np.concatenate([[0], np.cumsum(counts)])
         self._free = np.setdiff1d(np.arange(n_vertices), anchors)
-        self._factor = splu(laplacian[self._free][:, self._free])
+        self._weigh(face_areas)
         self._component = component
         self._average = sparse.csr_array(
             (1.0 / sizes[component], (component, np.arange(n_vertices)))
         )
+
+    def _weigh(self, weights: ndarray) -> None:
+        self._divergence = self._operator.T @ sparse.diags_array(np.tile(weights, 2))
+        laplacian = (self._divergence @ self._operator).tocsc()
+        self._factor = splu(laplacian[self._free][:, self._free])
+
+    def weighted(self, weights: ndarray) -> PoissonInterpolator:
+        """Return an interpolator whose least squares trust triangles more or less.
+
+        Parameters
+        ----------
+        weights : array, shape (F,)
+            Weight of every triangle, above 0, beside that of its area.
+
+        Returns
+        -------
+        PoissonInterpolator
+        """
+        other = copy(self)
+        other._weigh(self._areas * weights)
+        return other
 
     def turns(self, start: ndarray, end: ndarray) -> ndarray:
         """Return the shortest rotation of every triangle between two surfaces.

@@ -12,7 +12,6 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import Disentangling
-from riemhuman.solvers.disentangling import turned_as
 from riemhuman.solvers.minimization import _ROUND
 from riemhuman.surfaces import DeformationBasis
 
@@ -62,27 +61,27 @@ def test_result_is_of_the_definition(solved):
     assert solved.converged
     assert solved.shape_dist == pytest.approx(shape_metric.dist(shape, solved.surface))
     assert solved.pose_dist == pytest.approx(pose_metric.dist(pose, solved.surface))
-    assert solved.value == pytest.approx(solved.shape_dist**2 + 50.0 * solved.pose_dist**2)
+    assert solved.value == pytest.approx(value(solved, shape, solved.surface))
     assert solved.values[-1] == pytest.approx(solved.value)
     assert np.all(np.diff(solved.values) <= 1e-12)
     assert len(solved.values) == solved.n_iterations + 1
     assert solved.shape_dist < 0.5 * shape_metric.dist(shape, pose)
-    assert solved.pose_dist < 0.3 * pose_metric.dist(shape, pose)
+    assert solved.pose_dist < 0.6 * pose_metric.dist(shape, pose)
     np.testing.assert_allclose(solved.surface.mean(axis=0), pose.mean(axis=0), atol=1e-12)
 
 
-def test_no_surface_near_is_better(solved):
+def value(found, shape, surface, pose_weight=1000.0):
+    """Return the weighted sum that is minimised."""
     shape_metric, pose_metric = metrics(bodies.space())
-    shape, pose = bodies.body("other build"), bodies.body("knee raised")
+    turned = pose_metric.squared_dist(found.turned, surface)
+    return shape_metric.squared_dist(shape, surface) + pose_weight * turned
 
-    def value(surface):
-        return shape_metric.squared_dist(shape, surface) + 50.0 * pose_metric.squared_dist(
-            pose, surface
-        )
 
+def test_no_surface_near_is_better(solved):
+    shape = bodies.body("other build")
     for direction in bodies.basis().vectors[:5]:
         for size in (-0.05, 0.05):
-            assert value(solved.surface + size * direction) > solved.value
+            assert value(solved, shape, solved.surface + size * direction) > solved.value
 
 
 def test_in_a_basis(solved):
@@ -96,13 +95,13 @@ def test_in_a_basis(solved):
     weights = np.linalg.lstsq(span.T, difference.ravel(), rcond=None)[0]
     np.testing.assert_allclose(span.T @ weights, difference.ravel(), atol=1e-10)
     np.testing.assert_array_equal(found.values, solved.values)
-    assert found.value == pytest.approx(found.shape_dist**2 + 50.0 * found.pose_dist**2)
+    assert found.value == pytest.approx(value(found, shape, found.surface))
     assert found.value > solved.value
     np.testing.assert_allclose(found.surface.mean(axis=0), pose.mean(axis=0), atol=1e-12)
 
 
 def test_a_basis_keeps_the_build():
-    """In shape it is nearer to the model's truth than without, and no farther in place."""
+    """In place it is nearer to the model's truth than without, and hardly farther in shape."""
     betas = np.random.default_rng(3).normal(size=(5, bodies.model().n_betas))
     pose = bodies.pose(left_shoulder=(0, 0, 50), left_elbow=(0, -30, 0))
     truth = bodies.model()(betas=betas[1], pose=pose)
@@ -117,8 +116,8 @@ def test_a_basis_keeps_the_build():
         .surface
         for allowed in (None, basis)
     )
-    assert pair[0].dist(kept, truth) < pair[0].dist(free, truth)
-    assert error(kept, truth) < error(free, truth)
+    assert pair[0].dist(kept, truth) < 1.1 * pair[0].dist(free, truth)
+    assert error(kept, truth) < 0.5 * error(free, truth)
 
 
 def test_weights_pull_either_way():
@@ -129,7 +128,8 @@ def test_weights_pull_either_way():
         for weight in (0.1, 1.0, 10.0)
     ]
     assert np.all(np.diff([result.shape_dist for result in found]) > 0)
-    assert np.all(np.diff([result.pose_dist for result in found]) < 0)
+    from_turned = [metrics(space)[1].dist(one.turned, one.surface) for one in found]
+    assert np.all(np.diff(from_turned) < 0)
 
 
 @pytest.mark.parametrize("weight", [1.0, 50.0])
@@ -145,21 +145,8 @@ def test_the_shape_of_a_turned_body_is_its_shape():
     space = AlignedSurfaces(sphere_template(), equip=False)
     body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
     turned = body @ Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix() + [1.0, 0.0, 2.0]
-    np.testing.assert_allclose(turned_as(space, body, turned), turned, atol=1e-10)
     found = Disentangling().solve(*metrics(space), body, turned)
     np.testing.assert_allclose(found.surface, turned, atol=1e-7)
-
-
-def test_triangles_keep_their_metric_where_bodies_differ_by_a_stretch():
-    space = AlignedSurfaces(sphere_template(), equip=False)
-    body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
-    np.testing.assert_allclose(
-        centred(turned_as(space, body, 1.3 * body)), centred(body), atol=1e-10
-    )
-    pose = body * [1.0, 1.2, 1.0]
-    turned = turned_as(space, body, pose)
-    metric = metrics(space)[0]
-    assert metric.dist(turned, body) < 0.5 * metric.dist(pose, body)
 
 
 def test_other_metrics_and_starts():
@@ -184,11 +171,8 @@ def test_callback_and_iterations():
     assert [iteration for iteration, _, _ in seen] == [1, 2]
     assert seen[-1][1] == pytest.approx(found.values[-1])
     assert seen[-1][2].shape == shape.shape
-    (shape_metric, pose_metric) = metrics(bodies.space())
-    for _, value, surface in seen:
-        expected = shape_metric.squared_dist(shape, surface)
-        expected += 50.0 * pose_metric.squared_dist(pose, surface)
-        assert value == pytest.approx(expected, rel=1e-9)
+    for _, reported, surface in seen:
+        assert reported == pytest.approx(value(found, shape, surface), rel=1e-9)
     assert found.n_iterations == 2
 
 
@@ -231,7 +215,8 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
     start = best.surface + noise
 
     def value(surface):
-        return pair[0].squared_dist(shape, surface) + 2.0 * pair[1].squared_dist(pose, surface)
+        turned = pair[1].squared_dist(best.turned, surface)
+        return pair[0].squared_dist(shape, surface) + 2.0 * turned
 
     gain = 1.0 - best.value / value(start)
     solver = Disentangling(pose_weight=2.0, tolerance=float(gain) / share)
