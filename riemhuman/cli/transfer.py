@@ -32,12 +32,13 @@ def add_verbs(verbs: Verbs) -> None:
         _transfer,
         "a motion of one body replayed on another",
         "Replays a motion, a sequence of registered meshes, on another body of the same\n"
-        "triangulation that stands as the first mesh does. Into a folder come the meshes\n"
-        "frame_0000.ply, ...; an output with the ending .glb (an animation) or .npz (the array\n"
-        "path) is that file alone.",
+        "triangulation. Changes of pose are for a body that stands as the first mesh does;\n"
+        "--transfer pose is for any. Into a folder come the meshes frame_0000.ply, ...; an output\n"
+        "with the ending .glb (an animation) or .npz (the array path) is that file alone.",
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
-        "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n",
+        "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
+        "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
     )
     parser.add_argument(
         "motion", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
@@ -55,19 +56,27 @@ def add_verbs(verbs: Verbs) -> None:
         help="triangles turn about axes in space, or about axes that turn with the body, for one "
         "that stands otherwise than the first mesh (default: world)",
     )
+    parser.add_argument(
+        "--transfer",
+        choices=("change", "pose"),
+        default="change",
+        help="replay the changes since the first mesh, so that poses differ as the first ones do, "
+        "or the poses themselves (default: change)",
+    )
     add_json(parser)
     add_force(parser)
-    parser.set_defaults(template=None, align=False)
+    parser.set_defaults(template=None, any_scale=False, align=False)
 
     parser = add_verb(
         verbs,
         "disentangle",
         _disentangle,
         "a body with one mesh's shape and another's pose",
-        "Writes the body nearest to the first mesh in the shape metric, (a, λ, c) = (1, 1, 0),\n"
-        "and to the second in the pose metric, (0, 0, 1).",
+        "Turns the first mesh as the second stands, by a smooth field of rotations, so that the\n"
+        "first keeps its own detail, and writes the body nearest to the first in the shape metric,\n"
+        "(a, λ, c) = (1, 1, 0), and to the turned one in the pose metric, (0, 0, 1).",
         "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
-        "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 20 --json\n"
+        "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
         "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
     )
     parser.add_argument("shape", metavar="SHAPE", type=path_argument, help="mesh of the person")
@@ -78,9 +87,9 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "--pose-weight",
         type=float,
-        default=50.0,
+        default=1000.0,
         metavar="W",
-        help="weight of the squared distance in pose beside that in shape (default: 50)",
+        help="weight of the squared distance in pose beside that in shape (default: 1000)",
     )
     parser.add_argument(
         "--basis",
@@ -111,12 +120,14 @@ def _transfer(options: argparse.Namespace) -> None:
     space = AlignedSurfaces(surfaces.template, equip=False)
     with reporter.task(f"Transfer of {len(files)} meshes"):
         frames = (surfaces[k] for k in range(len(files)))
-        moved = MotionTransfer(options.axes).solve(space, frames, surfaces[len(files)])
+        solver = MotionTransfer(options.axes, options.transfer)
+        moved = solver.solve(space, frames, surfaces[len(files)])
     with reporter.task("Output"):
         _write(output, single, moved, surfaces.template.faces)
     if options.json:
-        record = {"files": files, "onto": options.onto, "axes": options.axes, "output": output}
-        say_json(record | {"n_frames": len(moved)})
+        record = {"files": files, "onto": options.onto, "axes": options.axes}
+        record |= {"transfer": options.transfer, "output": output, "n_frames": len(moved)}
+        say_json(record)
         return
     say(f"meshes      {len(moved)}")
     say(f"written to  {output}")

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 # Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
-# exp(−4π²t/ℓ²): of 1.8 m² and ℓ = 0.48 m a half, of the girth of an arm a sixth, and of twice
-# the length of a thigh five sixths.
-SMOOTHING = 1.0 / 450.0
+# about exp(−4π²t/ℓ²): of 1.8 m², a half where ℓ = 0.41 m, an arm's girth and more; a quarter of
+# what goes around an arm, 0.3 m, and nine tenths of what changes from a thigh to its shin, 1 m.
+SMOOTHING = 1.0 / 600.0
 
 # A limb of radius r that bends by κ radians a metre strains its skin by rκ. Least squares weigh
 # with the inverse of the variance, σ² + (rκ)²; r/σ is 0.05 m over 0.1, as a share of √area.

@@ -42,6 +42,16 @@ def test_motion_into_a_file(run, scans, moved, tmp_path):
     assert (tmp_path / "moved.glb").read_bytes()[:4] == b"glTF"
 
 
+def test_poses_into_a_file(run, scans, bodies, tmp_path):
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    options = ("--onto", scans / "body_20.ply", "--transfer", "pose", "--json")
+    finished = run("transfer", *files, *options, "-o", tmp_path / "moved.npz")
+    assert json.loads(finished.out)["transfer"] == "pose"
+    space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
+    expected = MotionTransfer(transfer="pose").solve(space, bodies.points[:2], bodies.points[20])
+    np.testing.assert_array_equal(np.load(tmp_path / "moved.npz")["path"], expected)
+
+
 def test_disentangled_body(run, scans, bodies, tmp_path):
     files = (scans / "body_0.ply", scans / "body_21.ply")
     finished = run("disentangle", *files, "-o", tmp_path / "both.ply", "--json")

@@ -4,6 +4,7 @@ import bodies_in_motion as bodies
 import numpy as np
 import pytest
 from cases import CASES, deformations, sphere_template
+from disentangled_bodies import PARTS, Disentangled, random_pairs
 from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
@@ -53,6 +54,17 @@ def test_a_third_of_the_better_inputs_error():
         errors.append((error(found.surface, truth), better))
     ours, theirs = np.mean(errors, axis=0)
     assert ours < theirs / 3
+
+
+def test_the_person_is_kept_whoever_holds_the_pose():
+    """On people who hold poses otherwise, with faces and flesh of their own."""
+    measure = Disentangled(load_open_bodies("coarse", variant="natural")).measure
+    found = [measure(*pair) for pair in random_pairs(6)]
+    for part in PARTS:
+        assert all(one.nearer[part] for one in found)
+    assert max(one.edges for one in found) < 0.06
+    # By B's own normals, in place of the smooth turn, it was 4.6 mm.
+    assert np.mean([one.segments for one in found]) < 2.3
 
 
 def test_result_is_of_the_definition(solved):
@@ -116,7 +128,7 @@ def test_a_basis_keeps_the_build():
         .surface
         for allowed in (None, basis)
     )
-    assert pair[0].dist(kept, truth) < 1.1 * pair[0].dist(free, truth)
+    assert pair[0].dist(kept, truth) < 1.25 * pair[0].dist(free, truth)
     assert error(kept, truth) < 0.5 * error(free, truth)
 
 
@@ -232,6 +244,7 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
         ({"shape_weight": 0.0}, ArgumentError),
         ({"pose_weight": -1.0}, ArgumentError),
         ({"tolerance": 0.0}, ArgumentError),
+        ({"smoothing": 0.0}, ArgumentError),
         ({"max_iter": 1.5}, ArgumentTypeError),
     ],
 )

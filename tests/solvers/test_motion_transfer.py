@@ -25,6 +25,16 @@ def motion(space):
     return space.template.vertices + np.linspace(0, 1, 4)[:, None, None] * waves
 
 
+def test_poses_onto_the_source_itself(space, motion):
+    """A rigid motion of the source takes the target along, whatever its own pose."""
+    turn = Rotation.from_rotvec([0.2, 1.0, -0.4]).as_matrix()
+    path = np.stack([motion[0], motion[0] @ turn.T + [0.3, 0.0, -0.1]])
+    moved = MotionTransfer(transfer="pose").solve(space, path, motion[0] @ turn)
+    np.testing.assert_allclose(moved[0], motion[0], atol=1e-10)
+    gap = moved[1] - path[1]
+    np.testing.assert_allclose(gap, gap.mean(axis=0) + 0 * gap, atol=1e-10)
+
+
 @pytest.mark.parametrize("axes", ["world", "body"])
 def test_onto_the_source_itself(space, motion, axes):
     moved = MotionTransfer(axes).solve(space, motion, motion[0])
@@ -139,7 +149,31 @@ def test_reference_and_streams(space, motion):
     np.testing.assert_allclose(later, whole[1:], atol=1e-12)
 
 
+def test_a_pose_or_its_change():
+    """A target that starts with an arm raised lets it fall where poses are transferred."""
+    source = [bodies.body("resting"), bodies.body("elbow bent")]
+    target = bodies.body("arm raised")
+    ends = {
+        transfer: MotionTransfer(transfer=transfer).solve(bodies.space(), source, target)[1]
+        for transfer in ("change", "pose")
+    }
+    centred = {name: end - end.mean(axis=0) for name, end in ends.items()}
+    expected = source[1] - source[1].mean(axis=0)
+    apart = {name: np.linalg.norm(end - expected, axis=1) for name, end in centred.items()}
+    # The raised hand is some half a metre too high; joints that bend smoothly miss by little.
+    assert apart["change"].max() > 0.3
+    assert apart["pose"].mean() < 0.25 * apart["change"].mean()
+    changed = np.linalg.norm(ends["pose"] - target, axis=1)
+    assert changed.max() > 0.3
+
+
 def test_bad_input(space, motion):
+    with pytest.raises(ArgumentError, match="transfer must be one of 'change', 'pose'"):
+        MotionTransfer(transfer="both")
+    with pytest.raises(ArgumentError, match='axes must be "world" where poses are transferred'):
+        MotionTransfer("body", "pose")
+    with pytest.raises(ArgumentError, match="reference must be left out"):
+        MotionTransfer(transfer="pose").solve(space, motion, motion[0], reference=motion[1])
     with pytest.raises(ArgumentError, match="axes must be one of 'world', 'body'"):
         MotionTransfer("hip")
     with pytest.raises(ArgumentError, match="motion must have at least one frame; found none"):

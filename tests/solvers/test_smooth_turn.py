@@ -1,0 +1,72 @@
+"""Bodies turned as others stand: what is exact, and what of the other comes along."""
+
+import bodies_in_motion as bodies
+import numpy as np
+import pytest
+from cases import deformations, sphere_template
+from scipy.spatial.transform import Rotation
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.solvers.smooth_turn import SmoothTurn
+
+
+@pytest.fixture(scope="module")
+def space():
+    """Return the surfaces over a deformed sphere."""
+    return AlignedSurfaces(sphere_template(), equip=False)
+
+
+@pytest.mark.parametrize("n_rounds", [0, 1, 3])
+def test_a_rotation_is_exact(space, n_rounds):
+    body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
+    turned = body @ Rotation.from_rotvec([0.5, -0.8, 0.3]).as_matrix() + [1.0, 0.0, 2.0]
+    np.testing.assert_allclose(
+        SmoothTurn(space, n_rounds=n_rounds).solve(body, turned), turned, atol=1e-10
+    )
+
+
+def test_size_is_no_pose(space):
+    body = space.template.vertices + deformations(space.template, 1, rng=4, size=0.3)[0]
+    found = SmoothTurn(space).solve(body, 1.3 * body)
+    np.testing.assert_allclose(found, body + 0.3 * body.mean(axis=0), atol=1e-10)
+
+
+def test_units_make_no_difference(space):
+    """The time of the flow and the weights of joints are shares of the template's size."""
+    first, second = space.template.vertices + deformations(space.template, 2, rng=6, size=0.3)
+    template = type(space.template)(1000.0 * space.template.vertices, space.template.faces)
+    scaled = AlignedSurfaces(template, equip=False)
+    np.testing.assert_allclose(
+        SmoothTurn(scaled).solve(1000.0 * first, 1000.0 * second),
+        1000.0 * SmoothTurn(space).solve(first, second),
+        rtol=1e-8,
+    )
+
+
+def test_waves_of_the_skin_stay_with_their_owner():
+    """Ripples on the body of the pose turn its normals, and hardly those of the result."""
+    shape, pose = bodies.body("resting"), bodies.body("arm raised")
+    ripples = 0.004 * np.sin(2 * np.pi * bodies.model().template.vertices / 0.12)
+    turn, normals = SmoothTurn(bodies.space()), ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
+    smooth, rippled = (turn.solve(shape, pose + wave) for wave in (0.0, ripples))
+    assert normals.dist(smooth, rippled) < 0.35 * normals.dist(pose, pose + ripples)
+
+
+def test_rounds_bring_back_the_bends_of_joints():
+    shape, pose = bodies.body("resting"), bodies.body("knee raised")
+
+    def error(n_rounds):
+        gap = SmoothTurn(bodies.space(), n_rounds=n_rounds).solve(shape, pose) - pose
+        return np.linalg.norm(gap - gap.mean(axis=0), axis=1).mean()
+
+    errors = [error(n_rounds) for n_rounds in (0, 1, 3)]
+    assert np.all(np.diff(errors) < 0)
+
+
+def test_bad_input(space):
+    with pytest.raises(ArgumentError, match="smoothing must be"):
+        SmoothTurn(space, 0.0)
+    with pytest.raises(ArgumentError, match="n_rounds must be"):
+        SmoothTurn(space, n_rounds=-1)
