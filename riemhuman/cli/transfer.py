@@ -72,9 +72,9 @@ def add_verbs(verbs: Verbs) -> None:
         "disentangle",
         _disentangle,
         "a body with one mesh's shape and another's pose",
-        "Turns the first mesh as the second stands, by a smooth field of rotations, so that the\n"
-        "first keeps its own detail, and writes the body nearest to the first in the shape metric,\n"
-        "(a, λ, c) = (1, 1, 0), and to the turned one in the pose metric, (0, 0, 1).",
+        "Turns the first mesh as the second stands, by a smooth field of rotations that keeps its\n"
+        "detail, and writes the body nearest to the first in the shape metric, (a, λ, c) =\n"
+        "(1, 1, 0), and to the turned one in the pose metric, (0, 0, 1).",
         "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
         "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
         "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
