@@ -20,6 +20,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import surface
+from riemhuman.kernels.scalars import square_root
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -100,6 +101,43 @@ class AlignedSurfaces(Manifold):
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
         return stack_samples(self.template.vertices @ maps, n_samples)
+
+    @property
+    def faces(self) -> ndarray:
+        """Vertex indices of each triangle, shape (F, 3)."""
+        return self.template.faces
+
+    def face_areas(self, point: ndarray) -> ndarray:
+        """Return the areas of the triangles of surfaces.
+
+        Parameters
+        ----------
+        point : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., F)
+            In square metres; gradients are 0 where a triangle has no area.
+        """
+        normals = self.normals(point)
+        return square_root(surface.dot(normals, normals))
+
+    def normals(self, point: ndarray) -> ndarray:
+        """Return a normal of every triangle, as long as the triangle's area; see `normal_field`.
+
+        Parameters
+        ----------
+        point : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+            Half the cross products of the edges from the first corner.
+        """
+        area_vectors = surface.cross(*self.partial_derivatives(self.check_point(point)))
+        return self.template.face_areas[:, None] * area_vectors
 
     def partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
         """Return f_u and f_v in the orthonormal frames of the template's triangles.

@@ -401,3 +401,18 @@ def test_lower_bounds_without_normals_take_triangles_without_area():
     assert 0.0 < gap <= metric.dist(*points)
     with pytest.raises(DegenerateSurfaceError, match="every triangle"):
         ElasticMetric(space, 0.5, 0.1, 0.1).lower_bound_coordinates(points)
+
+
+def test_triangles_have_faces_areas_and_normals():
+    space = AlignedSurfaces(sphere_template())
+    points = space.random_point(3, rng=1)
+    corners = points[:, space.faces]
+    edges = corners[:, :, 1:] - corners[:, :, :1]
+    normals = 0.5 * np.cross(edges[:, :, 0], edges[:, :, 1])
+    np.testing.assert_allclose(space.normals(points), normals, rtol=0, atol=1e-16)
+    areas = space.face_areas(points)
+    np.testing.assert_allclose(areas, np.linalg.norm(normals, axis=-1), rtol=1e-13)
+    np.testing.assert_allclose(areas[..., None] * space.normal_field(points), normals, atol=1e-16)
+    np.testing.assert_array_equal(space.face_areas(np.zeros(space.shape)), np.zeros(80))
+    template = space.template
+    np.testing.assert_allclose(space.face_areas(template.vertices), template.face_areas, rtol=1e-13)
