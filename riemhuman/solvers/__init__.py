@@ -12,7 +12,6 @@ from riemhuman.solvers.discrete_exponential import DiscreteExponential, Exponent
 from riemhuman.solvers.discrete_logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.disentangling import Disentangling, DisentanglingResult
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
-from riemhuman.solvers.frechet_mean import FrechetMean, GeometricMedian
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.solvers.manifold_checks import check_manifold
 from riemhuman.solvers.metric_checks import check_metric
@@ -36,8 +35,6 @@ __all__ = [
     "DisentanglingResult",
     "ExponentialResult",
     "FiniteDifferenceEnergy",
-    "FrechetMean",
-    "GeometricMedian",
     "GradientDescentMean",
     "LinearPath",
     "LogarithmResult",

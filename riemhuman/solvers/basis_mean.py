@@ -32,8 +32,8 @@ class BasisMean:
 
     Parameters
     ----------
-    basis : DeformationBasis
-        Deformations D_j.
+    basis : DeformationBasis, optional
+        Deformations D_j; without them, the differences of the points alone.
     start : str
         x₀: "first", the first point as in the paper; "medoid", the best of the points;
         "euclidean", their arithmetic mean; "lowest", the better of the last two.
@@ -51,7 +51,7 @@ class BasisMean:
         Whether to show a progress bar.
     """
 
-    basis: Basis
+    basis: Basis | None = None
     start: str = "lowest"
     with_differences: bool = True
     tolerance: float = 1e-8
@@ -60,6 +60,8 @@ class BasisMean:
     progress: bool = False
 
     def __post_init__(self) -> None:
+        if self.basis is None and not self.with_differences:
+            raise ArgumentError("with_differences must be True where there is no basis")
         one_of(self.start, "start", STARTS)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
@@ -126,17 +128,18 @@ class BasisMean:
         return min(candidates, key=dispersion.value)
 
     def _directions(self, dispersion: Dispersion, origin: ndarray) -> ndarray:
-        if self.basis.flat.shape[1] != origin.size:
+        flat = np.zeros((0, origin.size)) if self.basis is None else self.basis.flat
+        if flat.shape[1] != origin.size:
             raise ArgumentError(
                 f"basis must hold vectors of {origin.size} numbers, those of a point; "
-                f"found {self.basis.flat.shape[1]}"
+                f"found {flat.shape[1]}"
             )
         if not self.with_differences:
-            return self.basis.flat
+            return flat
         differences = dispersion.points.reshape(len(dispersion.points), -1) - origin.ravel()
-        outside = differences - (differences @ self.basis.flat.T) @ self.basis.flat
+        outside = differences - (differences @ flat.T) @ flat
         _, sizes, rows = np.linalg.svd(outside, full_matrices=False)
-        return np.concatenate([self.basis.flat, rows[sizes > 1e-6 * np.abs(origin).max()]])
+        return np.concatenate([flat, rows[sizes > 1e-6 * np.abs(origin).max()]])
 
     def _minimize(self, dispersion: Dispersion, family: _Family) -> Minimum:
         """Return the coefficients β of least variance."""

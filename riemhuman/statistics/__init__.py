@@ -1,6 +1,7 @@
 """Statistics on manifolds: principal components, regression, clusters, tests, fitted metrics."""
 
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
+from riemhuman.statistics.frechet_mean import FrechetMean, GeometricMedian
 from riemhuman.statistics.geodesic_regression import GeodesicRegression
 from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.metric_weights import MetricWeights
@@ -9,7 +10,9 @@ from riemhuman.statistics.tangent_pca import TangentPCA
 from riemhuman.statistics.two_sample_test import TwoSampleResult, two_sample_test
 
 __all__ = [
+    "FrechetMean",
     "GeodesicRegression",
+    "GeometricMedian",
     "HierarchicalClustering",
     "KMedoids",
     "MetricWeights",

@@ -97,7 +97,7 @@ class TangentPCA(Estimator):
         self.image = image
         self.nearest = nearest
 
-    def fit(self, X: ndarray, y: object = None) -> Self:
+    def fit(self, X: ndarray, y: object = None, base_point: ndarray | None = None) -> Self:
         r"""Find the mean and the directions.
 
         Parameters
@@ -106,6 +106,8 @@ class TangentPCA(Estimator):
             Points, at least two.
         y : object
             Not used.
+        base_point : array, shape (\*shape,), optional
+            Point to use instead of the mean.
 
         Returns
         -------
@@ -130,7 +132,8 @@ class TangentPCA(Estimator):
                     f"span: at most {len(points) - 1}"
                 )
         image = self._image()
-        self.mean_ = mean_point(self.mean, self.space, image, points)
+        mean = self.mean if base_point is None else base_point
+        self.mean_ = mean_point(mean, self.space, image, points)
         self._base = image.embed(self.mean_[None])[0]
         logs = image.metric.log(image.embed(points), self._base)
         self.offset_ = logs.mean(axis=0)
@@ -160,13 +163,15 @@ class TangentPCA(Estimator):
         self.explained_variance_ = values[:wanted] / (len(logs) - 1)
         self.explained_variance_ratio_ = values[:wanted] / values[values > 0].sum()
 
-    def transform(self, X: ndarray) -> ndarray:
+    def transform(self, X: ndarray, y: object = None) -> ndarray:
         r"""Return the coordinates of points, ⟨log x − offset, u_k⟩.
 
         Parameters
         ----------
         X : array, shape (n, \*shape)
             Points.
+        y : object
+            Not used.
 
         Returns
         -------
@@ -186,7 +191,9 @@ class TangentPCA(Estimator):
         covectors = image.metric.covector(self.components_, self._base)
         return logs.reshape(len(logs), -1) @ covectors.reshape(self.n_components_, -1).T
 
-    def fit_transform(self, X: ndarray, y: object = None) -> ndarray:
+    def fit_transform(
+        self, X: ndarray, y: object = None, base_point: ndarray | None = None
+    ) -> ndarray:
         r"""Fit, and return the coordinates of the same points.
 
         Parameters
@@ -195,12 +202,14 @@ class TangentPCA(Estimator):
             Points.
         y : object
             Not used.
+        base_point : array, shape (\*shape,), optional
+            Point to use instead of the mean.
 
         Returns
         -------
         array, shape (n, n_components)
         """
-        return self.fit(X).transform(X)
+        return self.fit(X, base_point=base_point).transform(X)
 
     def inverse_transform(self, X: ndarray) -> ndarray:
         r"""Return the points with these coordinates, exp(offset + Σ_k z_k u_k).

@@ -6,7 +6,7 @@ import autograd.numpy as anp
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
-from cases import sphere_template, triangle_template
+from cases import HalfPlane, HyperbolicDistance, sphere_template, triangle_template
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
@@ -22,9 +22,16 @@ from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
-from riemhuman.solvers import BasisMean, FrechetMean, GeometricMedian, GradientDescentMean
+from riemhuman.solvers import (
+    BasisMean,
+    DiscreteExponential,
+    DiscreteLogarithm,
+    GradientDescentMean,
+)
 from riemhuman.solvers.basis_mean import STARTS
 from riemhuman.solvers.dispersion import Dispersion, check_weights
+from riemhuman.statistics import FrechetMean, GeometricMedian
+from riemhuman.statistics.frechet_mean import default_mean_solver
 
 
 @dataclass(frozen=True)
@@ -278,7 +285,7 @@ def test_settings_of_medians():
     assert (median.tolerance, median.max_iter) == (1e-9, 200)
     for settings in ({"tolerance": 0.0}, {"max_iter": 0}):
         with pytest.raises(ArgumentError, match=next(iter(settings))):
-            GeometricMedian(LINE, GradientDescentMean(), **settings)
+            GeometricMedian(LINE, GradientDescentMean(), **settings).fit(np.ones((2, 1)))
 
 
 def test_median_counts_the_evaluations_of_all_means():
@@ -598,3 +605,29 @@ def test_zeros_coincide():
     assert (found.variance, found.n_evaluations, found.converged) == (0.0, 1, True)
     assert found.message == "all points coincide"
     np.testing.assert_array_equal(found.point, zeros[0])
+
+
+def test_means_have_a_solver_that_suits_the_metric():
+    space = NormalFields(triangle_template())
+    points = near_points(space)
+    expected = FrechetMean(space, GradientDescentMean()).fit(points).estimate_
+    np.testing.assert_array_equal(FrechetMean(space).fit(points).estimate_, expected)
+    half_plane = HalfPlane().equip_with_metric(HyperbolicDistance)
+    points = half_plane.random_point(5, rng=2)
+    mean = FrechetMean(half_plane).fit(points)
+    assert isinstance(default_mean_solver(half_plane.metric), BasisMean)
+    slopes = Dispersion(half_plane.metric, points).value_and_gradient(mean.estimate_)[1]
+    assert np.abs(slopes).max() < 1e-4
+    for exp_solver, log_solver, expected in (
+        (DiscreteExponential(), DiscreteLogarithm(), GradientDescentMean),
+        (DiscreteExponential(), None, BasisMean),
+    ):
+        metric = HyperbolicDistance(half_plane, exp_solver=exp_solver, log_solver=log_solver)
+        assert isinstance(default_mean_solver(metric), expected)
+    median = GeometricMedian(half_plane).fit(points).estimate_
+    assert half_plane.metric.dist(median, mean.estimate_) < half_plane.metric.dist(*points[:2])
+
+
+def test_without_a_basis_the_differences_are_needed():
+    with pytest.raises(ArgumentError, match="with_differences must be True where there is no basi"):
+        BasisMean(with_differences=False)

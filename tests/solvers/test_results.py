@@ -17,6 +17,7 @@ from riemhuman.geometry.vector_space import VectorSpace
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
+from riemhuman.statistics import FrechetMean, GeometricMedian
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
 
 
@@ -243,10 +244,10 @@ def test_bare_results_of_geodesic_solvers_suffice():
 def test_bare_results_of_other_solvers_suffice():
     space = VectorSpace((2,))
     points = space.random_point(5, rng=1)
-    mean = solvers.FrechetMean(space, Middle()).fit(points)
+    mean = FrechetMean(space, Middle()).fit(points)
     assert isinstance(mean.result_, MeanResult)
     assert mean.n_iter_ == 0
-    assert np.isfinite(solvers.GeometricMedian(space, Middle()).fit(points).estimate_).all()
+    assert np.isfinite(GeometricMedian(space, Middle()).fit(points).estimate_).all()
     case = CASES["mixed sphere"]
     metric = ElasticMetric(case.space, 1.0, 0.1, 0.1, exp_solver=Adding())
     found = metric.exp(case.tangent_vecs, case.points)

@@ -11,8 +11,6 @@ from riemhuman.solvers import (
     BasisPath,
     DiscreteExponential,
     DiscreteLogarithm,
-    FrechetMean,
-    GeometricMedian,
     GradientDescentMean,
     LinearPath,
     PathStraightening,
@@ -20,6 +18,7 @@ from riemhuman.solvers import (
     PoleLadder,
 )
 from riemhuman.solvers.rounding import path_floor, rounding_energy
+from riemhuman.statistics import FrechetMean, GeometricMedian
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
 MOST_EVALUATIONS = 3

@@ -1,17 +1,23 @@
 """Estimators keep their parameters as scikit-learn expects, and work in its tools."""
 
+import pickle
+
 import numpy as np
 import pytest
-from cases import triangle_template
+from cases import sphere_template, surfaces, triangle_template
 from sklearn.base import clone
 from sklearn.model_selection import cross_val_score
 
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.vector_space import VectorSpace
-from riemhuman.solvers import GradientDescentMean
+from riemhuman.solvers import BasisMean, GradientDescentMean
 from riemhuman.statistics import (
+    FrechetMean,
     GeodesicRegression,
+    GeometricMedian,
     HierarchicalClustering,
     KMedoids,
     MetricWeights,
@@ -25,6 +31,8 @@ ESTIMATORS = [
     KMedoids(3, rng=np.random.default_rng(2)),
     HierarchicalClustering(None, distance_threshold=0.5),
     MetricWeights(VectorSpace((2,)), (1.0, 2.0), n_folds=3),
+    FrechetMean(VectorSpace((2,)), GradientDescentMean()),
+    GeometricMedian(AlignedSurfaces(triangle_template()), BasisMean(), tolerance=1e-3),
 ]
 
 
@@ -41,11 +49,32 @@ def test_parameters_are_those_of_the_constructor(estimator):
     assert f"{name}='new'" in repr(other)
 
 
-@pytest.mark.parametrize("estimator", ESTIMATORS[2:4], ids=lambda e: type(e).__name__)
+@pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
 def test_scikit_learn_clones_them(estimator):
     twin = clone(estimator)
     assert twin is not estimator
     assert twin.get_params().keys() == estimator.get_params().keys()
+
+
+@pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda e: type(e).__name__)
+def test_they_are_pickled(estimator):
+    twin = pickle.loads(pickle.dumps(estimator))
+    assert (
+        repr(twin.get_params()).split(" at 0x")[0]
+        == (repr(estimator.get_params()).split(" at 0x")[0])
+    )
+
+
+@pytest.mark.parametrize("kind", [FrechetMean, TangentPCA])
+def test_fitted_estimators_of_surfaces_are_pickled(kind):
+    template = sphere_template()
+    space = AlignedSurfaces(template).equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    estimator = kind(space).fit(surfaces(template, 4, size=0.05))
+    twin = pickle.loads(pickle.dumps(estimator))
+    name = "estimate_" if kind is FrechetMean else "components_"
+    np.testing.assert_array_equal(getattr(twin, name), getattr(estimator, name))
+    again = twin.fit(surfaces(template, 4, size=0.05))
+    np.testing.assert_array_equal(getattr(again, name), getattr(estimator, name))
 
 
 def test_parameters_of_parameters():

@@ -42,7 +42,7 @@ _MIRRORS = {
     "geometry/elastic_metric.py": "geometry/test_aligned_surfaces.py",
     "solvers/basis_mean.py": "solvers/test_means.py",
     "solvers/dispersion.py": "solvers/test_means.py",
-    "solvers/frechet_mean.py": "solvers/test_means.py",
+    "statistics/frechet_mean.py": "solvers/test_means.py",
     "solvers/gradient_descent_mean.py": "solvers/test_means.py",
 }
 

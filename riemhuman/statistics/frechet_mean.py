@@ -9,20 +9,26 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import MeanSolver
+from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.solvers.results import MeanResult, warn_unless_converged, whole_mean_result
+from riemhuman.statistics.estimator import Estimator
 
 
-class FrechetMean:
+class FrechetMean(Estimator):
     r"""The point x̄ that minimises Σ_i w_i d(x_i, x̄)² (section 4 of the paper).
 
     Parameters
     ----------
     space : Manifold
         A manifold equipped with a metric.
-    solver : object
-        Strategy, `BasisMean` for surfaces or `GradientDescentMean` where exp and log exist.
+    solver : object, optional
+        Strategy. By default `GradientDescentMean` where the metric has exponential and logarithm,
+        in closed form or by a strategy, else `BasisMean` over the differences of the points; a
+        basis of deformations makes better means of surfaces.
 
     Attributes
     ----------
@@ -41,7 +47,7 @@ class FrechetMean:
     n_iter_: int
     result_: MeanResult
 
-    def __init__(self, space: Manifold, solver: MeanSolver) -> None:
+    def __init__(self, space: Manifold, solver: MeanSolver | None = None) -> None:
         self.space = space
         self.solver = solver
 
@@ -62,8 +68,14 @@ class FrechetMean:
         FrechetMean
             The estimator itself.
         """
-        self._keep(whole_mean_result(self.solver.solve(self.space.metric, X, weights)))
+        self._keep(self._mean(X, weights))
         return self
+
+    def _mean(self, X: ndarray, weights: ndarray | None, **start: ndarray) -> MeanResult:
+        """Return the Fréchet mean, as the solver finds it."""
+        metric = self.space.metric
+        solver = default_mean_solver(metric) if self.solver is None else self.solver
+        return whole_mean_result(solver.solve(metric, X, weights, **start))
 
     def _keep(self, result: MeanResult) -> None:
         self.result_ = result
@@ -81,8 +93,8 @@ class GeometricMedian(FrechetMean):
     ----------
     space : Manifold
         A manifold equipped with a metric.
-    solver : object
-        Strategy for Fréchet means.
+    solver : object, optional
+        Strategy for Fréchet means, by default that of `FrechetMean`.
     tolerance : float
         Stop when a round lowers the sum of distances by at most this share.
     max_iter : int
@@ -103,13 +115,14 @@ class GeometricMedian(FrechetMean):
     def __init__(
         self,
         space: Manifold,
-        solver: MeanSolver,
+        solver: MeanSolver | None = None,
+        *,
         tolerance: float = 1e-9,
         max_iter: int = 200,
     ) -> None:
         super().__init__(space, solver)
-        self.tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
-        self.max_iter = whole_number(max_iter, "max_iter", minimum=1)
+        self.tolerance = tolerance
+        self.max_iter = max_iter
 
     def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
         r"""Find the geometric median of points.
@@ -133,8 +146,10 @@ class GeometricMedian(FrechetMean):
         ConvergenceWarning
             If the sum of distances was still falling after the last round.
         """
+        real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
+        whole_number(self.max_iter, "max_iter", minimum=1)
         dispersion = Dispersion(self.space.metric, X, weights)
-        mean = whole_mean_result(self.solver.solve(self.space.metric, X, dispersion.weights))
+        mean = self._mean(X, dispersion.weights)
         point, n_evaluations = mean.point, mean.n_evaluations
         sums: list[float] = []
         converged, message = False, "the most rounds were made"
@@ -147,9 +162,7 @@ class GeometricMedian(FrechetMean):
             # A sample that the median has reached keeps a large but finite weight.
             floor = max(1e-9 * distances.max(), np.finfo(float).tiny)
             pull = dispersion.weights / np.maximum(distances, floor)
-            mean = whole_mean_result(
-                self.solver.solve(self.space.metric, X, pull, initial_point=point)
-            )
+            mean = self._mean(X, pull, initial_point=point)
             point = mean.point
             n_evaluations += mean.n_evaluations
         result = MeanResult(
@@ -164,3 +177,23 @@ class GeometricMedian(FrechetMean):
         warn_unless_converged(self, result)
         self._keep(result)
         return self
+
+
+def default_mean_solver(metric: RiemannianMetric) -> MeanSolver:
+    """Return a solver for Fréchet means that a metric can be used with.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+
+    Returns
+    -------
+    GradientDescentMean or BasisMean
+        The first where there are exponential and logarithm, in closed form or by a strategy; else
+        the second, over the differences of the points.
+    """
+    has_strategies = metric.exp_solver is not None and metric.log_solver is not None
+    if metric.has_closed_form_geodesic or has_strategies:
+        return GradientDescentMean()
+    return BasisMean()
