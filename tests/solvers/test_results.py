@@ -99,7 +99,8 @@ DEFAULTS = {
     "Disentangling": {
         **SEARCH,
         "shape_weight": 1.0,
-        "pose_weight": 50.0,
+        "pose_weight": 1000.0,
+        "smoothing": 1.0 / 600.0,
         "tolerance": 1e-3,
         "max_iter": 300,
     },
