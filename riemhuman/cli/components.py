@@ -108,7 +108,7 @@ def _components(options: argparse.Namespace) -> None:
         bodies = _bodies(pca, n_samples, options.seed)
 
     record = _record(options, files, metric_record(metric), pca, points)
-    with whole_folder(options.output) as folder:
+    with whole_folder(options.output, _is_ours) as folder:
         _fill(folder, bodies, surfaces.template.faces, record)
     if options.json:
         say_json(record | {"output": options.output})

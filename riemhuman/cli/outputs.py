@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
@@ -64,21 +63,28 @@ def check_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> 
         If it is a file, holds something else, is there and may not be replaced, or its folder
         cannot be written to.
     """
+    if path.is_symlink():
+        raise FileError(f"{path} is a link; name a folder that does not exist yet")
     if os.path.lexists(path):
         if not path.is_dir():
             raise FileError(f"{path} is a file; name a folder that does not exist yet")
-        try:
-            names = sorted(os.listdir(path))
-        except OSError as error:
-            raise FileError(f"{path} cannot be read: {error.strerror}") from error
-        others = [name for name in names if not is_ours(name)]
-        if others:
-            raise FileError(
-                f"{path} holds something else ({others[0]}); name a folder that does not exist yet"
-            )
-        if names and not force:
+        if _ours_in(path, is_ours) and not force:
             raise FileError(f"{path} holds an earlier result; --force replaces it")
     _check_parent(path)
+
+
+def _ours_in(path: Path, is_ours: Callable[[str], bool]) -> list[Path]:
+    """Return the files of a folder, or refuse one that holds something else."""
+    try:
+        entries = sorted(os.scandir(path), key=lambda entry: entry.name)
+    except OSError as error:
+        raise FileError(f"{path} cannot be read: {error.strerror}") from error
+    for entry in entries:
+        if not (is_ours(entry.name) and entry.is_file(follow_symlinks=False)):
+            raise FileError(
+                f"{path} holds something else ({entry.name}); name a folder that does not exist yet"
+            )
+    return [Path(entry.path) for entry in entries]
 
 
 @contextmanager
@@ -115,13 +121,16 @@ def claimed(path: Path) -> Iterator[None]:
 
 
 @contextmanager
-def whole_folder(path: Path) -> Iterator[Path]:
+def whole_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
     """Yield a new folder to write files into, which then takes its place.
 
     Parameters
     ----------
     path : Path
         The folder.
+    is_ours : callable
+        Tells whether a file name is one that this verb writes; a folder that has come to hold
+        anything else is left as it is.
 
     Yields
     ------
@@ -139,7 +148,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     try:
         with new_folder(path) as temporary:
             yield temporary
-            _replace_folder(temporary, path)
+            _replace_folder(temporary, path, is_ours)
     except OSError as error:
         if isinstance(error, (FileError, BrokenPipeError)):
             raise
@@ -148,22 +157,30 @@ def whole_folder(path: Path) -> Iterator[Path]:
         ) from error
 
 
-def _replace_folder(new: Path, path: Path) -> None:
+def _replace_folder(new: Path, path: Path, is_ours: Callable[[str], bool]) -> None:
     """Rename a folder, so that it takes the place of another at once where the system can."""
-    if not path.exists():
+    if not os.path.lexists(path):
         os.rename(new, path)
         return
+    from riemhuman.surfaces.whole_files import keep_mode
+
+    keep_mode(path, new)
+    for file in _ours_in(path, is_ours):
+        if (new / file.name).exists():
+            keep_mode(file, new / file.name)
     if _exchange(new, path):
-        shutil.rmtree(new, ignore_errors=True)
-        return
-    replaced = path.with_name(f".{path.name}.{os.getpid()}.old")
-    os.rename(path, replaced)
-    try:
-        os.rename(new, path)
-    except BaseException:
-        os.rename(replaced, path)
-        raise
-    shutil.rmtree(replaced, ignore_errors=True)
+        replaced = new
+    else:
+        replaced = path.with_name(f".{path.name}.{os.getpid()}.old")
+        os.rename(path, replaced)
+        try:
+            os.rename(new, path)
+        except BaseException:
+            os.rename(replaced, path)
+            raise
+    for file in _ours_in(replaced, is_ours):
+        file.unlink()
+    replaced.rmdir()
 
 
 def _exchange(one: Path, other: Path) -> bool:

@@ -111,7 +111,7 @@ def _geodesic(options: argparse.Namespace) -> None:
     if single:
         writers[single](output, result.path, faces)
     else:
-        with whole_folder(output) as folder:
+        with whole_folder(output, _is_ours) as folder:
             _fill(folder, writers, result.path, faces, reporter)
             (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
     if options.json:

@@ -144,7 +144,7 @@ def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
     if ending:
         save_arrays(output, {"path": frames, "faces": faces})
         return
-    with whole_folder(output) as folder:
+    with whole_folder(output, _is_ours) as folder:
         for k, frame in enumerate(frames):
             save_mesh(folder / _FRAME.format(k), frame, faces)
 

@@ -14,18 +14,21 @@ import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces.array_files import load_array
+from riemhuman.storage.own_files import make_own, open_lock, open_own
+from riemhuman.surfaces.array_files import map_array
 from riemhuman.surfaces.file_content import brief, file_content
 from riemhuman.surfaces.file_locks import lock
 
 MANIFEST = "manifest.json"
 LOCK = "job.lock"
 _UNFINISHED = ".part"
+# How every manifest of this library begins.
+_BEGINNING = b'{\n "format": "riemhuman pairwise job'
 _LONGEST = 200
 
 
@@ -45,7 +48,7 @@ class JobFolder:
     ArgumentError
         If the folder holds something other than a job.
     FileError
-        If there can be no such folder.
+        If there can be no such folder, or a file of the job is a link or known elsewhere too.
     FileFormatError
         If the manifest of the job is damaged.
     """
@@ -60,6 +63,8 @@ class JobFolder:
         with self._system_errors("cannot be used as the folder of a job"):
             self.path.mkdir(parents=True, exist_ok=True)
             names = {entry.name for entry in self.path.iterdir()}
+            for name in names & {LOCK, MANIFEST, MANIFEST + _UNFINISHED}:
+                self._opened(name, os.O_RDONLY).close()
         others = sorted(names - {LOCK, MANIFEST + _UNFINISHED})
         if others and MANIFEST not in names:
             raise ArgumentError(
@@ -85,7 +90,7 @@ class JobFolder:
             If another process is at work in the folder.
         """
         with self._system_errors("cannot be locked"):
-            descriptor = os.open(self.path / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+            descriptor = open_lock(self.path / LOCK)
         try:
             with self._system_errors("cannot be locked"):
                 try:
@@ -127,11 +132,12 @@ class JobFolder:
             text = json.dumps({**described, "layout": dict(layout)}, indent=1)
             with self._system_errors("cannot be written"):
                 unfinished = self.path / (MANIFEST + _UNFINISHED)
-                with unfinished.open("w", encoding="utf-8") as stream:
+                self._remove_begun(unfinished)
+                with open(make_own(unfinished), "w", encoding="utf-8") as stream:
                     stream.write(text)
                     stream.flush()
                     os.fsync(stream.fileno())
-                os.replace(unfinished, file)
+                self._rename(unfinished, file)
         found = self._manifest()
         kept = found.pop("layout")
         if kept.keys() != layout.keys() or not all(map(_is_count, kept.values())):
@@ -191,7 +197,7 @@ class JobFolder:
                 )
         with self._system_errors("cannot be written"):
             for name in missing:
-                (self.path / (name + _UNFINISHED)).unlink(missing_ok=True)
+                self._remove(name + _UNFINISHED)
             needed = sum(_n_bytes(*table) for table in missing.values())
             free = shutil.disk_usage(self.path).free
             if needed > free:
@@ -203,9 +209,10 @@ class JobFolder:
                 unfinished = self.path / (name + _UNFINISHED)
                 try:
                     _lay_out(unfinished, shape, dtype)
-                    os.replace(unfinished, self.path / name)
-                finally:
+                    self._rename(unfinished, self.path / name)
+                except BaseException:
                     unfinished.unlink(missing_ok=True)
+                    raise
 
     def read(self, name: str) -> np.memmap:
         """Open a table for reading.
@@ -265,7 +272,7 @@ class JobFolder:
             If the file cannot be renamed.
         """
         with self._system_errors("cannot be written"):
-            os.replace(self.path / name, self.path / to)
+            self._rename(self.path / name, self.path / to)
 
     def remove(self, *names: str) -> None:
         """Remove tables, those that are there.
@@ -282,7 +289,31 @@ class JobFolder:
         """
         with self._system_errors("cannot be written"):
             for name in names:
-                (self.path / name).unlink(missing_ok=True)
+                self._remove(name)
+
+    def _remove(self, name: str) -> None:
+        if os.path.lexists(self.path / name):
+            self._opened(name, os.O_RDONLY).close()
+            (self.path / name).unlink(missing_ok=True)
+
+    def _opened(self, name: str, flags: int) -> IO[bytes]:
+        return open(open_own(self.path / name, flags), "r+b" if flags & os.O_RDWR else "rb")
+
+    def _rename(self, file: Path, to: Path) -> None:
+        if os.path.lexists(to):
+            raise FileError(f"{to} appeared while the job was at work; move it away")
+        os.replace(file, to)
+
+    def _remove_begun(self, unfinished: Path) -> None:
+        """Remove what a process that was killed left of a manifest, and nothing else."""
+        if not os.path.lexists(unfinished):
+            return
+        with self._opened(unfinished.name, os.O_RDONLY) as stream:
+            found = stream.read(len(_BEGINNING))
+        # Where power failed, a file may hold zeros in place of what was written.
+        if found.strip(b"\0") and found != _BEGINNING[: len(found)]:
+            raise FileError(f"{unfinished} is no part of a job; move it away")
+        unfinished.unlink()
 
     def _manifest(self) -> dict[str, Any]:
         file = self.path / MANIFEST
@@ -298,9 +329,14 @@ class JobFolder:
     def _open(self, name: str, mode: Any) -> Any:
         file = self.path / name
         try:
-            return load_array(file, mode=mode)
+            with self._opened(name, os.O_RDWR if mode == "r+" else os.O_RDONLY) as stream:
+                return map_array(stream, mode)
         except FileFormatError as error:
             raise FileFormatError(f"{file} is not a table of a job: {error}") from error
+        except FileError:
+            raise
+        except OSError as error:
+            raise FileError(f"{file} cannot be opened: {error.strerror or error}") from error
 
     @contextmanager
     def _system_errors(self, what: str) -> Iterator[None]:
@@ -327,7 +363,7 @@ def _lay_out(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
         "shape": tuple(shape),
     }
     size = _n_bytes(shape, dtype)
-    with file.open("wb") as stream:
+    with open(make_own(file), "wb") as stream:
         np.lib.format.write_array_header_1_0(stream, header)
         stream.flush()
         if size and hasattr(os, "posix_fallocate"):

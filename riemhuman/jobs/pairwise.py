@@ -17,12 +17,12 @@ from riemhuman.errors import (
     DamagedFileWarning,
     DegenerateSurfaceError,
     FileFormatError,
+    RiemhumanError,
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, thread_count
 from riemhuman.jobs.checksums import are_marks, checksums, mark
 from riemhuman.jobs.cluster import tiles_on_cluster
-from riemhuman.jobs.fingerprint import describe, digest
 from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.tiles import (
     POINTS,
@@ -34,13 +34,14 @@ from riemhuman.jobs.tiles import (
     tiles_of,
 )
 from riemhuman.progress import ProgressBar
+from riemhuman.storage.fingerprint import describe, digest
 
 RESULT = "D.npy"
 """Name of the file of distances."""
 
 _UNFINISHED_RESULT = "D.unfinished.npy"
 _DIGESTS, _CHECKSUMS, _DONE = "digests.npy", "checksums.npy", "done.npy"
-_FORMAT = "riemhuman pairwise job 2"
+_FORMAT = "riemhuman pairwise job 3"
 # How often tiles that do not stay as they were written are computed again.
 _ATTEMPTS = 3
 # A job is cut into no fewer tiles than make some progress before it is interrupted, and no smaller
@@ -62,6 +63,7 @@ def pairwise_job(
     n_jobs: int | None = None,
     client: Any | None = None,
     progress: bool = False,
+    key: str | None = None,
 ) -> np.memmap:
     r"""Compute all distances within a set of points into a file, or go on where it was left.
 
@@ -77,7 +79,9 @@ def pairwise_job(
     ----------
     metric : RiemannianMetric
         The metric. It must keep its parameters in attributes of their names, as the metrics of the
-        library do.
+        library do. The job holds their values and the code of the metric, with the constants,
+        defaults, closures, globals and base classes that it reaches, and goes on with the same
+        alone.
     points : array or sequence, shape (n, \*shape)
         Points: an array, in memory or mapped from a file, or any object with a length whose slices
         are arrays of points, made on the fly perhaps. They are passed over once at every call.
@@ -97,6 +101,10 @@ def pairwise_job(
         share. They write nothing.
     progress : bool
         Whether to show progress bars.
+    key : str, optional
+        A name for the metric that stands in the job for its parameters and its code, where these
+        cannot be told from others, or change without changing a distance. Whoever gives it sees to
+        it that metrics with other distances have other keys.
 
     Returns
     -------
@@ -106,7 +114,8 @@ def pairwise_job(
     Raises
     ------
     ArgumentTypeError
-        If an argument is of the wrong type.
+        If an argument is of the wrong type, or the metric depends on what a job cannot tell from
+        others, such as an open file, and there is no key for it.
     ArgumentError
         If a point is wrong, an option is not legal, or the folder holds something else: another
         job, one on other points or by another metric, or no job at all.
@@ -127,7 +136,7 @@ def pairwise_job(
         "format": _FORMAT,
         "n_points": n_points,
         "precision": precision,
-        "metric": describe(metric),
+        "metric": describe(metric) if key is None else {"key": _checked_key(key)},
     }
     first = metric.check_points(points[slice(0, 1)])
     features = metric.features(first, precision)
@@ -159,7 +168,12 @@ def pairwise_job(
             _keep_features(room, metric, points, block, layout["block"], precision, kept, tiles)
         if not complete:
             reader = TileReader(str(room.path), len(features), n_jobs)
-            _compute_tiles(room, metric, reader, tiles, client, progress)
+            try:
+                _compute_tiles(room, metric, reader, tiles, client, progress)
+            except RiemhumanError:
+                # What damage makes of features may look like points that are wrong.
+                _check_features(room, kept, blocks, tiles)
+                raise
             _check_features(room, kept, blocks, tiles)
             room.rename(_UNFINISHED_RESULT, RESULT)
         room.remove(_DONE, _CHECKSUMS, *arrays)
@@ -174,6 +188,12 @@ def _count(points: Any) -> int:
     if len(points) == 0:
         raise ArgumentError("points must hold at least one point; found none")
     return len(points)
+
+
+def _checked_key(key: Any) -> str:
+    if not isinstance(key, str) or not key:
+        raise ArgumentTypeError(f"key must be a string that names the metric; found {key!r:.100}")
+    return key
 
 
 def _layout(

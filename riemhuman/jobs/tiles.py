@@ -157,6 +157,8 @@ class TileReader:
             If a file of the job cannot be read.
         FileFormatError
             If a file of the job is damaged.
+        ArgumentError
+            If a distance is beyond double precision.
         """
         # Tiles come row by row, so the features of the rows serve many of them.
         if self._rows is None or self._rows[0] != tile.rows:
@@ -167,17 +169,12 @@ class TileReader:
         squared = squared_dist_rectangle(
             metric, rows, columns, points[tile.rows], points[tile.columns], self.n_jobs
         )
-        if not np.isfinite(squared).all():
-            raise FileFormatError(f"{self.folder} is damaged: distances in it are not finite")
         return np.sqrt(squared)
 
     def _features(self, part: slice) -> tuple[ndarray, ...]:
         # Copied: compiled loops take no memory-mapped arrays, and pages of these need not stay.
         names = map(feature_file, range(self.n_features))
-        features = tuple(np.array(self._open(name)[part], order="C") for name in names)
-        if not all(np.isfinite(feature).all() for feature in features):
-            raise FileFormatError(f"{self.folder} is damaged: features of points are not finite")
-        return features
+        return tuple(np.array(self._open(name)[part], order="C") for name in names)
 
     def _points(self) -> ndarray:
         """Return the points, where they are kept; nobody looks at them where they are not."""

@@ -86,12 +86,18 @@ def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             # Without the marker, the rest would be taken for something else after a kill.
             write_provenance(folder, {"status": "begun"})
             for name in SUBFOLDERS:
-                (folder / name).mkdir(exist_ok=True)
+                _make_folder(folder / name)
         except OSError as error:
             if isinstance(error, FileError):
                 raise
             raise FileError(f"{folder} cannot be written: {error.strerror}") from error
         yield folder
+
+
+def _make_folder(path: Path) -> None:
+    if path.is_symlink():
+        raise FileError(f"{path} is a link, which is not followed to write; move it away")
+    path.mkdir(exist_ok=True)
 
 
 def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:

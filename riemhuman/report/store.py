@@ -15,6 +15,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.storage.fingerprint import describe
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
 
 _LONGEST_RECORD = 2**23
@@ -141,9 +142,7 @@ def fingerprint(value: Any) -> str:
 def _plain(value: Any) -> Any:
     if isinstance(value, Step):
         return value.fingerprint
-    array = np.ascontiguousarray(value)
-    digest = hashlib.sha256(array.tobytes()).hexdigest()
-    return [str(array.dtype), list(array.shape), digest]
+    return describe(np.asarray(value))
 
 
 def _read(file: Path, name: str, wanted: str) -> Step | None:

@@ -285,6 +285,35 @@ def memory_of(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
     return math.prod(map(int, shape)) * of_one
 
 
+def map_array(stream: IO[bytes], mode: Any) -> np.memmap:
+    """Map the array of an .npy file that is open.
+
+    Parameters
+    ----------
+    stream : file object
+        The file, at its beginning.
+    mode : {"r", "r+"}
+        Mode of the memory map, and of the file.
+
+    Returns
+    -------
+    memmap
+
+    Raises
+    ------
+    FileFormatError
+        If it is not an .npy file of a plain array of numbers.
+    """
+    try:
+        shape, in_columns, dtype = read_array_header(stream, os.fstat(stream.fileno()).st_size)
+        order: Any = "F" if in_columns else "C"
+        return np.memmap(stream, dtype, mode, offset=stream.tell(), shape=shape, order=order)
+    except (OSError, FileFormatError):
+        raise
+    except Exception as error:  # whatever a damaged file makes a parser stumble over
+        raise FileFormatError(f"it is not an .npy file of a plain array: {brief(error)}") from error
+
+
 def check_text(array: np.ndarray) -> None:
     """Refuse an array of text whose numbers stand for no characters.
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from riemhuman.errors import FileError
+from riemhuman.storage.own_files import open_lock
 
 if sys.platform == "win32":
     import msvcrt
@@ -70,12 +71,12 @@ def only_one(file: Path, busy: str) -> Iterator[None]:
     Raises
     ------
     FileError
-        If another process holds it.
+        If another process holds it, or something else has this name.
     OSError
         If there can be no such file.
     """
     while True:
-        descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o666)
+        descriptor = open_lock(file)
         try:
             lock(descriptor)
         except BlockingIOError as error:

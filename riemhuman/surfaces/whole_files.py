@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import stat
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -39,17 +40,41 @@ def whole_file(file: Path) -> Iterator[Path]:
     Raises
     ------
     FileError
-        If the file cannot be written.
+        If the file is a link or cannot be written.
     """
+    if file.is_symlink():
+        raise FileError(f"{file} is a link, which is not followed to write; name another file")
     try:
         with _neighbour(file, folder=False) as neighbour:
+            keep_mode(file, neighbour, writable=True)
             yield neighbour
             _flush(neighbour)
+            keep_mode(file, neighbour)
             os.replace(neighbour, file)
     except OSError as error:
         if isinstance(error, (FileError, BrokenPipeError)):
             raise
         raise FileError(f"{file} cannot be written: {brief(error)}") from error
+
+
+def keep_mode(path: Path, new: Path, *, writable: bool = False) -> None:
+    """Give what takes the place of a file or folder the permissions that it has, if it is there.
+
+    Parameters
+    ----------
+    path : Path
+        The file or folder.
+    new : Path
+        What takes its place.
+    writable : bool
+        Whether its owner may write to it at any rate, until it does.
+    """
+    try:
+        mode = path.stat(follow_symlinks=False).st_mode
+    except OSError:
+        return
+    if not stat.S_ISLNK(mode):
+        new.chmod(stat.S_IMODE(mode) | (stat.S_IRUSR | stat.S_IWUSR if writable else 0))
 
 
 @contextmanager

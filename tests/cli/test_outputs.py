@@ -1,6 +1,7 @@
 """Outputs are looked at before the work begins, and appear whole or not at all."""
 
 import os
+import stat
 
 import pytest
 
@@ -70,13 +71,81 @@ def test_folders(tmp_path):
         check_folder(tmp_path / "old" / "thesis.tex", is_ours, force=True)
 
 
+def anything(name):
+    return True
+
+
+def test_folders_that_hold_links_and_folders_are_left_alone(tmp_path):
+    precious = tmp_path / "precious"
+    precious.mkdir()
+    (precious / "time_0.ply").write_text("kept")
+    folder = tmp_path / "old"
+    folder.mkdir()
+    for make in (lambda path: path.symlink_to(precious / "time_0.ply"), os.mkdir):
+        make(folder / "time_0.ply")
+        with pytest.raises(FileError, match=r"holds something else \(time_0.ply\)"):
+            check_folder(folder, is_ours, force=True)
+        assert os.path.lexists(folder / "time_0.ply")
+        (folder / "time_0.ply").unlink() if make is not os.mkdir else None
+    (tmp_path / "link").symlink_to(precious)
+    with pytest.raises(FileError, match="link is a link"):
+        check_folder(tmp_path / "link", is_ours, force=True)
+
+
+def test_what_came_into_a_folder_meanwhile_is_left_alone(tmp_path):
+    path = tmp_path / "path"
+    with whole_folder(path, is_ours) as temporary:
+        (temporary / "time_0.ply").write_text("old")
+
+    def replace():
+        with whole_folder(path, is_ours) as temporary:
+            (temporary / "time_0.ply").write_text("new")
+            (path / "thesis.tex").write_text("years of work")
+
+    with pytest.raises(FileError, match=r"holds something else \(thesis.tex\)"):
+        replace()
+    assert {entry.name for entry in path.iterdir()} == {"time_0.ply", "thesis.tex"}
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions are others there")
+@pytest.mark.parametrize("can_exchange", [True, False])
+def test_folders_and_their_files_keep_their_permissions(tmp_path, monkeypatch, can_exchange):
+    if not can_exchange:
+        monkeypatch.setattr("sys.platform", "plan9")
+    path = tmp_path / "path"
+    path.mkdir(0o700)
+    (path / "time_0.ply").touch(0o600)
+    with whole_folder(path, is_ours) as temporary:
+        (temporary / "time_0.ply").touch()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+    assert stat.S_IMODE((path / "time_0.ply").stat().st_mode) == 0o600
+
+
+def test_a_lock_that_is_something_else_is_left_alone(tmp_path):
+    (tmp_path / "precious").write_text("kept")
+    lock = tmp_path / ".path.npz.lock"
+    for make in (
+        lambda: lock.symlink_to(tmp_path / "precious"),
+        lambda: lock.symlink_to(tmp_path / "nowhere"),
+        lambda: os.link(tmp_path / "precious", lock),
+        lambda: lock.write_text("something"),
+    ):
+        make()
+        with pytest.raises(FileError, match="move it away"), claimed(tmp_path / "path.npz"):
+            pass
+        lock.unlink()
+    assert (tmp_path / "precious").read_text() == "kept"
+    assert not (tmp_path / "nowhere").exists()
+
+
 def test_a_folder_takes_its_place_when_it_is_whole(tmp_path):
     path = tmp_path / "path"
     for content in ("first", "second"):
-        with whole_folder(path) as temporary:
+        with whole_folder(path, anything) as temporary:
             (temporary / "a").write_text(content, encoding="utf-8")
         assert (path / "a").read_text(encoding="utf-8") == content
-    with pytest.raises(KeyboardInterrupt), whole_folder(path) as temporary:
+    with pytest.raises(KeyboardInterrupt), whole_folder(path, anything) as temporary:
         interrupted(temporary / "a")
     assert (path / "a").read_text(encoding="utf-8") == "second"
     assert list(tmp_path.iterdir()) == [path]
@@ -89,7 +158,7 @@ def test_a_folder_is_replaced_with_and_without_the_system_call(tmp_path, monkeyp
     (path / "a").write_text("old", encoding="utf-8")
     if not can_exchange:
         monkeypatch.setattr("sys.platform", "plan9")
-    with whole_folder(path) as temporary:
+    with whole_folder(path, anything) as temporary:
         (temporary / "b").write_text("new", encoding="utf-8")
     assert [file.name for file in path.iterdir()] == ["b"]
     assert list(tmp_path.iterdir()) == [path]
@@ -108,16 +177,16 @@ def test_a_folder_that_cannot_take_its_place_leaves_the_old_one(tmp_path, monkey
 
     monkeypatch.setattr("sys.platform", "plan9")
     monkeypatch.setattr(os, "rename", refuse_new)
-    with pytest.raises(FileError, match="No space left on device"), whole_folder(path):
+    with pytest.raises(FileError, match="No space left on device"), whole_folder(path, anything):
         pass
     assert (path / "a").exists()
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_refusals_of_writers_pass_unchanged(tmp_path):
-    with pytest.raises(FileError, match="^mine$"), whole_folder(tmp_path / "a"):
+    with pytest.raises(FileError, match="^mine$"), whole_folder(tmp_path / "a", anything):
         raise FileError("mine")
-    with pytest.raises(BrokenPipeError), whole_folder(tmp_path / "a"):
+    with pytest.raises(BrokenPipeError), whole_folder(tmp_path / "a", anything):
         raise BrokenPipeError
 
 

@@ -4,17 +4,21 @@ import errno
 import json
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import namedtuple
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 from cases import cases_that, name_of, open_template, sphere_template, surfaces
+from lengths import sample
 
 from riemhuman.errors import (
     ArgumentError,
@@ -26,7 +30,10 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.vector_space import VectorSpace
 from riemhuman.jobs import pairwise_job
 from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.pairwise import _unfinished as unfinished_tiles
@@ -164,8 +171,8 @@ def interrupt_after(n_steps, monkeypatch, error):
 
 def test_interrupted_at_every_step(tmp_path, monkeypatch):
     expected = METRIC.dist_pairwise(POINTS)
-    n_steps = 0
-    while True:
+    ended = False
+    for n_steps in sample(range(1000), 7):
         folder = tmp_path / str(n_steps)
         with monkeypatch.context() as patches:
             left = interrupt_after(n_steps, patches, KeyboardInterrupt)
@@ -174,11 +181,12 @@ def test_interrupted_at_every_step(tmp_path, monkeypatch):
             except KeyboardInterrupt:
                 assert left[0] < 0
             else:
+                ended = True
                 break
         resumed = pairwise_job(METRIC, POINTS, folder, memory=10**8)
         np.testing.assert_array_equal(resumed, expected)
         shutil.rmtree(folder)
-        n_steps += 1
+    assert ended
     assert n_steps > 20
 
 
@@ -323,6 +331,121 @@ def test_another_job_is_refused(n_steps, tmp_path, monkeypatch):
     pairwise_job(METRIC, POINTS, tmp_path)
 
 
+def test_a_key_stands_for_the_metric(tmp_path):
+    class Opaque(RiemannianMetric):
+        def __init__(self, space):
+            self.lock = threading.Lock()
+            super().__init__(space)
+
+        def squared_dist(self, point_a, point_b):
+            return METRIC.squared_dist(point_a, point_b)
+
+    metric = Opaque(METRIC.space)
+    with pytest.raises(ArgumentTypeError, match="lock.*give the job a key"):
+        pairwise_job(metric, POINTS, tmp_path / "job")
+    assert not (tmp_path / "job").exists()
+    for wrong in ("", 3):
+        with pytest.raises(ArgumentTypeError, match="key must be a string"):
+            pairwise_job(metric, POINTS, tmp_path / "job", key=wrong)
+    found = pairwise_job(metric, POINTS[:4], tmp_path / "job", key="one")
+    np.testing.assert_allclose(found, METRIC.dist_pairwise(POINTS[:4]), rtol=1e-5)
+    pairwise_job(metric, POINTS[:4], tmp_path / "job", key="one")
+    with pytest.raises(ArgumentError, match=r"metric\.key is 'one' there, 'two' here"):
+        pairwise_job(metric, POINTS[:4], tmp_path / "job", key="two")
+    with pytest.raises(ArgumentError, match=r"metric\.class is None there"):
+        pairwise_job(METRIC, POINTS[:4], tmp_path / "job")
+
+
+def test_an_edited_metric_does_not_get_the_old_matrix(tmp_path):
+    source = "import numpy as np\ndef height(x):\n    return {}(x[..., 2])\n"
+    for folder, function in (("a", "np.sin"), ("b", "np.cos")):
+        namespace = {"__name__": "heights"}
+        exec(source.format(function), namespace)
+        metric = PullbackMetric(METRIC.space, VectorSpace((42,)).metric, namespace["height"])
+        expected = metric.dist_pairwise(POINTS)
+        np.testing.assert_array_equal(pairwise_job(metric, POINTS, tmp_path / folder), expected)
+    with pytest.raises(ArgumentError, match=r"metric\.map\.code\.names"):
+        pairwise_job(metric, POINTS, tmp_path / "a")
+
+
+@pytest.mark.parametrize("exponent", [20, 30])
+def test_coordinates_beyond_single_precision(exponent, tmp_path):
+    points = POINTS[:5] * 10.0**exponent
+    metric = metric_on(TEMPLATE, 1.0, 0.1, 0.1)
+    found = pairwise_job(metric, points, tmp_path)
+    np.testing.assert_array_equal(found, metric.dist_pairwise(points))
+    expected = metric.dist_pairwise(points, precision="double")
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    assert np.isfinite(found).all()
+
+
+# Files of others.
+
+OURS = ("job.lock", "manifest.json", "manifest.json.part", "digests.npy", "features_0.npy") + (
+    *("points.npy", "checksums.npy", "done.npy", "D.unfinished.npy", "D.npy"),
+    *("D.unfinished.npy.part", "features_0.npy.part"),
+)
+
+
+def planted(path, target, kind):
+    """Put something in the way of a job, in the place of what is there."""
+    content = path.read_bytes() if path.is_file() else b"years of work"
+    path.unlink(missing_ok=True)
+    target.write_bytes(content)
+    if kind == "hard link":
+        os.link(target, path)
+    else:
+        path.symlink_to(target)
+    return content
+
+
+@pytest.mark.parametrize("kind", ["link", "hard link"])
+@pytest.mark.parametrize("name", OURS)
+@pytest.mark.parametrize("moment", ["before", "between"])
+def test_links_in_the_folder_are_not_followed(moment, name, kind, tmp_path, monkeypatch):
+    folder, precious = tmp_path / "job", tmp_path / "precious"
+    folder.mkdir()
+    if moment == "between":
+        begun(folder, monkeypatch)
+    content = planted(folder / name, precious, kind)
+    # Tables that are there are not laid out again.
+    passed_by = moment == "between" and name.endswith(".npy.part")
+    refused = pytest.raises((FileError, ArgumentError), match=re.escape(name))
+    with nullcontext() if passed_by else refused:
+        pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
+    assert precious.read_bytes() == content
+    assert os.path.lexists(folder / name)
+    (folder / name).unlink()
+    if name in ("job.lock", "D.npy") or name.endswith(".part"):
+        found = pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
+        np.testing.assert_array_equal(found, METRIC.dist_pairwise(POINTS))
+
+
+@pytest.mark.parametrize("name", ["D.unfinished.npy", "features_0.npy", "done.npy", "D.npy"])
+def test_links_that_appear_while_a_job_runs_are_not_followed(name, tmp_path, monkeypatch):
+    folder, precious = tmp_path / "job", tmp_path / "precious"
+
+    def planting(reader, metric, tile):
+        if not precious.exists():
+            before.append(planted(folder / name, precious, "link"))
+        return distances_of(reader, metric, tile)
+
+    before, distances_of = [], TileReader.distances
+    monkeypatch.setattr(TileReader, "distances", planting)
+    with pytest.raises(FileError, match=re.escape(name)):
+        pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
+    assert precious.read_bytes() == before[0]
+
+
+def test_a_file_of_another_with_the_name_of_ours_is_left_alone(tmp_path):
+    for name in ("manifest.json.part", "job.lock"):
+        (tmp_path / name).write_text("years of work")
+        with pytest.raises(FileError, match=rf"{re.escape(name)} is no .*move it away"):
+            pairwise_job(METRIC, POINTS, tmp_path)
+        assert contents(tmp_path)[name] == b"years of work"
+        (tmp_path / name).unlink()
+
+
 def test_a_folder_with_something_else_is_refused(tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
     with pytest.raises(ArgumentError, match=r"folder must be empty.*holds thesis\.tex"):
@@ -342,7 +465,7 @@ def test_a_manifest_of_something_else_is_refused(text, tmp_path):
 
 
 def test_half_written_files_are_written_anew(tmp_path, monkeypatch):
-    (tmp_path / "manifest.json.part").write_text('{"form')
+    (tmp_path / "manifest.json.part").write_text('{\n "form')
     begun(tmp_path, monkeypatch, n_steps=1)
     assert not (tmp_path / "done.npy").exists()
     for name in ("D.unfinished.npy.part", "features_0.npy.part"):

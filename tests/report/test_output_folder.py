@@ -42,6 +42,27 @@ def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
     assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"
 
 
+@pytest.mark.parametrize("name", [*SUBFOLDERS, MARKER, ".report.lock"])
+def test_links_in_a_report_are_not_followed(tmp_path, name):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "kept").write_text('{"made_by": "riemhuman report"}')
+    folder = tmp_path / "report"
+    enter(folder)
+    link = folder / name
+    if link.is_dir():
+        for below in sorted(link.rglob("*"), reverse=True):
+            below.rmdir()
+        link.rmdir()
+    link.unlink(missing_ok=True)
+    link.symlink_to(elsewhere if name in SUBFOLDERS else elsewhere / "kept")
+    with pytest.raises(FileError, match="is a link"):
+        enter(folder)
+    assert link.is_symlink()
+    assert [entry.name for entry in elsewhere.iterdir()] == ["kept"]
+    assert (elsewhere / "kept").read_text() == '{"made_by": "riemhuman report"}'
+
+
 def test_a_check_writes_nothing(tmp_path):
     assert check_folder(tmp_path / "new") == tmp_path / "new"
     assert check_folder(tmp_path) == tmp_path

@@ -1,5 +1,8 @@
 """Files appear whole or not at all."""
 
+import os
+import stat
+
 import pytest
 
 from riemhuman.errors import ArgumentError, FileError
@@ -82,6 +85,29 @@ def test_a_link_in_the_way_is_not_followed(tmp_path):
         neighbour.write_text("new")
     assert (tmp_path / "precious").read_text() == "kept"
     assert (tmp_path / "a.txt").read_text() == "new"
+
+
+def test_a_link_is_not_replaced(tmp_path):
+    (tmp_path / "precious").write_text("kept")
+    for target in ("precious", "nowhere"):
+        (tmp_path / target[0]).symlink_to(tmp_path / target)
+        with pytest.raises(FileError, match="is a link"), whole_file(tmp_path / target[0]):
+            pass
+        assert (tmp_path / target[0]).is_symlink()
+    assert (tmp_path / "precious").read_text() == "kept"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions are others there")
+@pytest.mark.parametrize("mode", [0o600, 0o644, 0o400])
+def test_a_file_keeps_its_permissions(tmp_path, mode):
+    file = tmp_path / "a.txt"
+    file.write_text("private")
+    file.chmod(mode)
+    with whole_file(file) as neighbour:
+        assert stat.S_IMODE(neighbour.stat().st_mode) == mode | 0o600
+        neighbour.write_text("new")
+    assert stat.S_IMODE(file.stat().st_mode) == mode
+    assert file.read_text() == "new"
 
 
 @pytest.mark.parametrize("error", [OSError(37, "No locks available"), None])

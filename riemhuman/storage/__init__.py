@@ -1,0 +1,1 @@
+"""What is kept on disk: fingerprints of what it was made of."""

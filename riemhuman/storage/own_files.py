@@ -1,0 +1,109 @@
+"""Files of our own among those of others: no link is followed, and nothing of others written to."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from riemhuman.errors import FileError
+
+# Elsewhere than on POSIX systems, links are looked for before a file is opened.
+_NO_LINK = getattr(os, "O_NOFOLLOW", 0)
+_BINARY = getattr(os, "O_BINARY", 0)
+
+
+def open_own(file: Path, flags: int = os.O_RDWR) -> int:
+    """Open a file that this library has made, by no link.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+    flags : int
+        As of `os.open`.
+
+    Returns
+    -------
+    int
+        Descriptor.
+
+    Raises
+    ------
+    FileError
+        If it is a symbolic link, a folder or a device, or has another name beside this one, under
+        which somebody else may know it.
+    OSError
+        If it cannot be opened.
+    """
+    try:
+        found = file.lstat()
+    except FileNotFoundError:
+        pass
+    else:
+        _refuse_others(file, found)
+    descriptor = os.open(file, flags | _NO_LINK | _BINARY, 0o666)
+    try:
+        _refuse_others(file, os.fstat(descriptor))
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def make_own(file: Path) -> int:
+    """Make a file that is not there yet, and open it for writing.
+
+    Parameters
+    ----------
+    file : Path
+        The file.
+
+    Returns
+    -------
+    int
+        Descriptor.
+
+    Raises
+    ------
+    OSError
+        If there is something of this name, a link to nothing included, or the file cannot be made.
+    """
+    return os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL | _NO_LINK | _BINARY, 0o666)
+
+
+def open_lock(file: Path) -> int:
+    """Open a lock file, or make it; it is empty.
+
+    Parameters
+    ----------
+    file : Path
+        The lock file.
+
+    Returns
+    -------
+    int
+        Descriptor.
+
+    Raises
+    ------
+    FileError
+        If there is something else of this name.
+    OSError
+        If the file cannot be opened.
+    """
+    descriptor = open_own(file, os.O_RDWR | os.O_CREAT)
+    if os.fstat(descriptor).st_size:
+        os.close(descriptor)
+        raise FileError(f"{file} is no lock of this library: it holds something; move it away")
+    return descriptor
+
+
+def _refuse_others(file: Path, found: os.stat_result) -> None:
+    if stat.S_ISLNK(found.st_mode):
+        raise FileError(f"{file} is a link, which is not followed to write; move it away")
+    if not stat.S_ISREG(found.st_mode):
+        raise FileError(f"{file} is no file of this library, nor any file; move it away")
+    # 0 for one that another process has removed since it was opened.
+    if found.st_nlink > 1:
+        raise FileError(f"{file} has another name too, under which it may be of use; move it away")
