@@ -22,6 +22,7 @@ def test_motion_into_a_folder(run, scans, moved, tmp_path):
     files = [scans / f"body_{number}.ply" for number in (0, 1)]
     onto = scans / "body_20.ply"
     finished = run("transfer", *files, "--onto", onto, "-o", tmp_path / "moved", "--json")
+    assert finished.code == 0, finished.err
     assert json.loads(finished.out)["n_frames"] == 2
     names = sorted(path.name for path in (tmp_path / "moved").iterdir())
     assert names == ["frame_0000.ply", "frame_0001.ply"]
