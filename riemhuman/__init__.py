@@ -16,6 +16,7 @@ __version__ = "0.1.0"
 _ROOM_OF_NAME = {
     "AlignedSurfaces": "geometry.aligned_surfaces",
     "ElasticMetric": "geometry.elastic_metric",
+    "GeneralElasticMetric": "geometry.general_elastic_metric",
     "EbinMetric": "geometry.metric_fields",
     "MetricFields": "geometry.metric_fields",
     "NormalFieldMetric": "geometry.normal_fields",
@@ -27,6 +28,7 @@ _ROOM_OF_NAME = {
     "PullbackMetric": "geometry.pullback",
     "FlatMetric": "geometry.vector_space",
     "SRNFMetric": "geometry.srnf",
+    "SurfaceMetric": "geometry.surface_metric",
     "VectorSpace": "geometry.vector_space",
     "DeformationBasis": "surfaces.deformation_basis",
     "Template": "surfaces.template",
@@ -60,6 +62,7 @@ _ROOMS = (
     "solvers",
     "statistics",
     "surfaces",
+    "terms",
 )
 
 __all__ = [*_ROOM_OF_NAME, *_ROOMS]

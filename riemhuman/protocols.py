@@ -309,3 +309,172 @@ class Dataset(Protocol):
 
     def __len__(self) -> int:
         """Return the number of surfaces."""
+
+
+# What some metrics and spaces can do, and solvers make use of where they can.
+
+
+@runtime_checkable
+class SurfaceSpace(Protocol):
+    """A space of surfaces over a template; `riemhuman.AlignedSurfaces` is one."""
+
+    @property
+    def template(self) -> Template:
+        """The template."""
+
+    def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
+        """Return surfaces as arrays, refusing those with triangles without area.
+
+        Parameters
+        ----------
+        f : array_like, shape (..., V, 3)
+            Surfaces.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
+        """
+
+    def normal_field(self, f: ndarray) -> ndarray:
+        """Return unit normals.
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+
+    def metric_field(self, f: ndarray) -> ndarray:
+        """Return first fundamental forms.
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., F, 2, 2)
+        """
+
+
+@runtime_checkable
+class MetricWithMatrix(Protocol):
+    """A metric that gives the sparse matrix of its inner product: solvers precondition with it."""
+
+    def metric_matrix(self, base_point: ndarray) -> Any:
+        r"""Return the matrix M of the metric: ⟨h, k⟩ = h·(M k), points flattened.
+
+        Parameters
+        ----------
+        base_point : array, shape (\*shape,) or (n, \*shape)
+            One point, or several to average over.
+
+        Returns
+        -------
+        sparse array, shape (size of a point, size of a point)
+        """
+
+
+@runtime_checkable
+class MetricWithTransport(Protocol):
+    """A metric with parallel transport in closed form."""
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        r"""Transport tangent vectors along geodesics.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Tangent vectors at `base_point`.
+        base_point : array, shape (..., \*shape)
+            Points.
+        direction : array, shape (..., \*shape), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., \*shape), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+
+
+@runtime_checkable
+class MetricWithLowerBound(Protocol):
+    """A metric bounded from below by Euclidean distances: they find nearest neighbours early."""
+
+    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+        r"""Return coordinates whose Euclidean distances are at most those of the metric.
+
+        Parameters
+        ----------
+        points : array, shape (..., \*shape)
+            Points.
+        n_patches : int, optional
+            Number of patches to average over; by default there is no averaging.
+
+        Returns
+        -------
+        array, shape (..., m)
+        """
+
+
+@runtime_checkable
+class PulledBackMetric(Protocol):
+    """A metric pulled back by a map to a space where statistics can be done."""
+
+    @property
+    def space(self) -> Any:
+        """The space of the metric."""
+
+    @property
+    def target_metric(self) -> RiemannianMetric:
+        """The metric on the image."""
+
+    def map(self, f: ndarray) -> ndarray:
+        r"""Return the images of points.
+
+        Parameters
+        ----------
+        f : array, shape (..., \*shape)
+            Points.
+
+        Returns
+        -------
+        array, shape (..., \*image_shape)
+        """
+
+
+@runtime_checkable
+class SpaceOfFactors(Protocol):
+    """A product of equipped spaces; `riemhuman.ProductManifold` is one."""
+
+    @property
+    def factors(self) -> Sequence[Any]:
+        """The factors."""
+
+    def project_from_product(self, point: ndarray) -> tuple[ndarray, ...]:
+        r"""Split a point into its factors.
+
+        Parameters
+        ----------
+        point : array, shape (..., size)
+            Points of the product.
+
+        Returns
+        -------
+        tuple of array, the k-th of shape (..., \*factors[k].shape)
+        """

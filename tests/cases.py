@@ -15,6 +15,7 @@ import trimesh
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
@@ -250,6 +251,10 @@ def build_cases() -> list[Case]:
         template = TEMPLATES[template_name]()
         metric = SRNFMetric(AlignedSurfaces(template))
         cases.append(surface_case(f"srnf {template_name}", template, metric, "template"))
+    for template_name in ("sphere", "open", "triangle"):
+        template = TEMPLATES[template_name]()
+        metric = GeneralElasticMetric(AlignedSurfaces(template), 1.0, 0.3, 0.7)
+        cases.append(surface_case(f"general {template_name}", template, metric, "template"))
     edges = edges_metric(AlignedSurfaces(sphere_template()))
     cases += [
         surface_case("edges", sphere_template(), edges, "template"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from riemhuman.kernels import ebin_tangent
+from riemhuman.terms import ebin, ebin_tangent
 
 LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
 
@@ -46,6 +46,11 @@ def pairs(family, lam=1.0):
         scales = np.exp(rng.uniform(-20, 20, (2, N_PAIRS, 1, 1)))
         return scales * np.stack([first, matrices(N_PAIRS, 2.0, rng)])
     raise ValueError(family)
+
+
+def squared_dist(g1, g2, lam):
+    """Return the squared distances of matrices by the term."""
+    return ebin.EbinTerm(lam=lam).squared_dist(ebin.coordinates(g1), ebin.coordinates(g2))
 
 
 FAMILIES = (

@@ -136,3 +136,44 @@ def taylor_slope(function, x, direction, gradient, rounding=1e-13):
     if len(seen) < 4:
         return np.inf
     return np.polyfit(np.log(steps[seen]), np.log(remainders[seen]), 1)[0]
+
+
+def elastic_blocks(points, faces, areas, *, a=0.0, lam=0.0, c=0.0, b=0.0):
+    """Return the 9 × 9 matrices of a·Ebin + c·normals + b·square root normals, one a triangle."""
+    corners = points[faces]
+    side, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    base = np.linalg.norm(side, axis=1)
+    e1 = side / base[:, None]
+    reach = np.sum(other * e1, axis=1)
+    across = other - reach[:, None] * e1
+    height = np.linalg.norm(across, axis=1)
+    e2 = across / height[:, None]
+    n = np.cross(e1, e2)
+    surface_areas = 0.5 * base * height
+
+    # Gradients of the three barycentric coordinates along e₁ and e₂.
+    along1 = np.stack([-1.0 / base, 1.0 / base, np.zeros_like(base)], axis=1)
+    along2 = np.stack([(reach - base) / (base * height), -reach / (base * height), 1 / height], 1)
+
+    def form(direction, gradient):
+        return (gradient[:, :, None] * direction[:, None, :]).reshape(-1, 9)
+
+    strain11, strain22 = form(e1, along1), form(e2, along2)
+    strain12 = 0.5 * (form(e1, along2) + form(e2, along1))
+    rows = []
+    if a > 0:
+        root = np.sqrt(a * surface_areas)[:, None]
+        rows += [
+            np.sqrt(2.0) * root * (strain11 - strain22),
+            np.sqrt(8.0) * root * strain12,
+            2.0 * np.sqrt(lam) * root * (strain11 + strain22),
+        ]
+    if c > 0:
+        root = np.sqrt(c * areas)[:, None]
+        rows += [root * form(n, along1), root * form(n, along2)]
+    if b > 0:
+        # δq = √A (½ tr(ε) n + δn), and w_t A is the triangle's own area.
+        root = np.sqrt(b * surface_areas)[:, None]
+        rows += [0.5 * root * (strain11 + strain22), root * form(n, along1), root * form(n, along2)]
+    forms = np.stack(rows, axis=1)
+    return np.swapaxes(forms, 1, 2) @ forms

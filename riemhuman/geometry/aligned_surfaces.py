@@ -21,6 +21,7 @@ from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, st
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
+from riemhuman.terms.root_normals import RootNormalTerm
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -223,7 +224,7 @@ class AlignedSurfaces(Manifold):
         -------
         array, shape (..., F, 3)
         """
-        return surface.square_root_normals(*self.partial_derivatives(f))
+        return RootNormalTerm().field(surface.follow_up(*self.partial_derivatives(f)))
 
     def to_fields_differential(
         self, tangent_vec: ndarray, base_point: ndarray

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-
-import autograd.numpy as np
-from numpy import ndarray
+from typing import TYPE_CHECKING
 
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.kernels import ebin, ebin_tangent, sphere, surface
-from riemhuman.kernels.sketches import cone_chart, patch_coordinates, triangle_patches
-from riemhuman.kernels.sums import integrate
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.terms.ebin import EbinTerm
+from riemhuman.terms.normals import NormalTerm
+from riemhuman.terms.term import Term
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -63,8 +55,6 @@ class ElasticMetric(SurfaceMetric):
     of `AlignedSurfaces.metric_field`, κ² would count.
     """
 
-    space: AlignedSurfaces
-
     def __init__(
         self,
         space: AlignedSurfaces,
@@ -86,22 +76,13 @@ class ElasticMetric(SurfaceMetric):
                 "lam must be above 0 where a > 0 (found lam = 0): the Ebin metric would be "
                 "degenerate; the normals alone are (a, lam, c) = (0, 0, 1)"
             )
-        factors: list[Manifold] = []
+        terms: list[Term] = []
         if self._a > 0:
-            ebin = MetricFields(space.template).equip_with_metric(EbinMetric, lam=self._lam)
-            factors.append(ebin)
+            terms.append(EbinTerm(self._a, self._lam))
         if self._c > 0:
-            factors.append(NormalFields(space.template))
-        weights = [w for w in (self._a, self._c) if w > 0]
-        self._product = ProductManifold(factors)
-        self._product.equip_with_metric(ProductMetric, weights=weights)
+            terms.append(NormalTerm(self._c))
         super().__init__(
-            space,
-            self._product.metric,
-            self._weighted_fields,
-            geodesic_solver,
-            exp_solver=exp_solver,
-            log_solver=log_solver,
+            space, terms, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver
         )
 
     @property
@@ -118,149 +99,3 @@ class ElasticMetric(SurfaceMetric):
     def c(self) -> float:
         """The weight of the metric of normal fields."""
         return self._c
-
-    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return dΦ(h), the fields of positive weight joined as a tangent vector of the target.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., V, 3)
-            Deformations h.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., size)
-        """
-        changes = self.space.to_fields_differential(tangent_vec, base_point)
-        weighted = zip(changes, (self.a, self.c), strict=True)
-        return self._product.embed_to_product([change for change, w in weighted if w > 0])
-
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        """Return the inner product of dΦ(h) and dΦ(k).
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., V, 3)
-            Deformations h and k.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
-        base_point = self.space.check_immersed(base_point, "base_point")
-        derivatives = self.space.partial_derivatives(base_point)
-        vectors = [self.space.check_point(tangent_vec_a, "tangent_vec_a")]
-        if tangent_vec_b is not tangent_vec_a:
-            vectors.append(self.space.check_point(tangent_vec_b, "tangent_vec_b"))
-        changes = [self.space.partial_derivatives(vector) for vector in vectors]
-        areas = self.space.template.face_areas
-        total: Any = 0.0
-        if self.a > 0:
-            strains = [ebin_tangent.whitened_differential(*derivatives, *h) for h in changes]
-            values = ebin_tangent.whitened_inner_product(strains[0], strains[-1], self.lam)
-            radii = ebin.coordinates_of_derivatives(*derivatives)[2]
-            total = self.a * integrate(values * radii**2, areas)
-        if self.c > 0:
-            turns = [surface.unit_normals_differential(*derivatives, *h) for h in changes]
-            total = total + self.c * integrate(surface.dot(turns[0], turns[-1]), areas)
-        return total
-
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return the squared distance of Φ(f₁) and Φ(f₂) (equation 5).
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If c > 0 and a triangle has no area, so that it has no normal.
-        """
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
-        return self._squared_dist_of_fields(self._fields(point_a), self._fields(point_b))
-
-    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
-        """Return coordinates whose Euclidean distances are at most those of the metric.
-
-        See `riemhuman.kernels.sketches`.
-
-        Parameters
-        ----------
-        points : array, shape (..., V, 3)
-            Surfaces.
-        n_patches : int, optional
-            Number of patches of triangles to average over; by default there is no averaging, and
-            the bound is tightest.
-
-        Returns
-        -------
-        array, shape (..., m)
-        """
-        template, patches = self.space.template, None
-        if n_patches is not None:
-            patches = triangle_patches(template.vertices, template.faces, n_patches)
-        charts = []
-        if self.a > 0:
-            cones = self._cones(self.space.check_point(points, "points"))
-            charts.append(np.sqrt(self.a) * cone_chart(*cones, self.lam))
-        if self.c > 0:
-            charts.append(np.sqrt(self.c) * self.space.normal_field(points))
-        sketches = [patch_coordinates(chart, template.face_areas, patches) for chart in charts]
-        return np.concatenate(sketches, axis=-1)
-
-    @property
-    def _weights(self) -> dict[str, float]:
-        return {"a": self.a, "lam": self.lam, "c": self.c}
-
-    def _fields(self, f: ndarray) -> tuple[ndarray, ...]:
-        """Return what distances need: x, y, s of the cones if a > 0, normals if c > 0."""
-        cones = self._cones(f) if self.a > 0 else ()
-        normals = (self.space.normal_field(f),) if self.c > 0 else ()
-        return *cones, *normals
-
-    def _cones(self, f: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-        # Not from g: slivers keep digits that the entries of g lose.
-        return ebin.coordinates_of_derivatives(*self.space.partial_derivatives(f))
-
-    def _squared_dist_of_fields(
-        self, fields_a: Sequence[ndarray], fields_b: Sequence[ndarray]
-    ) -> ndarray:
-        areas = self.space.template.face_areas
-        total: Any = 0.0
-        if self.a > 0:
-            cones = tuple(fields_a[:3]), tuple(fields_b[:3])
-            values = ebin.squared_dist_of_coordinates(*cones, self.lam)
-            total = self.a * integrate(values, areas)
-        if self.c > 0:
-            values = sphere.squared_dist(fields_a[-1], fields_b[-1])
-            total = total + self.c * integrate(values, areas)
-        return total
-
-    def _squared_segments(self, path: ndarray) -> ndarray:
-        fields, times = self._fields(path), (slice(None),) * (path.ndim - 3)
-        before = [field[(*times, slice(None, -1))] for field in fields]
-        after = [field[(*times, slice(1, None))] for field in fields]
-        return self._squared_dist_of_fields(before, after)
-
-    def _weighted_fields(self, f: ndarray) -> ndarray:
-        metric_fields = (self.space.metric_field(f),) if self.a > 0 else ()
-        normal_fields = (self.space.normal_field(f),) if self.c > 0 else ()
-        return self._product.embed_to_product([*metric_fields, *normal_fields])

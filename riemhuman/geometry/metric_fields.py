@@ -11,18 +11,16 @@ from numpy import ndarray
 from riemhuman.checks import (
     Rng,
     generator,
-    metric_weight,
     real_array,
     refuse_triangles,
     values_of,
 )
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry.bulk_metric import BulkMetric
+from riemhuman.geometry.bulk import Bulk, SumOfTerms
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels import ebin, ebin_geodesics, ebin_tangent, ebin_transport
-from riemhuman.kernels.sums import integrate
 from riemhuman.protocols import GeodesicSolver
+from riemhuman.terms import ebin, ebin_geodesics, ebin_tangent, ebin_transport
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -163,7 +161,7 @@ class MetricFields(Manifold):
         return point
 
 
-class EbinMetric(BulkMetric):
+class EbinMetric(RiemannianMetric):
     r"""The Ebin (DeWitt) metric on Met(T).
 
     .. math:: ((\delta g,\delta g))_g = \int_T \left(\operatorname{tr}((g^{-1}\delta g_0)^2)
@@ -195,12 +193,12 @@ class EbinMetric(BulkMetric):
         geodesic_solver: GeodesicSolver | None = None,
     ) -> None:
         super().__init__(space, geodesic_solver)
-        self._lam = metric_weight(lam, "lam", strict=True)
+        self._term = ebin.EbinTerm(lam=lam)
 
     @property
     def lam(self) -> float:
         """The weight λ of the change of area."""
-        return self._lam
+        return self._term.lam
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
@@ -222,7 +220,7 @@ class EbinMetric(BulkMetric):
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         values = ebin_tangent.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
-        return integrate(values, self.space.template.face_areas)
+        return np.sum(values * self.space.template.face_areas, axis=-1)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the squared distance in the completion of Met(T) (Theorem 1, corrected).
@@ -238,21 +236,19 @@ class EbinMetric(BulkMetric):
         """
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
-        values = ebin.squared_dist(point_a, point_b, self.lam)
-        return integrate(values, self.space.template.face_areas)
+        values = self._term.squared_dist(ebin.coordinates(point_a), ebin.coordinates(point_b))
+        return np.sum(values * self.space.template.face_areas, axis=-1)
 
-    def _pack(self, points: ndarray, precision: str) -> tuple[ndarray, ndarray]:
-        """Return x, y, 1/(√2 y) and √w s of `ebin.coordinates`, and their rounding."""
-        from riemhuman.kernels.compiled_features import metric_field_features
-
-        points = self.space.check_point(points, "points", completion=True)
-        weights = self.space.template.face_areas
-        return metric_field_features(*ebin.coordinates(points), weights, self.lam, precision)
-
-    def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
-        from riemhuman.kernels.compiled_pairs import ebin_distances
-
-        return ebin_distances(a, b, self.lam, n_threads)
+    @property
+    def bulk(self) -> Bulk:
+        """Features x, y and s of the cones, in compiled loops."""
+        return SumOfTerms.of_fields(
+            self._term,
+            self.space.template.face_areas,
+            lambda points: ebin.coordinates(
+                self.space.check_point(points, "points", completion=True)
+            ),
+        )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Return the end point of the geodesic with this initial velocity.

@@ -10,12 +10,12 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.bulk_metric import BulkMetric
+from riemhuman.geometry.bulk import Bulk, SumOfTerms
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import sphere
-from riemhuman.kernels.sums import integrate
 from riemhuman.kernels.surface import dot
+from riemhuman.terms.normals import NormalTerm
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -136,7 +136,7 @@ class NormalFields(Manifold):
         return point
 
 
-class NormalFieldMetric(BulkMetric):
+class NormalFieldMetric(RiemannianMetric):
     r"""The metric :math:`\int_T \langle\delta n, \delta n\rangle\, dx` of a product of spheres.
 
     The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
@@ -164,7 +164,8 @@ class NormalFieldMetric(BulkMetric):
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         base_point = self.space.check_point(base_point, "base_point")
-        product = integrate(dot(tangent_vec_a, tangent_vec_b), self.space.template.face_areas)
+        values = NormalTerm().inner_product((tangent_vec_a,), (tangent_vec_b,), (base_point,))
+        product = np.sum(values * self.space.template.face_areas, axis=-1)
         return product + np.zeros(base_point.shape[:-2])
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
@@ -181,19 +182,17 @@ class NormalFieldMetric(BulkMetric):
         """
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        return integrate(sphere.squared_dist(point_a, point_b), self.space.template.face_areas)
+        values = NormalTerm().squared_dist((point_a,), (point_b,))
+        return np.sum(values * self.space.template.face_areas, axis=-1)
 
-    def _pack(self, points: ndarray, precision: str) -> tuple[ndarray, ndarray]:
-        """Return the components of the normals, and their rounding."""
-        from riemhuman.kernels.compiled_features import normal_features
-
-        points = self.space.check_point(points, "points")
-        return normal_features(points, self.space.template.face_areas, precision)
-
-    def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
-        from riemhuman.kernels.compiled_pairs import normal_distances
-
-        return normal_distances(a, b, self.space.template.face_areas, n_threads)
+    @property
+    def bulk(self) -> Bulk:
+        """Features are the components of the normals, in compiled loops."""
+        return SumOfTerms.of_fields(
+            NormalTerm(),
+            self.space.template.face_areas,
+            lambda points: (self.space.check_point(points, "points"),),
+        )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Follow great circles for unit time.

@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.progress import ProgressBar
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.bulk_distances import BulkDistances
+    from riemhuman.geometry.metric import RiemannianMetric
 
 Points = Sequence[Any] | ndarray
 Features = tuple[ndarray, ...]
@@ -108,7 +108,7 @@ def pair_by_pair(
 
 
 def squared_dist_rectangle(
-    metric: BulkDistances,
+    metric: RiemannianMetric,
     features_a: Features,
     features_b: Features,
     points_a: Points,
@@ -161,7 +161,7 @@ def squared_dist_rectangle(
 
 
 def distances(
-    metric: BulkDistances,
+    metric: RiemannianMetric,
     points_a: Points,
     points_b: Points | None,
     n_jobs: int | None,
@@ -234,7 +234,7 @@ def distances(
 class _PointSet:
     """Points, and the features of slices of them."""
 
-    def __init__(self, metric: BulkDistances, points: Any, name: str, precision: str) -> None:
+    def __init__(self, metric: RiemannianMetric, points: Any, name: str, precision: str) -> None:
         self.metric, self.name, self.precision = metric, name, precision
         if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
             points = metric.check_points(points, name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import autograd.numpy as np
@@ -11,9 +12,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.geometry.bulk import Bulk, SumOfFactors
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Points
 from riemhuman.protocols import GeodesicSolver
 
 
@@ -274,73 +275,15 @@ class ProductMetric(RiemannianMetric):
         """
         return self._sum("squared_dist", point_a, point_b)
 
-    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
-        """Return the features of all factors that have a weight, one after the other.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, size)
-            Points.
-        precision : {"single", "double"}
-            Precision to keep them in.
-
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-        """
-        points = self.check_points(points)
-        return tuple(
-            feature
-            for k, factor, _ in self._weighted_factors()
-            for feature in factor.metric.features(self.space.component(points, k), precision)
-        )
-
     @property
-    def n_feature_arrays(self) -> int:
-        """The number of arrays in `features`."""
-        return sum(factor.metric.n_feature_arrays for _, factor, _ in self._weighted_factors())
-
-    def rounding(self, features: tuple[ndarray, ...]) -> ndarray:
-        """Return how far each point is, at most, from the point its features stand for.
-
-        Parameters
-        ----------
-        features : tuple of array
-            Features of n points.
-
-        Returns
-        -------
-        array, shape (n,)
-        """
-        parts = self._split(features)
-        return np.sqrt(sum(w * metric.rounding(part) ** 2 for metric, w, part in parts))
-
-    def squared_dist_of_features(
-        self,
-        features_a: tuple[ndarray, ...],
-        features_b: tuple[ndarray, ...],
-        n_jobs: int | None = None,
-    ) -> ndarray:
-        """Return all squared distances between two sets of points given by their features.
-
-        Parameters
-        ----------
-        features_a, features_b : tuple of array
-            Features of n_a and of n_b points; the same object twice for the distances within one
-            set.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
-        parts_a = self._split(features_a)
-        parts_b = parts_a if features_b is features_a else self._split(features_b)
-        squared = np.zeros((len(features_a[0]), len(features_b[0])))
-        for (metric, weight, a), (_, _, b) in zip(parts_a, parts_b, strict=True):
-            squared += weight * metric.squared_dist_of_features(a, b, n_jobs)
-        return squared
+    def bulk(self) -> Bulk:
+        """The bulk work of all factors that have a weight."""
+        return SumOfFactors(
+            [
+                (partial(self.space.component, index=k), weight, factor.metric.bulk)
+                for k, factor, weight in self._weighted_factors()
+            ]
+        )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Return the exponential of every factor.
@@ -425,17 +368,6 @@ class ProductMetric(RiemannianMetric):
     def _weighted_factors(self) -> list[tuple[int, Manifold, float]]:
         triples = zip(range(len(self.weights)), self.space.factors, self.weights, strict=True)
         return [triple for triple in triples if triple[2] > 0]
-
-    def _split(
-        self, features: tuple[ndarray, ...]
-    ) -> list[tuple[RiemannianMetric, float, tuple[ndarray, ...]]]:
-        """Return the metric, the weight and the features of every factor that has a weight."""
-        parts, start = [], 0
-        for _, factor, weight in self._weighted_factors():
-            end = start + factor.metric.n_feature_arrays
-            parts.append((factor.metric, weight, features[start:end]))
-            start = end
-        return parts
 
     def _sum(self, method: str, *points: ndarray) -> ndarray:
         return sum(

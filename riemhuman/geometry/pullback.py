@@ -8,9 +8,9 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
+from riemhuman.geometry.bulk import Bulk, OfImages
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Points
 from riemhuman.kernels import linear
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 
@@ -120,62 +120,11 @@ class PullbackMetric(RiemannianMetric):
         return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))
 
     @property
-    def n_feature_arrays(self) -> int:
-        """The number of arrays in `features`."""
-        return self.target_metric.n_feature_arrays
-
-    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
-        r"""Return the features of the images, each point mapped once.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points.
-        precision : {"single", "double"}
-            Precision to keep them in.
-
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-        """
-        points = self.space.check_point(self.check_points(points), "points")
-        return self.target_metric.features(self.map(points), precision)
-
-    def rounding(self, features: tuple[ndarray, ...]) -> ndarray:
-        """Return how far each image is, at most, from the point its features stand for.
-
-        Parameters
-        ----------
-        features : tuple of array
-            Features of n points.
-
-        Returns
-        -------
-        array, shape (n,)
-        """
-        return self.target_metric.rounding(features)
-
-    def squared_dist_of_features(
-        self,
-        features_a: tuple[ndarray, ...],
-        features_b: tuple[ndarray, ...],
-        n_jobs: int | None = None,
-    ) -> ndarray:
-        """Return all squared distances between two sets of points given by their features.
-
-        Parameters
-        ----------
-        features_a, features_b : tuple of array
-            Features of n_a and of n_b points; the same object twice for the distances within one
-            set.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
-        return self.target_metric.squared_dist_of_features(features_a, features_b, n_jobs)
+    def bulk(self) -> Bulk:
+        """The bulk work of the target metric, on images."""
+        return OfImages(
+            self.target_metric.bulk, lambda x: self.map(self.space.check_point(x, "points"))
+        )
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         return self.target_metric._squared_segments(self.map(path))

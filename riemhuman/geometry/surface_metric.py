@@ -1,8 +1,8 @@
-"""Metrics on aligned surfaces that are pulled back through first derivatives, in compiled form."""
+"""Metrics on aligned surfaces as sums of terms."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -10,30 +10,125 @@ import autograd.numpy as np
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import one_of, values_of
-from riemhuman.geometry.pairwise import PRECISIONS, Points
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.checks import values_of
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.bulk import SumOfTerms
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Features
+from riemhuman.geometry.term_fields import TermFields
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.known_gradient import with_known_gradient
+from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
+from riemhuman.kernels.surface import (
+    Derivatives,
+    derivatives,
+    frame_components,
+    partial_derivatives,
+)
 from riemhuman.kernels.threads import quadratic_form
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.terms import sum as driver
+from riemhuman.terms.term import Fields, Term
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
-class SurfaceMetric(PullbackMetric):
-    """A pull-back to aligned surfaces whose bulk work runs in fused loops.
+class SurfaceMetric(RiemannianMetric):
+    r"""A sum of terms, each a metric on fields of a surface, pulled back and weighted.
 
-    Subclasses give the weights of those loops: (a, lam, c) of the elastic metric, b of square
-    root normal fields.
+    .. math:: d(f_1, f_2)^2 = \sum_k w_k \int_T d_k(\varphi_k(f_1), \varphi_k(f_2))^2\, dx
+
+    `dist` is the distance of the images (equation 4 of the paper). It bounds the length of every
+    path between two surfaces from below; `length` and `energy` are those of a path.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        Surfaces over a template.
+    terms : sequence of Term
+        The terms, at least one; see `riemhuman.terms`.
+    geodesic_solver : object, optional
+        Strategy for geodesics, which have no closed form.
+    exp_solver, log_solver : object, optional
+        Strategies for `exp` and `log`, which have none either.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no term.
     """
 
     space: AlignedSurfaces
 
-    @property
-    def _weights(self) -> dict[str, float]:
-        """Weights of the fused loops."""
-        raise TypeError(f"{type(self).__name__} must say the weights of the fused loops")
+    def __init__(
+        self,
+        space: AlignedSurfaces,
+        terms: Sequence[Term],
+        geodesic_solver: GeodesicSolver | None = None,
+        *,
+        exp_solver: ExpSolver | None = None,
+        log_solver: LogSolver | None = None,
+    ) -> None:
+        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
+        self.terms = tuple(terms)
+        if not self.terms:
+            raise ArgumentError("terms must hold at least one term; found none")
+        self._needs_area = any(term.needs_area for term in self.terms)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return the sum of the squared distances of fields (equation 5).
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a term needs the area of a triangle that has none.
+        """
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        return self._squared_dist_of_fields(self._fields(point_a), self._fields(point_b))
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return the inner product of the derivatives of the fields along h and k.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., V, 3)
+            Deformations h and k.
+        base_point : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle of a surface has no area.
+        """
+        first = self._immersed(base_point, "base_point")
+        h = self._components(first, tangent_vec_a, "tangent_vec_a")
+        k = h
+        if tangent_vec_b is not tangent_vec_a:
+            k = self._components(first, tangent_vec_b, "tangent_vec_b")
+        total: Any = 0.0
+        for term in self.terms:
+            values = np.einsum("...i,...ij,...j->...", h, term.form(first), k)
+            scale = term.weight * self.space.template.face_areas * first.areas**term.area_power
+            total = total + np.sum(scale * values, axis=-1)
+        return total
 
     def energy(self, path: ndarray) -> ndarray:
         """Return the closed-form energy n Σ d²(f_i, f_{i+1}) of paths with n segments.
@@ -53,7 +148,7 @@ class SurfaceMetric(PullbackMetric):
         Raises
         ------
         DegenerateSurfaceError
-            If the metric needs a normal of a triangle without area.
+            If a term needs the area of a triangle that has none.
         """
         if values_of(path, "path").ndim == 3:
             energy = self._compiled_energy(path)
@@ -61,16 +156,12 @@ class SurfaceMetric(PullbackMetric):
                 return energy
         return super().energy(path)
 
-    @cached_property
+    @property
     def _compiled_energy(self) -> Callable[[Any], Any]:
         return with_known_gradient(self.energy_and_gradient, super().energy)
 
-    def __getstate__(self) -> dict[str, Any]:
-        # The primitive is made anew by whoever gets the copy: it knows the metric it was made of.
-        return {key: value for key, value in vars(self).items() if key != "_compiled_energy"}
-
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        """Return the closed-form energy of one path and its gradient, in one compiled pass.
+        """Return the closed-form energy of one path and its gradient, in compiled loops.
 
         Parameters
         ----------
@@ -80,67 +171,25 @@ class SurfaceMetric(PullbackMetric):
         Returns
         -------
         energy : float
-            Infinite where the metric needs a normal of a triangle without area.
+            Infinite where a term needs the area of a triangle that has none.
         gradient : array, shape (n_times, V, 3)
             Derivatives with respect to all vertices.
         """
-        # Loading numba takes longer than a single distance does, so bulk work alone pays for it.
-        from riemhuman.kernels.compiled import path_energy
+        path = self._check_path(self.check_points(path, "path"))
+        return driver.path_energy(self.terms, self.space.template, path)
 
-        template = self.space.template
-        return path_energy(
-            self._check_path(self.check_points(path, "path")),
-            template.faces,
-            template.frame_coefficients,
-            template.face_areas,
-            **self._weights,
-        )
-
-    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
-        """Return the features of the fields of surfaces, in one compiled pass over each.
-
-        Parameters
-        ----------
-        points : array or sequence, shape (n, V, 3)
-            Surfaces.
-        precision : {"single", "double"}
-            Precision to keep them in.
-
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If the metric needs a normal of a triangle without area.
-        """
-        from riemhuman.kernels import compiled_features as compiled
-
-        one_of(precision, "precision", PRECISIONS)
-        surfaces = self.space.check_point(self.check_points(points), "points")
-        template = self.space.template
-        arrays = (surfaces, template.faces, template.frame_coefficients, template.face_areas)
-        weights = self._weights
-        features: tuple[ndarray, ...] = ()
-        if weights.get("a", 0.0) > 0:
-            lam = weights["lam"]
-            features += compiled.surface_metric_field_features(*arrays, lam, precision)
-        if weights.get("c", 0.0) > 0:
-            *normals, degenerate = compiled.surface_normal_features(*arrays, precision)
-            self.space.refuse_degenerate(degenerate)
-            features += tuple(normals)
-        if weights.get("b", 0.0) > 0:
-            features += compiled.surface_root_normal_features(*arrays, precision)
-        return features
+    @property
+    def bulk(self) -> SumOfTerms:
+        """Features of the fields of surfaces, in compiled passes over the triangles of each."""
+        return SumOfTerms(self.terms, self.space.template.face_areas, self._features)
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Take rigid motions out of a path that the metric does not see.
 
-        No metric of the family sees translations of a surface, and those without normals (c = 0)
-        see no rotations either: a minimiser of the energy is free to drift. Of all paths that
-        differ by such motions of the interior surfaces, this one keeps as much of the body as it
-        can on the straight path between the ends, by the sum of distances.
+        No term sees translations of a surface, and some see no rotations either: a minimiser of
+        the energy is free to drift. Of all paths that differ by such motions of the interior
+        surfaces, this one keeps as much of the body as it can on the straight path between the
+        ends, by the sum of distances.
 
         Parameters
         ----------
@@ -153,7 +202,7 @@ class SurfaceMetric(PullbackMetric):
             A path of the same energy with the same ends.
         """
         path = self.check_points(path, "path")
-        sees_rotations = any(self._weights.get(name, 0.0) > 0 for name in ("b", "c"))
+        sees_rotations = any(term.sees_rotations for term in self.terms)
         return still_path(path, self.space.template.vertex_areas, rotations=not sees_rotations)
 
     def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
@@ -173,33 +222,34 @@ class SurfaceMetric(PullbackMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
-        from riemhuman.kernels.compiled_surfaces import add_elastic_blocks
-
-        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
+        surfaces = self.space.check_immersed(base_point, "base_point")
+        surfaces = surfaces.reshape(-1, *self.space.shape)
         template = self.space.template
         blocks = np.zeros((template.n_faces, 9, 9))
         for f in surfaces:
-            self.space.check_immersed(f, "base_point")
-            add_elastic_blocks(blocks, f, template.faces, template.face_areas, **self._weights)
+            driver.add_blocks(self.terms, template, f, blocks)
         return template.assembler.assemble(blocks / len(surfaces))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Lower the index of tangent vectors at one surface.
+        """Lower the index of tangent vectors.
 
         Parameters
         ----------
         tangent_vec : array, shape (..., V, 3)
             Deformations.
-        base_point : array, shape (V, 3)
-            Surface.
+        base_point : array, shape (..., V, 3)
+            Surfaces.
 
         Returns
         -------
         array, shape (..., V, 3)
         """
         vectors = self.space.check_point(tangent_vec, "tangent_vec")
-        columns = vectors.reshape(-1, self.space.dim).T
-        return (self.metric_matrix(base_point) @ columns).T.reshape(vectors.shape)
+        surfaces = self.space.check_point(base_point, "base_point")
+        if surfaces.ndim == 2:
+            columns = vectors.reshape(-1, self.space.dim).T
+            return (self.metric_matrix(surfaces) @ columns).T.reshape(vectors.shape)
+        return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
         """Return the inner products of all pairs of deformations, averaged over surfaces.
@@ -218,3 +268,125 @@ class SurfaceMetric(PullbackMetric):
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)
+
+    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+        """Return coordinates whose Euclidean distances are at most those of the metric.
+
+        See `riemhuman.kernels.sketches`. A term without a chart adds nothing to them.
+
+        Parameters
+        ----------
+        points : array, shape (..., V, 3)
+            Surfaces.
+        n_patches : int, optional
+            Number of patches of triangles to average over; by default there is no averaging, and
+            the bound is tightest.
+
+        Returns
+        -------
+        array, shape (..., m)
+        """
+        template, patches = self.space.template, None
+        if n_patches is not None:
+            patches = triangle_patches(template.vertices, template.faces, n_patches)
+        points = self.space.check_point(points, "points")
+        sketches = [np.zeros((*points.shape[:-2], 0))]
+        for term, fields in zip(self.terms, self._fields(points), strict=True):
+            chart = term.chart(fields)
+            if chart is not None:
+                chart = np.sqrt(term.weight) * chart
+                sketches.append(patch_coordinates(chart, template.face_areas, patches))
+        return np.concatenate(sketches, axis=-1)
+
+    @property
+    def target_metric(self) -> RiemannianMetric:
+        """The metric of the fields, on a space where geodesics have a closed form.
+
+        Raises
+        ------
+        NotDefinedError
+            If there is no such space for the fields of a term.
+        """
+        return self._images.metric
+
+    def map(self, f: ndarray) -> ndarray:
+        r"""Return the fields of surfaces, as points of the space of `target_metric`.
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., \*target_shape)
+        """
+        return self._images.of(self._derivatives(self.space.check_point(f, "f")))
+
+    def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the derivatives of the fields along deformations, as tangent vectors.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., V, 3)
+            Deformations h.
+        base_point : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., \*target_shape)
+        """
+        first = self._immersed(base_point, "base_point")
+        tangent_vec = self.space.check_point(tangent_vec, "tangent_vec")
+        return self._images.changes(first, *self._partial_derivatives(tangent_vec))
+
+    @cached_property
+    def _images(self) -> TermFields:
+        return TermFields(self.terms, self.space.template)
+
+    def _partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
+        return partial_derivatives(f, self.space.template.differential_operator)
+
+    def _derivatives(self, f: ndarray) -> Derivatives:
+        """Return first derivatives; refuse triangles without area where a term needs areas."""
+        first = derivatives(f, self.space.template.differential_operator)
+        if self._needs_area:
+            self.space.refuse_degenerate(first.degenerate)
+        return first
+
+    def _immersed(self, base_point: ndarray, name: str) -> Derivatives:
+        """Return the first derivatives of surfaces all of whose triangles have an area."""
+        base_point = self.space.check_point(base_point, name)
+        first = derivatives(base_point, self.space.template.differential_operator)
+        self.space.refuse_degenerate(first.degenerate, name)
+        return first
+
+    def _components(self, first: Derivatives, tangent_vec: ndarray, name: str) -> ndarray:
+        tangent_vec = self.space.check_point(tangent_vec, name)
+        return frame_components(first, *self._partial_derivatives(tangent_vec))
+
+    def _fields(self, f: ndarray) -> list[Fields]:
+        first = self._derivatives(f)
+        return [term.fields(first) for term in self.terms]
+
+    def _squared_dist_of_fields(self, a: list[Fields], b: list[Fields]) -> ndarray:
+        areas = self.space.template.face_areas
+        total: Any = 0.0
+        for term, one, other in zip(self.terms, a, b, strict=True):
+            total = total + term.weight * np.sum(term.squared_dist(one, other) * areas, axis=-1)
+        return total
+
+    def _squared_segments(self, path: ndarray) -> ndarray:
+        fields, times = self._fields(path), (slice(None),) * (path.ndim - 3)
+        before, after = (
+            [tuple(field[(*times, part)] for field in some) for some in fields]
+            for part in (slice(None, -1), slice(1, None))
+        )
+        return self._squared_dist_of_fields(before, after)
+
+    def _features(self, points: ndarray, precision: str) -> Features:
+        points = self.space.check_point(points, "points")
+        return driver.surface_features(
+            self.terms, self.space.template, points, precision, self.space.refuse_degenerate
+        )

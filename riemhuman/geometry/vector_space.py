@@ -9,9 +9,11 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
-from riemhuman.geometry.bulk_metric import BulkMetric
+from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Features, thread_count
+from riemhuman.terms.flat import flat_distances, vector_features
 
 
 class VectorSpace(Manifold):
@@ -85,7 +87,7 @@ class VectorSpace(Manifold):
         return stack_samples(points, n_samples)
 
 
-class FlatMetric(BulkMetric):
+class FlatMetric(RiemannianMetric):
     """The weighted sum of squares Σ_t w_t ‖a_t‖² on a vector space.
 
     With template areas for weights, the L² metric of fields on a template.
@@ -183,18 +185,29 @@ class FlatMetric(BulkMetric):
         base_point = self.space.check_point(base_point, "base_point")
         return self.space.check_point(point, "point") - base_point
 
-    def _pack(self, points: ndarray, precision: str) -> tuple[ndarray, ndarray]:
-        """Return the entries times √w, flattened, and their rounding."""
-        from riemhuman.kernels.compiled_features import vector_features
-
-        points = self.space.check_point(points, "points")
-        weights = np.broadcast_to(self._weights, self.space.shape).ravel()
-        return vector_features(points.reshape(len(points), weights.size), weights, precision)
-
-    def _squared_distances(self, a: ndarray, b: ndarray, n_threads: int) -> ndarray:
-        from riemhuman.kernels.compiled_pairs import flat_distances
-
-        return flat_distances(a, b, n_threads)
+    @property
+    def bulk(self) -> Bulk:
+        """Features are the entries times √w, in compiled loops."""
+        return _Vectors(self._weights.ravel(), self.space.shape)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         return self.geodesic(start, initial_tangent_vec=self.log(end, start))
+
+
+class _Vectors(Bulk):
+    """Bulk work of vectors with a weighted sum of squares for squared norm."""
+
+    n_arrays = 2
+
+    def __init__(self, weights: ndarray, shape: tuple[int, ...]) -> None:
+        self._weights, self._size = weights, int(np.prod(shape[1:]))
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        vectors = points.reshape(len(points), len(self._weights), self._size)
+        return vector_features(vectors, self._weights, precision)
+
+    def rounding(self, features: Features) -> ndarray:
+        return features[1]
+
+    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+        return flat_distances(a[0], b[0], thread_count(n_jobs))

@@ -1,14 +1,23 @@
-"""Compilation by numba, whose results are kept on disk wherever the disk allows."""
+"""Compilation by numba, whose results are kept on disk wherever the disk allows.
+
+The one module that imports numba: `riemhuman.kernels.compiled` does so when there is something to
+compile.
+"""
 
 from __future__ import annotations
 
+import math
+import os
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 import numba
+import numpy as np
+from numba import types
 from numba.core.caching import FunctionCache
+from numba.extending import intrinsic
 
 Function = Callable[..., Any]
 
@@ -41,7 +50,7 @@ def njit(**options: Any) -> Callable[[Function], Any]:
         compiled = numba.njit(**options)(function)
         if compiled is not function:  # numba may be switched off
             try:
-                compiled._cache = _Cache(function)
+                compiled._cache = _Cache(function, _stamp(function.__globals__))
             except (OSError, RuntimeError) as error:
                 _say(error)
         return compiled
@@ -51,6 +60,12 @@ def njit(**options: Any) -> Callable[[Function], Any]:
 
 class _Cache(FunctionCache):
     """Numba's files of compiled functions, without which everything works as well."""
+
+    def __init__(self, function: Function, stamp: Any) -> None:
+        super().__init__(function)
+        if stamp is not None:
+            # Numba by itself looks at the file of the function alone.
+            self._cache_file._source_stamp = stamp
 
     def load_overload(self, *arguments: Any) -> Any:
         """Return a compiled function, or None if it must be compiled."""
@@ -86,3 +101,115 @@ def _say(error: Exception) -> None:
             UserWarning,
             stacklevel=2,
         )
+
+
+def _stamp(names: dict[str, Any]) -> tuple[tuple[float, int], ...] | None:
+    """Return what changes with the source of a module, or of one that it takes functions from.
+
+    None for what is not in files, as in notebooks.
+    """
+    files, modules = {__file__}, [names]
+    while modules:
+        names = modules.pop()
+        file = names.get("__file__")
+        if file is None or not os.path.isfile(file):
+            return None
+        if file not in files:
+            files.add(file)
+            functions = [value for value in list(names.values()) if hasattr(value, "py_func")]
+            modules += [function.py_func.__globals__ for function in functions]
+    found = (os.stat(file) for file in sorted(files))
+    return tuple((status.st_mtime, status.st_size) for status in found)
+
+
+def polynomial(single: tuple[float, ...], double: tuple[float, ...]) -> Any:
+    """Return a polynomial for compiled functions, of one multiply-add a coefficient.
+
+    Parameters
+    ----------
+    single, double : tuple of float
+        Coefficients for arguments in single and in double precision, constant term first.
+
+    Returns
+    -------
+    callable
+    """
+
+    @intrinsic
+    def evaluate_constants(typing_context: Any, x: Any) -> Any:
+        coefficients = single if x == types.float32 else double
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            values = [context.get_constant(x, c) for c in coefficients]
+            return _horner(builder, values, arguments[0])
+
+        return x(x), generate
+
+    return evaluate_constants
+
+
+def _horner(builder: Any, coefficients: list[Any], argument: Any) -> Any:
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        product = builder.fmul(value, argument, flags=("contract",))
+        value = builder.fadd(product, coefficient, flags=("contract",))
+    return value
+
+
+@intrinsic
+def evaluate(typing_context: Any, coefficients: Any, x: Any) -> Any:
+    """Return the polynomial in x with these coefficients.
+
+    Parameters
+    ----------
+    typing_context : object
+        Numba's.
+    coefficients : tuple
+        Type of the coefficients, constant term first.
+    x : type
+        Type of the argument.
+
+    Returns
+    -------
+    signature, code generator
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        packed, argument = arguments
+        values = [builder.extract_value(packed, k) for k in range(coefficients.count)]
+        return _horner(builder, values, argument)
+
+    return x(coefficients, x), generate
+
+
+@intrinsic
+def split(typing_context: Any, x: Any) -> Any:
+    """Return k and 2⁻ᵏ, for x > 0, such that 2⁻ᵏ x lies in [√½, √2).
+
+    Parameters
+    ----------
+    typing_context : object
+        Numba's.
+    x : type
+        Type of the argument.
+
+    Returns
+    -------
+    signature, code generator
+    """
+    n_digits, bias = (23, 127) if x == types.float32 else (52, 1023)
+    integer = types.int32 if x == types.float32 else types.int64
+    lowest = int(np.asarray(math.sqrt(0.5), str(x)).view(str(integer)))
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        def constant(value: int) -> Any:
+            return context.get_constant(integer, value)
+
+        bits = builder.bitcast(arguments[0], context.get_value_type(integer))
+        exponent = builder.ashr(builder.sub(bits, constant(lowest)), constant(n_digits))
+        scale = builder.shl(builder.sub(constant(bias), exponent), constant(n_digits))
+        real = arguments[0].type
+        pair = (builder.sitofp(exponent, real), builder.bitcast(scale, real))
+        return context.make_tuple(builder, signature.return_type, pair)
+
+    return types.UniTuple(x, 2)(x), generate

@@ -1,7 +1,7 @@
 r"""Coordinates whose Euclidean distances bound distances of surfaces from below.
 
 Each triangle is mapped to a Euclidean space so that distances do not grow: unit normals lie there
-already (a chord is at most its arc), matrices are wrapped around circles by `cone_chart`.
+already (a chord is at most its arc), matrices are wrapped around circles; see the `chart` of terms.
 Orthogonal projections, such as means over patches of triangles, keep the bound and take less room.
 """
 
@@ -9,43 +9,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy import ndarray
-
-from riemhuman.kernels.ebin import angle_per_distance
-
-STEEPEST = 18.0
-"""The largest κ: steeper charts are tighter, but wind bodies around in too many dimensions."""
-
-
-def cone_chart(x: ndarray, y: ndarray, s: ndarray, lam: float) -> ndarray:
-    r"""Map matrices to R⁴ so that Euclidean distances are at most those of the Ebin metric.
-
-    With κ ≤ θ/ℓ and the logarithm L of ĝ at the identity, in R²,
-
-    .. math:: \varphi = 4\sqrt{\lambda/2}\, s\,
-              (e^{i\sqrt2\kappa L_1}, e^{i\sqrt2\kappa L_2}) \in C^2 = R^4.
-
-    |L − L'| ≤ ℓ, the hyperbolic plane being of negative curvature. Let z = κ|L − L'| ≤ θ. If z ≤ π,
-    ½ Σ cos(√2 κ (L_k − L'_k)) ≥ cos z by Jensen, as cos √t is convex for 0 ≤ t ≤ 2π²; and it
-    never falls below −1. So |φ − φ'|² ≤ 16λ (s² + s'² − 2 s s' cos min(π, θ)) = d².
-
-    Parameters
-    ----------
-    x, y, s : array, shape (...)
-        Half-plane coordinates and radius, see `riemhuman.kernels.ebin.coordinates`.
-    lam : float
-        λ > 0.
-
-    Returns
-    -------
-    array, shape (..., 4)
-    """
-    # The logarithm lies along the spatial part of the point of the hyperboloid.
-    spatial = np.stack([(1.0 - (x**2 + y**2)) / (2.0 * y), x / y], axis=-1)
-    size = np.sqrt(np.sum(spatial**2, axis=-1, keepdims=True))
-    logarithm = np.arcsinh(size) / np.where(size > 0, size, 1.0) * spatial
-    angles = np.sqrt(2.0) * min(angle_per_distance(lam), STEEPEST) * logarithm
-    circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
-    return 4.0 * np.sqrt(0.5 * lam) * s[..., None] * circles
 
 
 def patch_coordinates(values: ndarray, areas: ndarray, patches: ndarray | None = None) -> ndarray:

@@ -1,69 +1,12 @@
-"""The unit sphere S², point by point: distances, exponential, logarithm, transport."""
+"""The unit sphere S², point by point: angles, exponential, logarithm, transport."""
 
 from __future__ import annotations
 
 import autograd.numpy as np
-from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.kernels.scalars import sine_cardinal, square_root
 from riemhuman.kernels.surface import dot
-
-
-@primitive
-def squared_arc(p: ndarray, q: ndarray) -> ndarray:
-    """Return θ² = (2 atan2(√p, √q))² from p = ‖n₁ − n₂‖² and q = ‖n₁ + n₂‖².
-
-    No digits are lost near 0 and π, as they are with the arc cosine of n₁·n₂. At antipodal
-    points, where θ² has no derivative, the subgradient 0 in q is taken.
-
-    Parameters
-    ----------
-    p, q : array, shape (...)
-        Squared lengths of the difference and the sum of unit vectors.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    return 4.0 * np.arctan2(np.sqrt(p), np.sqrt(q)) ** 2
-
-
-def _slope_in_p(p: ndarray, q: ndarray) -> ndarray:
-    a, b = square_root(p), square_root(q)
-    coincident = a == 0
-    half_over_a = np.arctan2(a, b) / np.where(coincident, 1.0, a)
-    return np.where(coincident, 4.0 / (p + q), 4.0 * half_over_a * b / (p + q))
-
-
-def _slope_in_q(p: ndarray, q: ndarray) -> ndarray:
-    a, b = square_root(p), square_root(q)
-    antipodal = b == 0
-    slope = -4.0 * np.arctan2(a, b) * a / (np.where(antipodal, 1.0, b) * (p + q))
-    return np.where(antipodal, 0.0, slope)
-
-
-defvjp(
-    squared_arc,
-    lambda answer, p, q: lambda upstream: upstream * _slope_in_p(p, q),
-    lambda answer, p, q: lambda upstream: upstream * _slope_in_q(p, q),
-)
-
-
-def squared_dist(n1: ndarray, n2: ndarray) -> ndarray:
-    """Return the squared angle between unit vectors, shape (...).
-
-    Parameters
-    ----------
-    n1, n2 : array, shape (..., 3)
-        Unit vectors.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    difference, total = n1 - n2, n1 + n2
-    return squared_arc(dot(difference, difference), dot(total, total))
 
 
 def angle(n1: ndarray, n2: ndarray) -> ndarray:

@@ -11,12 +11,115 @@ surface f with corners q₁, q₂, q₃ has
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import autograd.numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from riemhuman.kernels.linear import apply_operator
-from riemhuman.kernels.scalars import square_root
+
+DEGENERATE = 8 * np.finfo(float).eps
+"""Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
+
+
+class Derivatives(NamedTuple):
+    """What terms know of surfaces: first derivatives, and what follows from them.
+
+    Attributes
+    ----------
+    f_u, f_v : array, shape (..., F, 3)
+        Partial derivatives.
+    area_vectors : array, shape (..., F, 3)
+        f_u × f_v.
+    areas : array, shape (..., F)
+        A = ‖f_u × f_v‖, the ratio of the triangle's area to the template's; 1 where degenerate.
+    e, m : array, shape (..., F)
+        f_u·f_u, 1 where degenerate, and f_u·f_v.
+    degenerate : array of bool, shape (..., F)
+        Triangles without area: g is singular to working precision.
+    """
+
+    f_u: ndarray
+    f_v: ndarray
+    area_vectors: ndarray
+    areas: ndarray
+    e: ndarray
+    m: ndarray
+    degenerate: ndarray
+
+
+def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
+    """Return the first derivatives of surfaces, and what follows from them.
+
+    det g = ‖f_u × f_v‖² comes with relative errors of ε times the aspect ratio of a triangle; from
+    rounded entries of g, the square of that ratio would count.
+
+    Parameters
+    ----------
+    points : array, shape (..., V, 3)
+        Surfaces.
+    operator : csr_matrix, shape (2F, V)
+        The template's differential operator: rows of f_u, then rows of f_v.
+
+    Returns
+    -------
+    Derivatives
+    """
+    return follow_up(*partial_derivatives(points, operator))
+
+
+def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
+    """Return first derivatives with what follows from them.
+
+    Parameters
+    ----------
+    f_u, f_v : array, shape (..., 3)
+        Partial derivatives.
+
+    Returns
+    -------
+    Derivatives
+    """
+    area_vectors = cross(f_u, f_v)
+    squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
+    degenerate = squared <= DEGENERATE * e * dot(f_v, f_v)
+    areas = np.sqrt(np.where(degenerate, 1.0, squared))
+    e = np.where(degenerate, 1.0, e)
+    return Derivatives(f_u, f_v, area_vectors, areas, e, dot(f_u, f_v), degenerate)
+
+
+def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
+    r"""Return the derivatives of deformations along and across each triangle.
+
+    In the orthonormal frame e₁ ∥ f_u, e₂, n of a triangle of the surface, a deformation h has the
+    components e_i·∂_j h and n·∂_j h, with ε_ij = ½(e_i·∂_j h + e_j·∂_i h) and
+
+    .. math:: \operatorname{tr}((g^{-1}\delta g_0)^2) = 2(\varepsilon_{11} - \varepsilon_{22})^2
+              + 8\varepsilon_{12}^2, \quad \operatorname{tr}(g^{-1}\delta g)
+              = 2(\varepsilon_{11} + \varepsilon_{22}), \quad
+              \delta n = -(n\cdot\partial_1 h)\, e_1 - (n\cdot\partial_2 h)\, e_2 .
+
+    Taken from g and n and their changes, slivers would lose the digits of their aspect ratio.
+
+    Parameters
+    ----------
+    first : Derivatives
+        Those of the surface, whose triangles have an area.
+    h_u, h_v : array, shape (..., F, 3)
+        Partial derivatives of the deformation.
+
+    Returns
+    -------
+    array, shape (..., F, 6)
+        e₁·∂₁h, e₁·∂₂h, e₂·∂₁h, e₂·∂₂h, n·∂₁h, n·∂₂h.
+    """
+    p, x, y = (value[..., None] for value in (np.sqrt(first.e), first.m / first.e, first.areas))
+    y = y / p**2
+    e1, e2 = first.f_u / p, (first.f_v - x * first.f_u) / (y * p)
+    along, across = h_u / p, (h_v - x * h_u) / (y * p)
+    axes = (e1, e2, first.area_vectors / first.areas[..., None])
+    return np.stack([dot(axis, h) for axis in axes for h in (along, across)], axis=-1)
 
 
 def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray, ndarray]:
@@ -156,28 +259,8 @@ def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: nda
     return change - dot(normals, change)[..., None] * normals
 
 
-def square_root_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
-    r"""Return the square root normal field :math:`q = \sqrt{A}\, n`, A = ‖f_u × f_v‖.
-
-    q and its gradient are 0 on a degenerate triangle (section 5.2 of the paper).
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives.
-
-    Returns
-    -------
-    array, shape (..., F, 3)
-    """
-    area_vectors = cross(f_u, f_v)
-    degenerate = is_degenerate(f_u, f_v)[..., None]
-    roots = square_root(square_root(dot(area_vectors, area_vectors)))[..., None]
-    return np.where(degenerate, 0.0, area_vectors / np.where(degenerate, 1.0, roots))
-
-
 def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
-    """Tell the triangles on which g is singular to working precision, see `ebin.is_degenerate`.
+    """Tell the triangles on which g is singular to working precision, see `Derivatives`.
 
     Parameters
     ----------
@@ -188,10 +271,4 @@ def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
     -------
     array of bool, shape (..., F)
     """
-    area_vectors = cross(f_u, f_v)
-    scale = dot(f_u, f_u) * dot(f_v, f_v)
-    return dot(area_vectors, area_vectors) <= DEGENERATE * scale
-
-
-DEGENERATE = 8 * np.finfo(float).eps
-"""Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
+    return follow_up(f_u, f_v).degenerate

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from numpy import ndarray
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.kernels import ebin, sphere
+from riemhuman.kernels.surface import derivatives
+from riemhuman.terms import EbinTerm, NormalTerm
 
 
 @dataclass(frozen=True)
@@ -57,13 +59,15 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
         If c > 0 and a triangle has no area, so that it has no normal.
     """
     space = metric.space
-    point_a, point_b = (space.check_point(f, "surface") for f in (point_a, point_b))
-    areas = space.template.face_areas
     one, other = (
-        ebin.coordinates_of_derivatives(*space.partial_derivatives(f)) for f in (point_a, point_b)
+        derivatives(space.check_point(f, "surface"), space.template.differential_operator)
+        for f in (point_a, point_b)
     )
-    of_metric = metric.a * areas * ebin.squared_dist_of_coordinates(one, other, metric.lam or 1.0)
-    if metric.c == 0:
-        return Contributions(of_metric, 0.0 * of_metric)
-    n1, n2 = space.normal_field(point_a), space.normal_field(point_b)
-    return Contributions(of_metric, metric.c * areas * sphere.squared_dist(n1, n2))
+    parts: dict[type, Any] = {EbinTerm: 0.0 * space.template.face_areas, NormalTerm: 0.0}
+    for term in metric.terms:
+        if term.needs_area:
+            space.refuse_degenerate(one.degenerate | other.degenerate)
+        values = term.squared_dist(term.fields(one), term.fields(other))
+        parts[type(term)] = term.weight * space.template.face_areas * values
+    zeros = 0.0 * (parts[EbinTerm] + parts[NormalTerm])
+    return Contributions(parts[EbinTerm] + zeros, parts[NormalTerm] + zeros)

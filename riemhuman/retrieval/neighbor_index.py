@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import MetricWithLowerBound
 from riemhuman.retrieval.rows import GrowingRows, Projection
 
 # Points that are taken up at a time.
@@ -80,7 +81,7 @@ class NeighborIndex:
         NeighborIndex
         """
         index = cls(metric, n_patches, n_jobs)
-        if hasattr(metric, "lower_bound_coordinates"):
+        if isinstance(metric, MetricWithLowerBound):
             first = index._full_coordinates(index.checked(X, 0, 1))
             n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // first.size), len(X))
             sample = np.linspace(0, len(X) - 1, n_sample).astype(int).tolist()
@@ -202,7 +203,7 @@ class NeighborIndex:
             points = self.metric.check_points(self._points.array[probes])
             found = [*self.metric.features(points, "single"), self._probe_distances()]
             kept = [*self.features(probes), kept_distances]
-            if hasattr(self.metric, "lower_bound_coordinates"):
+            if isinstance(self.metric, MetricWithLowerBound):
                 found.append(self._full_coordinates(points))
             if self.projection is not None:
                 mean, components = self.projection.mean, self.projection.components

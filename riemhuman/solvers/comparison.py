@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver
+from riemhuman.protocols import GeodesicSolver, SurfaceSpace
 from riemhuman.solvers.results import PathResult, whole_path_result
 from riemhuman.surfaces.distortion import (
     Distortion,
@@ -174,9 +174,10 @@ def measure_path(
     """
     if not metrics:
         raise ArgumentError("metrics is empty; at least one metric on surfaces is needed")
-    template = getattr(next(iter(metrics.values())).space, "template", None)
-    if template is None:
+    space = next(iter(metrics.values())).space
+    if not isinstance(space, SurfaceSpace):
         raise ArgumentError("metrics must be metrics on surfaces over a template")
+    template = space.template
     path = template.check_points(path, "path")
     faces, edges = template.faces, template.edges
     deviations = np.array(np.nan)

@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.protocols import SurfaceSpace
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import Result, warn_unless_converged
@@ -253,7 +254,7 @@ class _WeightedSum:
 
 def _common_space(shape_metric: SurfaceMetric, pose_metric: SurfaceMetric) -> Any:
     space = shape_metric.space
-    if not hasattr(space, "template") or space.shape != pose_metric.space.shape:
+    if not isinstance(space, SurfaceSpace) or space.shape != pose_metric.space.shape:
         raise ArgumentError(
             "shape_metric and pose_metric must be metrics on surfaces over one template; found "
             f"points of shape {space.shape} and {pose_metric.space.shape}"

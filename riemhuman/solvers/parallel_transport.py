@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver
+from riemhuman.protocols import GeodesicSolver, MetricWithTransport
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
@@ -135,7 +135,7 @@ class _Ladder:
             start, end = path[0], path[-1]
         else:
             start, end = check_end_points(metric, base_point, np.asarray(end_point))
-        if self.exact and hasattr(metric, "parallel_transport"):
+        if self.exact and isinstance(metric, MetricWithTransport):
             ends = np.stack([start, end])
             return self._by_closed_form(metric, vector, ends, direction)
         if path is None:

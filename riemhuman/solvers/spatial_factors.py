@@ -11,6 +11,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu, spsolve_triangular
 
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import MetricWithMatrix
 from riemhuman.solvers.preconditioner import CholeskyFactor
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
@@ -152,7 +153,7 @@ def spatial_factor(metric: RiemannianMetric, points: ndarray, scale: float) -> C
     -------
     CholeskyFactor
     """
-    if hasattr(metric, "metric_matrix"):
+    if isinstance(metric, MetricWithMatrix):
         return SparseCholeskyFactor(metric.metric_matrix(points) / scale)
     return BlockCholeskyFactor(_block_norms(metric, points) / scale)
 

@@ -10,7 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.protocols import PulledBackMetric
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.nearest_surface import NearestSurface
@@ -160,13 +160,13 @@ class Fields:
 
     Parameters
     ----------
-    metric : PullbackMetric
+    metric : PulledBackMetric
         A metric on surfaces.
     nearest : NearestSurface
         How the nearest surface is found.
     """
 
-    def __init__(self, metric: PullbackMetric, nearest: NearestSurface) -> None:
+    def __init__(self, metric: Any, nearest: NearestSurface) -> None:
         self.metric = metric.target_metric
         self._pullback = metric
         self._nearest = nearest
@@ -216,7 +216,7 @@ class Fields:
         -------
         bool
         """
-        space: AlignedSurfaces = self._pullback.space  # type: ignore[assignment]
+        space: AlignedSurfaces = self._pullback.space
         return not inverted_triangles(point, reference, space.template.faces).any()
 
     def mean(self, points: ndarray) -> ndarray:
@@ -258,7 +258,7 @@ def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Image
     ArgumentError
         If the kind is none of these, or fields are asked for where there are none.
     """
-    pulled_back = hasattr(metric, "target_metric")
+    pulled_back = isinstance(metric, PulledBackMetric)
     if one_of(kind, "image", KINDS) == "auto":
         kind = "fields" if pulled_back else "points"
     if kind == "points":

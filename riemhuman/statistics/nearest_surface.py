@@ -12,7 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.protocols import PulledBackMetric
 from riemhuman.solvers.dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
@@ -64,7 +64,7 @@ class NearestSurface:
 
     def solve(
         self,
-        metric: PullbackMetric,
+        metric: PulledBackMetric,
         images: ndarray,
         start: ndarray,
         weights: ndarray | None = None,
@@ -73,7 +73,7 @@ class NearestSurface:
 
         Parameters
         ----------
-        metric : PullbackMetric
+        metric : PulledBackMetric
             A metric on surfaces, pulled back by Φ = ``metric.map``.
         images : array, shape (n, \*target_shape)
             Targets y_i, points of the space of ``metric.target_metric``.
@@ -127,7 +127,7 @@ class NearestSurface:
         return found
 
     def _descend(
-        self, metric: PullbackMetric, companion: ElasticMetric | None, functional: Any, f: ndarray
+        self, metric: PulledBackMetric, companion: ElasticMetric | None, functional: Any, f: ndarray
     ) -> MeanResult:
         slope = value_and_grad(functional)
         value, gradient = slope(f)
@@ -180,7 +180,7 @@ class NearestSurface:
         return factor.solve_transposed(factor.solve(column)).reshape(f.shape)
 
 
-def _missing_part(metric: PullbackMetric) -> ElasticMetric | None:
+def _missing_part(metric: PulledBackMetric) -> ElasticMetric | None:
     """Return the part of the family that an elastic metric with a = 0 or c = 0 lacks."""
     if not isinstance(metric, ElasticMetric) or metric.a * metric.c > 0:
         return None

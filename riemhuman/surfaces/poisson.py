@@ -103,7 +103,7 @@ class PoissonInterpolator:
             Rotation vectors, unit axes times angles in [0, π].
         """
         # Loading numba takes a while, so that only those who interpolate wait for it.
-        from riemhuman.kernels.compiled_surfaces import triangle_turns
+        from riemhuman.kernels.turns import triangle_turns
 
         return triangle_turns(start, end, self._faces, self._frames)
 
@@ -139,7 +139,7 @@ class PoissonInterpolator:
         array, shape (F, 3)
             Rotation vectors.
         """
-        from riemhuman.kernels.compiled_surfaces import unwrap_turns
+        from riemhuman.kernels.turns import unwrap_turns
 
         angles = np.linalg.norm(turns, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
@@ -193,7 +193,7 @@ class PoissonInterpolator:
         """
         if len(times) == 0:
             return np.empty((0, *start.shape))
-        from riemhuman.kernels.compiled_surfaces import turned_sources
+        from riemhuman.kernels.turns import turned_sources
 
         turns = self.turns(start, end) if turns is None else turns
         source = turned_sources(start, end, turns, times, self._faces, self._frames, self._areas)

@@ -19,10 +19,10 @@ from performances import basis, bodies, timed
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.kernels import compiled
+from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers import BasisPath, LinearPath
 from riemhuman.surfaces import DeformationBasis
+from riemhuman.terms import sum as sum_of_terms
 
 WEIGHTS = (1.0, 0.1, 0.1)
 
@@ -57,7 +57,7 @@ def exponent(sizes, times):
 
 def definition(elastic, path):
     """Return energy and gradient through autograd, from the definition."""
-    return value_and_grad(partial(PullbackMetric.energy, elastic))(path)
+    return value_and_grad(partial(RiemannianMetric.energy, elastic))(path)
 
 
 def test_energy_and_gradient(benchmark, monkeypatch):
@@ -67,7 +67,7 @@ def test_energy_and_gradient(benchmark, monkeypatch):
     benchmark.pedantic(lambda: elastic.energy_and_gradient(path), rounds=repetitions)
     ours = seconds(lambda: elastic.energy_and_gradient(path), repetitions)
     theirs = seconds(lambda: definition(elastic, path), min(3, repetitions))
-    monkeypatch.setattr(compiled, "_WORTH_THREADS", np.inf)
+    monkeypatch.setattr(sum_of_terms, "_WORTH_THREADS", np.inf)
     alone = seconds(lambda: elastic.energy_and_gradient(path), repetitions)
     print(
         f"\n{resolution}, 11 surfaces: {1e3 * ours:.1f} ms; definition and autograd "
@@ -115,7 +115,7 @@ class AutodiffEnergy:
     """The same energy by its definition, with the gradient that autograd gives."""
 
     def value(self, metric, path):
-        return float(PullbackMetric.energy(metric, path))
+        return float(RiemannianMetric.energy(metric, path))
 
     def value_and_gradient(self, metric, path):
         return definition(metric, path)
@@ -142,11 +142,7 @@ def test_geodesic(benchmark, poses):
     )
     options = {"ftol": 0.0, "gtol": 0.0, "maxfun": 10 * most}
     recipe = BasisPath(
-        deformations,
-        method="l-bfgs-b",
-        energy=AutodiffEnergy(),
-        max_iter=most,
-        options=options,
+        deformations, method="l-bfgs-b", energy=AutodiffEnergy(), max_iter=most, options=options
     )
     theirs, their_seconds = timed(recipe, elastic, start, end)
     print(

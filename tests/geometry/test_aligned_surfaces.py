@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.surfaces.template import Template
 
@@ -40,6 +41,8 @@ def over(metric, template):
     space = AlignedSurfaces(template)
     if isinstance(metric, ElasticMetric):
         return ElasticMetric(space, metric.a, metric.lam, metric.c)
+    if isinstance(metric, GeneralElasticMetric):
+        return GeneralElasticMetric(space, metric.a, metric.b, metric.c)
     return SRNFMetric(space)
 
 

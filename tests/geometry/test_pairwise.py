@@ -14,8 +14,6 @@ from scipy.spatial.distance import cdist
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.bulk_distances import BulkDistances
-from riemhuman.geometry.bulk_metric import BulkMetric
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle, thread_count
@@ -207,7 +205,7 @@ class Asked:
 
 
 def test_points_are_sliced_as_the_budget_allows(tmp_path, monkeypatch):
-    metric, points = metric_of(TEMPLATE, (0.0, 0.0, 1.0)), surfaces(TEMPLATE, 12, rng=10)
+    metric, points = (metric_of(TEMPLATE, (0.0, 0.0, 1.0)), surfaces(TEMPLATE, 12, rng=10))
     whole = metric.dist_pairwise(points)
     size = sum(array.nbytes for array in metric.features(points[:1], "single"))
     asked = Asked(points)
@@ -241,8 +239,9 @@ def test_features_held_at_once_are_within_the_budget(monkeypatch):
     monkeypatch.setattr("riemhuman.geometry.pairwise._BLOCK", 2)
     size = 80_000
 
-    class Wide(BulkDistances):
-        space = VectorSpace((1,))
+    class Wide(RiemannianMetric):
+        def __init__(self):
+            super().__init__(VectorSpace((1,), equip=False))
 
         def squared_dist(self, point_a, point_b):
             return np.sum((point_a - point_b) ** 2)
@@ -252,6 +251,9 @@ def test_features_held_at_once_are_within_the_budget(monkeypatch):
 
         def squared_dist_of_features(self, features_a, features_b, n_jobs=None):
             return (features_a[0][:, None, 0] - features_b[0][:, 0]) ** 2
+
+        def rounding(self, features):
+            return np.zeros(len(features[0]))
 
     points = np.random.default_rng(17).standard_normal((24, 1))
     # What the first call loads is no feature.
@@ -363,15 +365,6 @@ def test_a_squared_distance_alone_is_enough():
     np.testing.assert_array_equal(
         metric.cdist(points[:2], points, memory=1), metric.dist_pairwise(points)[:2]
     )
-
-
-def test_compiled_loops_need_to_be_named():
-    metric = BulkMetric(HalfPlane())
-    points = HalfPlane().random_point(2, rng=0)
-    with pytest.raises(TypeError, match="BulkMetric must say what its features are"):
-        metric.features(points)
-    with pytest.raises(TypeError, match="BulkMetric must say what the distances"):
-        metric.squared_dist_of_features((points, points), (points, points))
 
 
 def test_more_points_than_are_held_or_looked_at_together():
@@ -512,7 +505,7 @@ def test_surfaces_beyond_double_precision_are_refused(weights, exponent):
 def test_surfaces_at_the_ends_of_the_range_are_right(exponent):
     template, scale = sphere_template(), 10.0**exponent
     points = surfaces(template, 2, rng=2)
-    shape, pose = metric_of(template, (1.0, 0.1, 0.0)), metric_of(template, (0.0, 0.0, 1.0))
+    shape, pose = (metric_of(template, (1.0, 0.1, 0.0)), metric_of(template, (0.0, 0.0, 1.0)))
     expected = shape.dist(*points) * scale
     np.testing.assert_allclose(shape.dist(*(points * scale)), expected, rtol=1e-12)
     np.testing.assert_allclose(pose.dist(*(points * scale)), pose.dist(*points), rtol=1e-12)

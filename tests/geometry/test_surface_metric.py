@@ -12,7 +12,6 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
 
 SPACE = AlignedSurfaces(sphere_template(2), equip=False)
@@ -38,7 +37,7 @@ def wavy_path(size, n_times=5):
 def test_compiled_energy_agrees_with_the_definition(metric, size):
     path = wavy_path(size)
     energy, gradient = metric.energy_and_gradient(path)
-    expected, expected_gradient = value_and_grad(partial(PullbackMetric.energy, metric))(path)
+    expected, expected_gradient = value_and_grad(partial(RiemannianMetric.energy, metric))(path)
     # Differences of nearly equal surfaces carry the rounding error of the surfaces.
     tolerance = max(1e-10, 1e-14 / size)
     assert energy == pytest.approx(expected, rel=tolerance)
@@ -75,7 +74,7 @@ def test_compiled_gradient_has_taylor_slope_two(metric):
 def test_large_meshes_run_in_threads_with_the_same_result(metric, monkeypatch):
     path = wavy_path(0.2)
     alone = metric.energy_and_gradient(path)
-    monkeypatch.setattr("riemhuman.kernels.compiled._WORTH_THREADS", 0)
+    monkeypatch.setattr("riemhuman.terms.sum._WORTH_THREADS", 0)
     threaded = metric.energy_and_gradient(path)
     assert alone[0] == threaded[0]
     np.testing.assert_array_equal(alone[1], threaded[1])
@@ -87,10 +86,10 @@ def test_autograd_takes_derivatives_of_the_compiled_energy(metric, monkeypatch):
     gradient = grad(metric.energy)(path)
     np.testing.assert_array_equal(gradient, metric.energy_and_gradient(path)[1])
     curvature = hessian_vector_product(metric.energy)(path, direction)
-    expected = hessian_vector_product(partial(PullbackMetric.energy, metric))(path, direction)
+    expected = hessian_vector_product(partial(RiemannianMetric.energy, metric))(path, direction)
     np.testing.assert_allclose(curvature, expected, atol=1e-10 * np.abs(expected).max())
     # In one pass: the definition is not asked.
-    monkeypatch.setattr(PullbackMetric, "energy", None)
+    monkeypatch.setattr(RiemannianMetric, "energy", None)
     np.testing.assert_array_equal(value_and_grad(metric.energy)(path)[1], gradient)
 
 

@@ -37,8 +37,16 @@ ROOT = Path(__file__).parents[2]
 
 # Tests of files whose own name no file of tests bears.
 _MIRRORS = {
-    "geometry/bulk_distances.py": "geometry/test_pairwise.py",
-    "geometry/bulk_metric.py": "geometry/test_pairwise.py",
+    "geometry/bulk.py": "geometry/test_pairwise.py",
+    "geometry/general_elastic_metric.py": "geometry/test_aligned_surfaces.py",
+    "geometry/term_fields.py": "geometry/test_pullback.py",
+    "kernels/tiles.py": "terms/test_pairs.py",
+    "kernels/triangles.py": "terms",
+    "terms/flat.py": "terms",
+    "terms/normals.py": "terms",
+    "terms/root_normals.py": "terms",
+    "terms/sum.py": "terms",
+    "terms/term.py": "terms",
     "geometry/elastic_metric.py": "geometry/test_aligned_surfaces.py",
     "solvers/basis_mean.py": "solvers/test_means.py",
     "solvers/dispersion.py": "solvers/test_means.py",
@@ -51,24 +59,30 @@ _ROOM = "room for intermediate results: more does no harm"
 # What sets how fast a right answer is found, and never which: tests must not care. Names are of
 # constants, variables, functions or arguments of the file.
 _SPEED_ALONE = {
-    "kernels/compiled.py": {
+    "kernels/triangles.py": {
         "_WORTH_THREADS": "from which size on threads share the work",
         "threaded": "whether threads share the work",
-        "fu": _ROOM,
+        **dict.fromkeys(("both", "axes", "along", "image"), _ROOM),
     },
-    "kernels/compiled_surfaces.py": {
+    "kernels/turns.py": {
         "_WORTH_THREADS": "from which size on threads share the work",
         "threaded": "whether threads share the work",
-        **dict.fromkeys(("axes", "axis", "before", "from_axes", "side"), _ROOM),
-        **dict.fromkeys(("forms", "gradients"), _ROOM),
+        **dict.fromkeys(("axis", "before", "after", "from_axes"), _ROOM),
     },
-    "kernels/compiled_pairs.py": {
-        "_CHUNK": "triangles summed before they join the total: rounding errors only",
+    "kernels/tiles.py": {
+        "LANES": "zeros at the end of rows, which add nothing",
+        "CHUNK": "triangles summed before they join the total: rounding errors only",
         "_TILE_WORK": "work of one tile",
         "size": "points on the side of one tile",
     },
-    "kernels/compiled_features.py": {"LANES": "zeros at the end of rows, which add nothing"},
-    "kernels/half_angle_fit.py": {"_DEGREES": "more terms than needed are no less exact"},
+    "terms/sum.py": {
+        "_WORTH_THREADS": "from which size on threads share the work",
+        "_IN_CACHE": "triangles that terms pass over together",
+        "threaded": "whether threads share the work",
+        "size": "triangles that terms pass over together",
+    },
+    "terms/ebin.py": {"_DEGREES": "more terms than needed are no less exact"},
+    "terms/term.py": {"_BLOCK": "surfaces looked at together"},
     "kernels/threads.py": {
         "N_CHUNKS": "parts that threads share",
         "_is_large": "from which size on threads share the work",
@@ -295,7 +309,7 @@ class _Copy:
         mirror = _MIRRORS.get(f"{self.room}/{file.name}", f"{self.room}/test_{file.name}")
         with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
             compiled = Path(scratch)
-            # Numba notices a change of the compiled file alone, not of what it imports.
+            # What is kept on disk does not notice constants that it imports.
             if not self._is_compiled_in(file):
                 shutil.copytree(self._compiled, compiled, copy_function=os.link, dirs_exist_ok=True)
             file.write_text(changed, encoding="utf-8")
@@ -312,8 +326,13 @@ class _Copy:
 
     def _is_compiled_in(self, file: Path) -> bool:
         importing = f"from riemhuman.{self.room}.{file.stem} import"
-        kernels = (self.folder / "riemhuman" / "kernels").glob("compiled*.py")
-        return any(importing in kernel.read_text(encoding="utf-8") for kernel in kernels)
+        package = self.folder / "riemhuman"
+        sources = [
+            source.read_text(encoding="utf-8")
+            for source in (*package.glob("kernels/*.py"), *package.glob("terms/*.py"))
+        ]
+        compiling = [text for text in sources if "riemhuman.kernels.compiled import" in text]
+        return any(importing in text for text in compiling)
 
     def _run(self, tests: list[str], compiled: Path, seconds: float) -> str:
         """Run tests in a copy of this process, which has loaded what they import."""

@@ -1,7 +1,6 @@
-"""Compiled loops over the triangles of single surfaces; they agree with slower definitions.
+"""Rotations of the triangles between two surfaces, in compiled loops.
 
-As in `riemhuman.kernels.compiled`, importing compiles nothing, functions release the interpreter
-lock, and results do not depend on the number of threads.
+Results do not depend on the number of threads.
 """
 
 from __future__ import annotations
@@ -12,32 +11,15 @@ import math
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compilation import njit
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.threads import in_chunks
+from riemhuman.kernels.triangles import derivatives, frame
 
 # Below this many triangles, threads cost more than they bring.
 _WORTH_THREADS = 5_000
 
 
-@njit(inline="always")
-def _frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, float]:
-    """Fill e₁ ∥ f_u, e₂, n as rows; return p, q, r with f_u = p e₁, f_v = q e₁ + r e₂."""
-    p = math.sqrt(f_u[0] ** 2 + f_u[1] ** 2 + f_u[2] ** 2)
-    for k in range(3):
-        axes[0, k] = f_u[k] / p
-    q = f_v[0] * axes[0, 0] + f_v[1] * axes[0, 1] + f_v[2] * axes[0, 2]
-    for k in range(3):
-        axes[1, k] = f_v[k] - q * axes[0, k]
-    r = math.sqrt(axes[1, 0] ** 2 + axes[1, 1] ** 2 + axes[1, 2] ** 2)
-    for k in range(3):
-        axes[1, k] /= r
-    axes[2, 0] = axes[0, 1] * axes[1, 2] - axes[0, 2] * axes[1, 1]
-    axes[2, 1] = axes[0, 2] * axes[1, 0] - axes[0, 0] * axes[1, 2]
-    axes[2, 2] = axes[0, 0] * axes[1, 1] - axes[0, 1] * axes[1, 0]
-    return p, q, r
-
-
-@njit(inline="always")
+@compiled(inline="always")
 def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
     """Fill the unit axis of a rotation matrix; return its angle in [0, π]."""
     # Shepperd's method: the quaternion through its largest entry.
@@ -70,16 +52,7 @@ def _rotation_vector(matrix: ndarray, vector: ndarray) -> float:
     return 2.0 * math.atan2(size, real)
 
 
-@njit(inline="always")
-def _derivatives(f: ndarray, face: ndarray, frame: ndarray, both: ndarray) -> None:
-    """Fill f_u and f_v of one triangle as rows."""
-    for k in range(3):
-        edge = f[face[1], k] - f[face[0], k]
-        both[0, k] = edge * frame[0]
-        both[1, k] = (f[face[2], k] - f[face[0], k]) * frame[1] - edge * frame[2]
-
-
-@njit(nogil=True)
+@compiled
 def _turns(
     start: ndarray,
     end: ndarray,
@@ -91,13 +64,12 @@ def _turns(
 ) -> None:
     from_axes = np.empty((3, 3))
     to_axes, rotation = np.empty_like(from_axes), np.empty_like(from_axes)
-    before = np.empty((2, 3))
-    after = np.empty_like(before)
+    before, after = np.empty(6), np.empty(6)
     for t in range(first, last):
-        _derivatives(start, faces[t], frames[t], before)
-        _derivatives(end, faces[t], frames[t], after)
-        p, q, r = _frame(before[0], before[1], from_axes)
-        u, v, w = _frame(after[0], after[1], to_axes)
+        derivatives(start, 0, faces[t], frames[t], before)
+        derivatives(end, 0, faces[t], frames[t], after)
+        p, q, r = frame(before[:3], before[3:], from_axes)
+        u, v, w = frame(after[:3], after[3:], to_axes)
         # The polar decomposition of the map between the frames, [[u r, v p − u q], [0, w p]].
         angle = math.atan2(u * q - v * p, u * r + w * p)
         cosine, sine = math.cos(angle), math.sin(angle)
@@ -140,13 +112,13 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray
     turns = np.empty((len(faces), 3))
 
     def run(first: int, last: int) -> None:
-        _turns(start, end, faces, frames, first, last, turns)
+        _turns(start[:, None], end[:, None], faces, frames, first, last, turns)
 
     in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
     return turns
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _unwrap(turn: ndarray, before: ndarray) -> None:
     """Add full turns to a rotation vector so that it is close to another."""
     angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
@@ -160,7 +132,7 @@ def _unwrap(turn: ndarray, before: ndarray) -> None:
         turn[k] *= factor
 
 
-@njit()
+@compiled
 def unwrap_turns(
     turns: ndarray, quaternions: ndarray, roots: ndarray, ends: ndarray, neighbours: ndarray
 ) -> None:
@@ -201,7 +173,7 @@ def unwrap_turns(
                     heapq.heappush(queue, (min(near, far), other, t))
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _turn(vectors: ndarray, axis: ndarray, angle: float, turned: ndarray) -> None:
     """Turn two vectors about a unit axis, by Rodrigues' formula."""
     cosine, sine = math.cos(angle), math.sin(angle)
@@ -213,7 +185,7 @@ def _turn(vectors: ndarray, axis: ndarray, angle: float, turned: ndarray) -> Non
         turned[d, 2] = cosine * z + sine * (axis[0] * y - axis[1] * x) + along * axis[2]
 
 
-@njit(nogil=True)
+@compiled
 def _turned_sources(
     start: ndarray,
     end: ndarray,
@@ -233,8 +205,8 @@ def _turned_sources(
     for t in range(first, last):
         one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
         scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-        _derivatives(start, faces[t], frames[t], before)
-        _derivatives(end, faces[t], frames[t], after)
+        derivatives(start, 0, faces[t], frames[t], before.reshape(6))
+        derivatives(end, 0, faces[t], frames[t], after.reshape(6))
         angle = math.sqrt(turns[t, 0] ** 2 + turns[t, 1] ** 2 + turns[t, 2] ** 2)
         for k in range(3):
             axis[k] = turns[t, k] / angle if angle > 0.0 else 0.0
@@ -287,103 +259,11 @@ def turned_sources(
     array, shape (V, n_times, 3)
         Weighted transpose of the derivative operator, applied to the derivatives wanted.
     """
-    shape = (len(start), len(times), 3)
+    shape, ends = (len(start), len(times), 3), (start[:, None], end[:, None])
 
     def run(first: int, last: int) -> ndarray:
         source = np.zeros(shape)
-        _turned_sources(start, end, turns, times, faces, frames, areas, first, last, source)
+        _turned_sources(*ends, turns, times, faces, frames, areas, first, last, source)
         return source
 
     return np.add.reduce(in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS))
-
-
-@njit(nogil=True)
-def _add_elastic_blocks(
-    points: ndarray,
-    faces: ndarray,
-    areas: ndarray,
-    first: int,
-    last: int,
-    a: float,
-    lam: float,
-    c: float,
-    b: float,
-    blocks: ndarray,
-) -> None:
-    side = np.empty(3)
-    other = np.empty_like(side)
-    axes = np.empty((3, 3))
-    gradients = np.empty((2, 3))
-    forms = np.empty((8, 9))
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        for k in range(3):
-            side[k] = points[two, k] - points[one, k]
-            other[k] = points[three, k] - points[one, k]
-        base, reach, height = _frame(side, other, axes)
-        # Gradients of the three barycentric coordinates along e₁ and e₂.
-        gradients[0, 0], gradients[0, 1], gradients[0, 2] = -1.0 / base, 1.0 / base, 0.0
-        gradients[1, 0] = (reach - base) / (base * height)
-        gradients[1, 1], gradients[1, 2] = -reach / (base * height), 1.0 / height
-        surface_area = 0.5 * base * height
-        stretch = math.sqrt(2.0 * a * surface_area)
-        growth = 2.0 * math.sqrt(lam * a * surface_area)
-        swelling = 0.5 * math.sqrt(b * surface_area)
-        bend = math.sqrt(c * areas[t])
-        tilt = math.sqrt(b * surface_area)
-        scales = (stretch, stretch, growth, swelling, bend, bend, tilt, tilt)
-        for corner in range(3):
-            for k in range(3):
-                column = 3 * corner + k
-                strain11 = gradients[0, corner] * axes[0, k]
-                strain22 = gradients[1, corner] * axes[1, k]
-                twice12 = gradients[1, corner] * axes[0, k] + gradients[0, corner] * axes[1, k]
-                out1 = gradients[0, corner] * axes[2, k]
-                out2 = gradients[1, corner] * axes[2, k]
-                forms[0, column] = stretch * (strain11 - strain22)
-                forms[1, column] = stretch * twice12
-                forms[2, column] = growth * (strain11 + strain22)
-                forms[3, column] = swelling * (strain11 + strain22)
-                forms[4, column], forms[5, column] = bend * out1, bend * out2
-                forms[6, column], forms[7, column] = tilt * out1, tilt * out2
-        for row in range(8):
-            if scales[row] == 0.0:
-                continue
-            for i in range(9):
-                for j in range(9):
-                    blocks[t, i, j] += forms[row, i] * forms[row, j]
-
-
-def add_elastic_blocks(
-    blocks: ndarray,
-    points: ndarray,
-    faces: ndarray,
-    areas: ndarray,
-    *,
-    a: float = 0.0,
-    lam: float = 0.0,
-    c: float = 0.0,
-    b: float = 0.0,
-) -> None:
-    """Add the matrices of `riemhuman.kernels.strain.elastic_blocks` to `blocks`.
-
-    Parameters
-    ----------
-    blocks : array, shape (F, 9, 9)
-        Added to in place.
-    points : array, shape (V, 3)
-        Surface f; every triangle has an area.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    areas : array, shape (F,)
-        Template areas w_t.
-    a, lam, c : float
-        Weights of the elastic metric.
-    b : float
-        Weight of the square root normal field metric.
-    """
-
-    def run(first: int, last: int) -> None:
-        _add_elastic_blocks(points, faces, areas, first, last, a, lam, c, b, blocks)
-
-    in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)

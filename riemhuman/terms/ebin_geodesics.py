@@ -5,7 +5,13 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.ebin import (
+from riemhuman.kernels.scalars import (
+    hyperbolic_sine_cardinal,
+    inverse_hyperbolic_sine_cardinal,
+    sine_cardinal,
+)
+from riemhuman.kernels.surface import symmetric_matrices
+from riemhuman.terms.ebin import (
     angle,
     angle_per_distance,
     coordinates,
@@ -13,13 +19,7 @@ from riemhuman.kernels.ebin import (
     hyperbolic_distance,
     is_degenerate,
 )
-from riemhuman.kernels.ebin_tangent import size, trace, traceless, unwhiten, whiten
-from riemhuman.kernels.scalars import (
-    hyperbolic_sine_cardinal,
-    inverse_hyperbolic_sine_cardinal,
-    sine_cardinal,
-)
-from riemhuman.kernels.surface import symmetric_matrices
+from riemhuman.terms.ebin_tangent import size, trace, traceless, unwhiten, whiten
 
 
 def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:

@@ -10,9 +10,10 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.ebin import angle_per_distance
-from riemhuman.kernels.ebin_geodesics import angle_per_unit, traceless_exp
-from riemhuman.kernels.ebin_tangent import (
+from riemhuman.kernels.surface import symmetric_matrices
+from riemhuman.terms.ebin import angle_per_distance
+from riemhuman.terms.ebin_geodesics import angle_per_unit, traceless_exp
+from riemhuman.terms.ebin_tangent import (
     size,
     symmetric_part,
     trace,
@@ -20,7 +21,6 @@ from riemhuman.kernels.ebin_tangent import (
     unwhiten,
     whiten,
 )
-from riemhuman.kernels.surface import symmetric_matrices
 
 
 def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> ndarray:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from riemhuman.kernels.compiled_pairs import bounded_half_angle_sine_squared
-from riemhuman.kernels.half_angle_fit import (
+from riemhuman.terms.ebin import (
     LARGEST_LAMBDA,
+    bounded_half_angle,
     excess_at_pi,
     half_angle_polynomial,
 )
@@ -26,9 +26,9 @@ def test_half_angle_over_its_whole_range(lam, real, tolerance):
     shares = np.concatenate([np.logspace(-20, -1, 100), np.linspace(0.1, 1.5, 1000), [1e20]])
     excesses = (reach * shares).astype(real)
     inverse_reach = real(1.0 / reach)
-    found = [bounded_half_angle_sine_squared(m, inverse_reach, coefficients) for m in excesses]
+    found = [bounded_half_angle(m, inverse_reach, coefficients) for m in excesses]
     np.testing.assert_allclose(found, [exact(m, lam) for m in excesses], rtol=tolerance)
-    assert bounded_half_angle_sine_squared(real(0.0), inverse_reach, coefficients) == 0.0
+    assert bounded_half_angle(real(0.0), inverse_reach, coefficients) == 0.0
 
 
 def test_reach_is_where_theta_is_pi():

@@ -1,4 +1,4 @@
-"""Compiled loops over single surfaces, against their definitions."""
+"""Rotations of triangles between two surfaces, against polar decompositions."""
 
 import numpy as np
 import pytest
@@ -7,35 +7,15 @@ from scipy.linalg import polar
 from scipy.sparse import coo_array, csgraph
 from scipy.spatial.transform import Rotation
 
-from riemhuman.kernels import compiled_surfaces
-from riemhuman.kernels.strain import elastic_blocks
+from riemhuman.kernels import turns as kernel
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
-WEIGHTS = [
-    {"a": 1.0, "lam": 1e-4},
-    {"a": 0.5, "lam": 2.0, "c": 0.3},
-    {"c": 2.0},
-    {"b": 1.5},
-]
 
 
 @pytest.fixture(params=[False, True], ids=["alone", "threaded"])
 def threaded(request, monkeypatch):
-    monkeypatch.setattr(compiled_surfaces, "_WORTH_THREADS", 0 if request.param else np.inf)
-
-
-@each_template
-@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_blocks_are_added_up(template, weights, threaded):
-    blocks = np.zeros((template.n_faces, 9, 9))
-    expected = 0.0
-    for f in surfaces(template, 2, rng=3):
-        compiled_surfaces.add_elastic_blocks(
-            blocks, f, template.faces, template.face_areas, **weights
-        )
-        expected = expected + elastic_blocks(f, template.faces, template.face_areas, **weights)
-    np.testing.assert_allclose(blocks, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    monkeypatch.setattr(kernel, "_WORTH_THREADS", 0 if request.param else np.inf)
 
 
 def with_normals(template, points):
@@ -54,10 +34,8 @@ def test_sources_by_polar_decomposition(template, size, turned, threaded):
     end = end @ turn.T
     times = np.array([0.0, 0.2, 0.5, 1.0])
     faces, frames = template.faces, template.frame_coefficients
-    turns = compiled_surfaces.triangle_turns(start, end, faces, frames)
-    found = compiled_surfaces.turned_sources(
-        start, end, turns, times, faces, frames, template.face_areas
-    )
+    turns = kernel.triangle_turns(start, end, faces, frames)
+    found = kernel.turned_sources(start, end, turns, times, faces, frames, template.face_areas)
     first, last = with_normals(template, start), with_normals(template, end)
     wanted = np.zeros((len(times), 2, template.n_faces, 3))
     for t, (one, other) in enumerate(zip(first, last, strict=True)):
@@ -77,11 +55,11 @@ def test_sources_by_polar_decomposition(template, size, turned, threaded):
 def test_sources_without_turns_are_those_of_the_straight_path():
     template = TEMPLATES["open"]
     start, end = surfaces(template, 2, rng=5)
-    found = compiled_surfaces.turned_sources(
+    found = kernel.turned_sources(
         *(start, end, np.zeros((template.n_faces, 3)), np.array([0.3, 1.0])),
         *(template.faces, template.frame_coefficients, template.face_areas),
     )
-    operator, weights = template.differential_operator, np.tile(template.face_areas, 2)[:, None]
+    operator, weights = (template.differential_operator, np.tile(template.face_areas, 2)[:, None])
     for i, points in enumerate((0.7 * start + 0.3 * end, end)):
         expected = operator.T @ (weights * (operator @ points))
         np.testing.assert_allclose(found[:, i], expected, atol=1e-12)
@@ -104,7 +82,7 @@ ROTATIONS = [
 def test_angle_and_axis(vector):
     matrix = Rotation.from_rotvec(vector).as_matrix()
     axis = np.empty(3)
-    angle = compiled_surfaces._rotation_vector.py_func(matrix, axis)
+    angle = kernel._rotation_vector.py_func(matrix, axis)
     assert np.linalg.norm(axis) == pytest.approx(1.0, abs=1e-14)
     assert 0.0 <= angle <= np.pi
     if angle > 0.0:
@@ -150,8 +128,8 @@ def test_unwrapping_follows_the_tree_of_least_differences(seed):
     both_ways = (differences + differences.T).tocsr()
     roots = rng.permutation(n)
     found = turns.copy()
-    ends, neighbours = both_ways.indptr.astype(np.int64), both_ways.indices.astype(np.int64)
-    compiled_surfaces.unwrap_turns(found, quaternions, roots, ends, neighbours)
+    ends, neighbours = (both_ways.indptr.astype(np.int64), both_ways.indices.astype(np.int64))
+    kernel.unwrap_turns(found, quaternions, roots, ends, neighbours)
     expected = unwrapped_along_the_tree(turns, differences, roots)
     np.testing.assert_allclose(found, expected, atol=1e-12)
     assert np.linalg.norm(found, axis=1).max() > np.pi
@@ -164,5 +142,5 @@ def test_unwrapping_a_chain_that_turns_again_and_again():
     found = rotations.as_rotvec()
     ends = np.concatenate([[0], np.cumsum([1] + 38 * [2] + [1])])
     neighbours = np.array([1] + [s for t in range(1, 39) for s in (t - 1, t + 1)] + [38])
-    compiled_surfaces.unwrap_turns(found, rotations.as_quat(), np.arange(40), ends, neighbours)
+    kernel.unwrap_turns(found, rotations.as_quat(), np.arange(40), ends, neighbours)
     np.testing.assert_allclose(found, whole, atol=1e-12)

@@ -1,11 +1,12 @@
-"""What compiled loops keep of each point, against the definitions."""
+"""What terms keep of each surface, against the definitions."""
 
 import numpy as np
 import pytest
 from cases import open_template, sphere_template, surfaces, triangle_template
 
-from riemhuman.kernels import compiled_features as kernel
-from riemhuman.kernels import ebin, surface
+from riemhuman.kernels import surface, tiles
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
+from riemhuman.terms.sum import field_features, surface_features
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
@@ -30,14 +31,17 @@ def definitions(template, points):
     return *derivatives, surface.is_degenerate(*derivatives)
 
 
-def arguments(template, precision):
-    return template.faces, template.frame_coefficients, template.face_areas, precision
+def features_of(term, template, points, precision):
+    """Return features, rounding, and the triangles without area if the term asks for them."""
+    told = []
+    features = surface_features([term], template, points, precision, told.append)
+    return *features, *told
 
 
 def split(features, length):
     """Return features and the zeros that fill up their rows, or fail."""
-    assert features.shape[-1] % kernel.LANES == 0
-    assert features.shape[-1] - length < kernel.LANES
+    assert features.shape[-1] % tiles.LANES == 0
+    assert features.shape[-1] - length < tiles.LANES
     np.testing.assert_array_equal(features[..., length:], 0.0)
     return features[..., :length]
 
@@ -46,12 +50,10 @@ def split(features, length):
 @each_precision
 def test_metric_fields_of_surfaces(template, precision):
     points = some_surfaces(template)
-    faces, frames, areas, _ = arguments(template, precision)
-    found, rounding = kernel.surface_metric_field_features(
-        points, faces, frames, areas, 0.3, precision
-    )
+    term, areas = EbinTerm(lam=0.3), template.face_areas
+    found, rounding = features_of(term, template, points, precision)
     f_u, f_v, degenerate = definitions(template, points)
-    x, y, s = ebin.coordinates_of_derivatives(f_u, f_v)
+    x, y, s = term.fields(surface.follow_up(f_u, f_v))
     x, y = np.where(degenerate, 0.0, x), np.where(degenerate, 1.0, y)
     radii = np.sqrt(areas) * np.where(degenerate, 0.0, s)
     assert found.dtype == PRECISIONS[precision]
@@ -60,9 +62,7 @@ def test_metric_fields_of_surfaces(template, precision):
     np.testing.assert_allclose(
         split(found, template.n_faces), expected, rtol=TOLERANCES[precision], atol=1e-12
     )
-    again, rounding_again = kernel.metric_field_features(
-        x, y, radii / np.sqrt(areas), areas, 0.3, precision
-    )
+    again, rounding_again = field_features(term, (x, y, radii / np.sqrt(areas)), areas, precision)
     np.testing.assert_allclose(found, again, rtol=TOLERANCES[precision], atol=1e-12)
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
@@ -72,9 +72,7 @@ def test_metric_fields_of_surfaces(template, precision):
 @each_precision
 def test_normals_of_surfaces(template, precision):
     points = some_surfaces(template)
-    found, rounding, degenerate = kernel.surface_normal_features(
-        points, *arguments(template, precision)
-    )
+    found, rounding, degenerate = features_of(NormalTerm(), template, points, precision)
     f_u, f_v, expected_degenerate = definitions(template, points)
     np.testing.assert_array_equal(degenerate, expected_degenerate)
     assert degenerate.sum(axis=1).tolist()[::2] == [0, 0]
@@ -85,11 +83,9 @@ def test_normals_of_surfaces(template, precision):
     normals = np.where(degenerate[..., None], 0.0, normals)
     assert found.dtype == PRECISIONS[precision]
     np.testing.assert_allclose(
-        split(found, template.n_faces),
-        np.swapaxes(normals, 1, 2),
-        atol=TOLERANCES[precision],
+        split(found, template.n_faces), np.swapaxes(normals, 1, 2), atol=TOLERANCES[precision]
     )
-    again, rounding_again = kernel.normal_features(normals, template.face_areas, precision)
+    again, rounding_again = field_features(NormalTerm(), (normals,), template.face_areas, precision)
     np.testing.assert_allclose(found, again, atol=TOLERANCES[precision])
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
@@ -99,9 +95,10 @@ def test_normals_of_surfaces(template, precision):
 @each_precision
 def test_square_root_normals_of_surfaces(template, precision):
     points = some_surfaces(template)
-    found, rounding = kernel.surface_root_normal_features(points, *arguments(template, precision))
+    term = RootNormalTerm()
+    found, rounding = features_of(term, template, points, precision)
     f_u, f_v, _ = definitions(template, points)
-    fields = surface.square_root_normals(f_u, f_v)
+    fields = term.field(surface.follow_up(f_u, f_v))
     weighted = np.sqrt(template.face_areas)[:, None] * fields
     assert found.dtype == PRECISIONS[precision]
     np.testing.assert_allclose(
@@ -110,8 +107,7 @@ def test_square_root_normals_of_surfaces(template, precision):
         rtol=TOLERANCES[precision],
         atol=1e-12,
     )
-    areas = np.repeat(template.face_areas, 3)
-    again, rounding_again = kernel.vector_features(fields.reshape(3, -1), areas, precision)
+    again, rounding_again = field_features(term, (fields,), template.face_areas, precision)
     np.testing.assert_allclose(found, again, rtol=TOLERANCES[precision], atol=1e-12)
     np.testing.assert_allclose(rounding, rounding_again, rtol=1e-4)
     assert rounding.any() == (precision == "single")
@@ -123,42 +119,41 @@ def test_triangles_pressed_to_an_edge_along_an_axis(axis):
     edge = np.array([[0.0], [0.7], [0.4]]) * np.eye(3)[axis]
     edge[2, axis - 1] = 1e-9
     points = np.stack([template.vertices[0] + edge, edge])
-    faces, frames, areas, precision = arguments(template, "double")
-    fields, _ = kernel.surface_metric_field_features(points, faces, frames, areas, 0.3, precision)
+    fields, _ = features_of(EbinTerm(lam=0.3), template, points, "double")
     np.testing.assert_array_equal(fields[:, [0, 3]], 0.0)
-    normals, _, degenerate = kernel.surface_normal_features(points, faces, frames, areas, precision)
+    normals, _, degenerate = features_of(NormalTerm(), template, points, "double")
     assert degenerate.tolist() == [[True], [True]]
     np.testing.assert_array_equal(normals, 0.0)
-    roots, _ = kernel.surface_root_normal_features(points, faces, frames, areas, precision)
+    roots, _ = features_of(RootNormalTerm(), template, points, "double")
     np.testing.assert_array_equal(roots, 0.0)
 
 
 def test_range_of_single_precision():
     """Squares of what is kept, and products of squares, stay within its range."""
     limits = np.finfo(np.float32)
-    assert limits.max > kernel._LARGEST**2
-    assert limits.tiny < kernel._SMALLEST**2
+    assert limits.max > tiles.LARGEST**2
+    assert limits.tiny < tiles.SMALLEST**2
     x, y, s = np.zeros((8, 1)), np.ones((8, 1)), np.ones((8, 1))
     x[0], x[1] = 0.9e15, -1.1e15
     y[2], y[3], y[4], y[5] = 0.9e15, 1.1e15, 1.1e-15, 0.9e-15
     s[6], s[7] = 0.9e15, 1.1e15
-    _, rounding = kernel.metric_field_features(x, y, s, np.ones(1), 0.3, "single")
+    _, rounding = field_features(EbinTerm(lam=0.3), (x, y, s), np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, False, True, False, True, False, True]
-    vectors = np.array([[0.9e15], [-1.1e15], [np.nan]])
-    _, rounding = kernel.vector_features(vectors, np.ones(1), "single")
+    vectors = np.array([[[0.9e15]], [[-1.1e15]], [[np.nan]]])
+    _, rounding = flat.vector_features(vectors, np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, True]
 
 
 def test_rounding_is_at_most_the_way_through_the_apex():
     x, y, s = np.array([[123456789.0]]), np.array([[0.01]]), np.array([[1.7]])
-    _, rounding = kernel.metric_field_features(x, y, s, np.array([0.25]), 0.3, "single")
+    _, rounding = field_features(EbinTerm(lam=0.3), (x, y, s), np.array([0.25]), "single")
     # 4√λ (s₁ + s₂), times √w.
     assert rounding[0] == pytest.approx(4 * np.sqrt(0.3) * 2 * 1.7 * 0.5, rel=1e-6)
 
 
 def test_what_is_too_small_for_single_precision_counts_as_rounding():
     tiny = np.full((1, 10), 1e-30)
-    features, rounding = kernel.vector_features(tiny, np.full(10, 1e-30), "single")
+    features, rounding = flat.vector_features(tiny[..., None], np.full(10, 1e-30), "single")
     exact = np.sqrt(np.sum(1e-30 * tiny**2))
     kept = np.linalg.norm(features.astype(np.float64))
     assert exact - kept <= rounding[0] < 1e-15
@@ -167,7 +162,7 @@ def test_what_is_too_small_for_single_precision_counts_as_rounding():
 def test_arrays_of_one_kind():
     array = np.arange(6.0).reshape(2, 3)
     for given in (array, array[:, ::-1], np.asfortranarray(array), array.T):
-        kept = kernel.of_one_kind(given)
+        kept = tiles.of_one_kind(given)
         np.testing.assert_array_equal(kept, given)
         assert kept.flags.c_contiguous
         assert not kept.flags.writeable

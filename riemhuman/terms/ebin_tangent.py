@@ -5,13 +5,9 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.ebin import coordinates, coordinates_of_derivatives, determinants
 from riemhuman.kernels.scalars import square_root
-from riemhuman.kernels.surface import (
-    dot,
-    first_fundamental_form_differential,
-    symmetric_matrices,
-)
+from riemhuman.kernels.surface import symmetric_matrices
+from riemhuman.terms.ebin import coordinates, determinants
 
 
 def trace(matrices: ndarray) -> ndarray:
@@ -94,25 +90,9 @@ def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
     -------
     array, shape (...)
     """
-    return whitened_inner_product(whiten(a, g), whiten(b, g), lam) * np.sqrt(determinants(g))
-
-
-def whitened_inner_product(a: ndarray, b: ndarray, lam: float) -> ndarray:
-    """Return tr(a₀ b₀) + λ tr a tr b, the inner product of whitened vectors over √det g.
-
-    Parameters
-    ----------
-    a, b : array, shape (..., 2, 2)
-        Symmetric matrices, see `whiten`.
-    lam : float
-        λ.
-
-    Returns
-    -------
-    array, shape (...)
-    """
+    a, b = whiten(a, g), whiten(b, g)
     shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
-    return shear + lam * trace(a) * trace(b)
+    return (shear + lam * trace(a) * trace(b)) * np.sqrt(determinants(g))
 
 
 def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
@@ -139,29 +119,6 @@ def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
     mixed = (m - x * e) / y
     last = ((delta_g[..., 1, 1] - x * m) / y - x * mixed) / y
     return symmetric_matrices(e, mixed, last) / g[..., :1, :1]
-
-
-def whitened_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: ndarray) -> ndarray:
-    """Return the derivative of the first fundamental form along a deformation h, whitened.
-
-    It is that of the form in an orthogonal frame, and twice the strain of the triangle. Taken from
-    g and its derivative, slivers would lose the digits of their squared aspect ratio.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives of the surface.
-    h_u, h_v : array, shape (..., F, 3)
-        Partial derivatives of the deformation.
-
-    Returns
-    -------
-    array, shape (..., F, 2, 2)
-    """
-    x, y, _ = (coordinate[..., None] for coordinate in coordinates_of_derivatives(f_u, f_v))
-    f_across, h_across = (f_v - x * f_u) / y, (h_v - x * h_u) / y
-    change = first_fundamental_form_differential(f_u, f_across, h_u, h_across)
-    return change / dot(f_u, f_u)[..., None, None]
 
 
 def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:

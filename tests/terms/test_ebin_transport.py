@@ -6,8 +6,8 @@ import pytest
 from autograd import grad
 from oracles import taylor_slope
 
-from riemhuman.kernels import ebin_geodesics, ebin_tangent
-from riemhuman.kernels.ebin_transport import parallel_transport
+from riemhuman.terms import ebin_geodesics, ebin_tangent
+from riemhuman.terms.ebin_transport import parallel_transport
 
 LAMBDAS = [1e-4, 0.05, 0.5, 10.0]
 

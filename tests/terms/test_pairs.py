@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from riemhuman.kernels import compiled_features, compiled_pairs, ebin, sphere
-from riemhuman.kernels.compiled_pairs import half_angle_sine_squared, squared_angle
+from riemhuman.kernels import tiles
+from riemhuman.terms import EbinTerm, NormalTerm, ebin, flat, normals
+from riemhuman.terms.normals import squared_angle
+from riemhuman.terms.sum import field_features
 
 PRECISIONS = {"single": np.float32, "double": np.float64}
 each_precision = pytest.mark.parametrize("precision", PRECISIONS)
@@ -26,6 +28,8 @@ def relative_errors(function, exact, arguments, real):
 
 
 def polynomial(evaluate):
+    # It stands for the polynomial until something is compiled.
+    evaluate = getattr(evaluate, "function", evaluate)
     return numba.njit(lambda x: evaluate(x))
 
 
@@ -34,7 +38,7 @@ def polynomial(evaluate):
 
 @each_precision
 def test_arc_polynomial(precision):
-    arc = polynomial(compiled_pairs._arc)
+    arc = polynomial(normals._arc)
     chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
     errors = relative_errors(
         arc, lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2 / p, chords, PRECISIONS[precision]
@@ -44,7 +48,7 @@ def test_arc_polynomial(precision):
 
 @each_precision
 def test_sine_polynomial(precision):
-    sine = polynomial(compiled_pairs._sine)
+    sine = polynomial(ebin._sine)
     squares = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, np.pi**2 / 4, 2000)])
     errors = relative_errors(
         sine, lambda t: mp.sin(mp.sqrt(t)) ** 2 / t, squares, PRECISIONS[precision]
@@ -55,7 +59,7 @@ def test_sine_polynomial(precision):
 
 @each_precision
 def test_logarithm_polynomial(precision):
-    logarithm = polynomial(compiled_pairs._logarithm)
+    logarithm = polynomial(ebin._logarithm)
     fractions = np.linspace(np.sqrt(0.5) - 1, np.sqrt(2) - 1, 2001)
     errors = relative_errors(
         logarithm, lambda f: mp.log(1 + f) / f, fractions, PRECISIONS[precision]
@@ -75,16 +79,14 @@ def test_half_angle_over_its_whole_range(precision, lam):
         half = mp.mpf(float(half_kappa)) * 2 * mp.asinh(mp.sqrt(m / 2))
         return mp.sin(min(half, mp.pi / 2)) ** 2
 
-    errors = relative_errors(
-        lambda m: half_angle_sine_squared(m, half_kappa), exact, excesses, real
-    )
+    errors = relative_errors(lambda m: ebin.half_angle(m, half_kappa), exact, excesses, real)
     assert errors.max() < 16 * ROUNDING[precision]
-    assert half_angle_sine_squared(real(0.0), half_kappa) == 0.0
+    assert ebin.half_angle(real(0.0), half_kappa) == 0.0
 
 
 def test_half_angle_beyond_the_largest_number_is_told():
-    assert np.isnan(half_angle_sine_squared(np.float32(1e25), np.float32(0.1)))
-    assert half_angle_sine_squared(1e25, 0.001) < 1.0
+    assert np.isnan(ebin.half_angle(np.float32(1e25), np.float32(0.1)))
+    assert ebin.half_angle(1e25, 0.001) < 1.0
 
 
 def pairs_of_unit_vectors(real):
@@ -145,37 +147,37 @@ WEIGHTS = np.random.default_rng(3).uniform(0.0, 1e-3, F)
 
 def ebin_pairs(precision, n_a=23, n_b=11, n_threads=1, lam=0.3):
     a, b = (
-        compiled_features.metric_field_features(*metric_fields(n, n), WEIGHTS, lam, precision)[0]
+        field_features(EbinTerm(lam=lam), metric_fields(n, n), WEIGHTS, precision)[0]
         for n in (n_a, n_b)
     )
-    return a, b, lambda a, b, k=n_threads: compiled_pairs.ebin_distances(a, b, lam, k)
+    return (a, b, lambda a, b, k=n_threads: EbinTerm(lam=lam).squared_distances(a, b, WEIGHTS, k))
 
 
 def normal_pairs(precision, n_a=23, n_b=11, n_threads=1):
     a, b = (
-        compiled_features.normal_features(unit_normals(n, n), WEIGHTS, precision)[0]
+        field_features(NormalTerm(), (unit_normals(n, n),), WEIGHTS, precision)[0]
         for n in (n_a, n_b)
     )
-    return a, b, lambda a, b, k=n_threads: compiled_pairs.normal_distances(a, b, WEIGHTS, k)
+    return (a, b, lambda a, b, k=n_threads: NormalTerm().squared_distances(a, b, WEIGHTS, k))
 
 
 def flat_pairs(precision, n_a=23, n_b=11, n_threads=1):
     a, b = (
-        compiled_features.vector_features(metric_fields(n, n)[0], WEIGHTS, precision)[0]
+        flat.vector_features(metric_fields(n, n)[0][..., None], WEIGHTS, precision)[0]
         for n in (n_a, n_b)
     )
-    return a, b, lambda a, b, k=n_threads: compiled_pairs.flat_distances(a, b, k)
+    return a, b, lambda a, b, k=n_threads: flat.flat_distances(a, b, k)
 
 
 def exact_ebin(n_a, n_b, lam=0.3):
     a, b = metric_fields(n_a, n_a), metric_fields(n_b, n_b)
     pairs = [v[:, None] for v in a], [v[None] for v in b]
-    return np.sum(WEIGHTS * ebin.squared_dist_of_coordinates(*pairs, lam), axis=-1)
+    return np.sum(WEIGHTS * EbinTerm(lam=lam).squared_dist(*pairs), axis=-1)
 
 
 def exact_normal(n_a, n_b):
     a, b = unit_normals(n_a, n_a), unit_normals(n_b, n_b)
-    return np.sum(WEIGHTS * sphere.squared_dist(a[:, None], b[None]), axis=-1)
+    return np.sum(WEIGHTS * NormalTerm().squared_dist((a[:, None],), (b[None],)), axis=-1)
 
 
 def exact_flat(n_a, n_b):
@@ -215,7 +217,7 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     np.testing.assert_array_equal(within, distances(a, a.copy()))
     np.testing.assert_array_equal(within, within.T)
     np.testing.assert_array_equal(np.diag(within), 0.0)
-    monkeypatch.setattr(compiled_pairs, "_TILE_WORK", 1)
+    monkeypatch.setattr(tiles, "_TILE_WORK", 1)
     np.testing.assert_array_equal(distances(a, b), whole)
     np.testing.assert_array_equal(distances(a, a, 2), within)
 
@@ -227,13 +229,13 @@ def test_threads_run_where_they_are_asked_for(monkeypatch):
         asked.append(n_threads)
         return ThreadPoolExecutor(n_threads)
 
-    monkeypatch.setattr(compiled_pairs, "ThreadPoolExecutor", pool)
-    (ebin_a, ebin_b, _), (normal_a, normal_b, _) = ebin_pairs("single"), normal_pairs("single")
+    monkeypatch.setattr(tiles, "ThreadPoolExecutor", pool)
+    (ebin_a, ebin_b, _), (normal_a, normal_b, _) = (ebin_pairs("single"), normal_pairs("single"))
     flat_a, flat_b, _ = flat_pairs("single")
     calls = [
-        partial(compiled_pairs.ebin_distances, ebin_a, ebin_b, 0.3),
-        partial(compiled_pairs.normal_distances, normal_a, normal_b, WEIGHTS),
-        partial(compiled_pairs.flat_distances, flat_a, flat_b),
+        partial(EbinTerm(lam=0.3).squared_distances, ebin_a, ebin_b, WEIGHTS),
+        partial(NormalTerm().squared_distances, normal_a, normal_b, WEIGHTS),
+        partial(flat.flat_distances, flat_a, flat_b),
     ]
     for call in calls:
         alone = call()
@@ -256,30 +258,32 @@ def test_empty_sets(name):
 @pytest.mark.parametrize("lam", [1e-8, 1e-4, 1.0, 1e4])
 def test_rounding_bounds_the_distance_to_what_is_kept(lam):
     x, y, s = metric_fields(3, 0)
-    double, _ = compiled_features.metric_field_features(x, y, s, WEIGHTS, lam, "double")
-    single, rounding = compiled_features.metric_field_features(x, y, s, WEIGHTS, lam, "single")
-    gaps = np.sqrt(np.diag(compiled_pairs.ebin_distances(double, single.astype(float), lam)))
+    double, _ = field_features(EbinTerm(lam=lam), (x, y, s), WEIGHTS, "double")
+    single, rounding = field_features(EbinTerm(lam=lam), (x, y, s), WEIGHTS, "single")
+    gaps = np.sqrt(
+        np.diag(EbinTerm(lam=lam).squared_distances(double, single.astype(float), WEIGHTS))
+    )
     assert np.all(gaps <= rounding * (1 + 1e-6))
     # The bound is no waste either.
     assert np.all(rounding < 1.5 * gaps)
 
 
 def test_rounding_of_normals_and_vectors():
-    normals = unit_normals(3, 0)
-    single, rounding = compiled_features.normal_features(normals, WEIGHTS, "single")
-    chords = np.sum((np.swapaxes(normals, 1, 2) - single[:, :, :F]) ** 2, axis=1)
+    n = unit_normals(3, 0)
+    single, rounding = field_features(NormalTerm(), (n,), WEIGHTS, "single")
+    chords = np.sum((np.swapaxes(n, 1, 2) - single[:, :, :F]) ** 2, axis=1)
     np.testing.assert_allclose(rounding**2, 2.0 * chords @ WEIGHTS, rtol=1e-12)
-    single, rounding = compiled_features.vector_features(normals[:, :, 0], WEIGHTS, "single")
-    gaps = np.sum((np.sqrt(WEIGHTS) * normals[:, :, 0] - single[:, :F]) ** 2, axis=1)
+    single, rounding = flat.vector_features(n[:, :, :1], WEIGHTS, "single")
+    gaps = np.sum((np.sqrt(WEIGHTS) * n[:, :, 0] - single[:, :F]) ** 2, axis=1)
     np.testing.assert_allclose(rounding**2, gaps, rtol=1e-12)
 
 
 def test_what_single_precision_has_no_room_for_is_told():
     x, y, s = metric_fields(4, 0)
     x[0, 3], y[1, 3], y[2, 3] = 1e17, 1e-17, 1e17
-    _, rounding = compiled_features.metric_field_features(x, y, s, WEIGHTS, 1.0, "single")
+    _, rounding = field_features(EbinTerm(lam=1.0), (x, y, s), WEIGHTS, "single")
     assert np.isinf(rounding).tolist() == [True, True, True, False]
-    _, rounding = compiled_features.vector_features(np.array([[1e17], [1.0]]), np.ones(1), "single")
+    _, rounding = flat.vector_features(np.array([[[1e17]], [[1.0]]]), np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [True, False]
-    _, rounding = compiled_features.metric_field_features(x, y, s, WEIGHTS, 1.0, "double")
+    _, rounding = field_features(EbinTerm(lam=1.0), (x, y, s), WEIGHTS, "double")
     np.testing.assert_array_equal(rounding, 0.0)

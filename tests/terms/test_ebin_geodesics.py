@@ -5,13 +5,13 @@ import numpy as np
 import oracles
 import pytest
 from autograd import grad, jacobian
-from ebin_matrices import FAMILIES, LAMBDAS, N_PAIRS, cone_size, matrices, pairs
+from ebin_matrices import FAMILIES, LAMBDAS, N_PAIRS, cone_size, matrices, pairs, squared_dist
 from pyriemann.geometry.distance import distance_riemann
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from riemhuman.kernels import ebin, ebin_geodesics, ebin_tangent
+from riemhuman.terms import ebin, ebin_geodesics, ebin_tangent
 
 
 @pytest.fixture(autouse=True)
@@ -62,7 +62,7 @@ def test_norm_of_log_is_dist(lam):
     g1, g2 = pairs("within π", lam)
     log = ebin_geodesics.log(g1, g2, lam)
     np.testing.assert_allclose(
-        ebin_tangent.inner_product(log, log, g1, lam), ebin.squared_dist(g1, g2, lam), rtol=1e-11
+        ebin_tangent.inner_product(log, log, g1, lam), squared_dist(g1, g2, lam), rtol=1e-11
     )
 
 
@@ -136,7 +136,7 @@ def test_the_least_energy_of_discrete_paths_is_the_squared_distance():
         options = {"hess_inv0": 0.02 / n * np.eye(start.size)}
         least[n] = minimize(energy, start, (n,), "BFGS", grad(energy), options=options).fun
     extrapolated = (4 * least[8] - least[4]) / 3
-    np.testing.assert_allclose(extrapolated, ebin.squared_dist(g1, g2, lam), rtol=5e-3)
+    np.testing.assert_allclose(extrapolated, squared_dist(g1, g2, lam), rtol=5e-3)
 
 
 @pytest.mark.parametrize("lam", LAMBDAS)
@@ -145,8 +145,8 @@ def test_geodesic_has_constant_speed(family, lam):
     g1, g2 = pairs(family, lam)
     times = np.linspace(0, 1, 8)
     path = ebin_geodesics.geodesic(g1, g2, times[:, None] * np.ones(N_PAIRS), lam)
-    steps = np.sqrt(ebin.squared_dist(path[:-1], path[1:], lam))
-    dist = np.sqrt(ebin.squared_dist(g1, g2, lam))
+    steps = np.sqrt(squared_dist(path[:-1], path[1:], lam))
+    dist = np.sqrt(squared_dist(g1, g2, lam))
     # Points on the way are rounded to matrices, in which the steps are small or ill determined.
     tolerance = {"near-identical": 1e-5, "anisotropic": 1e-5}.get(family, 1e-9)
     np.testing.assert_allclose(steps, np.tile(dist / 7, (7, 1)), rtol=tolerance)
@@ -161,7 +161,7 @@ def test_far_matrices_meet_at_the_apex():
     g1, g2 = pairs("ordinary")
     assert np.all(ebin.angle(g1, g2, lam) > np.pi)
     np.testing.assert_allclose(
-        np.sqrt(ebin.squared_dist(g1, g2, lam)), cone_size(g1, g2, lam), rtol=1e-12
+        np.sqrt(squared_dist(g1, g2, lam)), cone_size(g1, g2, lam), rtol=1e-12
     )
     s1, s2 = (np.linalg.det(g) ** 0.25 for g in (g1, g2))
     at_apex = ebin_geodesics.geodesic(g1, g2, s1 / (s1 + s2), lam)
@@ -177,7 +177,7 @@ def test_far_matrices_meet_at_the_apex():
 def test_speed_through_the_apex_by_the_inner_product():
     lam = 1e-4
     g1, g2 = (g[0] for g in pairs("ordinary"))
-    dist = np.sqrt(ebin.squared_dist(g1, g2, lam))
+    dist = np.sqrt(squared_dist(g1, g2, lam))
     for t in (0.05, 0.2, 0.8, 0.9):
         step = 1e-5
         g = ebin_geodesics.geodesic(g1, g2, np.array(t), lam)
@@ -202,11 +202,11 @@ def test_degenerate_matrices_are_the_apex(g):
     other = matrices(1, 3.0, np.random.default_rng(5))[0]
     s = np.linalg.det(other) ** 0.25
     assert ebin.is_degenerate(g)
-    assert ebin.squared_dist(g, g, lam) == 0
+    assert squared_dist(g, g, lam) == 0
     for zero in DEGENERATE.values():
-        assert ebin.squared_dist(g, zero, lam) == 0
-    np.testing.assert_allclose(ebin.squared_dist(g, other, lam), 16 * lam * s**2, rtol=1e-13)
-    np.testing.assert_allclose(ebin.squared_dist(other, g, lam), 16 * lam * s**2, rtol=1e-13)
+        assert squared_dist(g, zero, lam) == 0
+    np.testing.assert_allclose(squared_dist(g, other, lam), 16 * lam * s**2, rtol=1e-13)
+    np.testing.assert_allclose(squared_dist(other, g, lam), 16 * lam * s**2, rtol=1e-13)
     times = np.linspace(0, 1, 5)
     path = ebin_geodesics.geodesic(other, g, times, lam)
     expected = (1 - times)[:, None, None] ** 2 * other
@@ -216,7 +216,7 @@ def test_degenerate_matrices_are_the_apex(g):
     )
     for argument in (0, 1):
         for pair in ((g, other), (other, g), (g, g)):
-            assert np.all(np.isfinite(grad(ebin.squared_dist, argument)(*pair, lam)))
+            assert np.all(np.isfinite(grad(squared_dist, argument)(*pair, lam)))
 
 
 def test_limit_towards_degenerate_matrices():
@@ -224,9 +224,9 @@ def test_limit_towards_degenerate_matrices():
     lam = 0.3
     other = matrices(1, 3.0, np.random.default_rng(5))[0]
     for g in DEGENERATE.values():
-        limit = np.sqrt(ebin.squared_dist(g, other, lam))
+        limit = np.sqrt(squared_dist(g, other, lam))
         for step in (1e-4, 1e-8, 1e-12, 1e-16):
-            dist = np.sqrt(ebin.squared_dist(g + step * np.eye(2), other, lam))
+            dist = np.sqrt(squared_dist(g + step * np.eye(2), other, lam))
             assert abs(dist - limit) < 20 * np.sqrt(lam) * step**0.25
 
 

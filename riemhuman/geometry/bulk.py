@@ -1,0 +1,206 @@
+"""How metrics do bulk work: what they keep of each point, and distances from what is kept of two.
+
+A metric has one of these as its `bulk`; all its distances of many pairs go through it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.geometry.pairwise import Features, pair_by_pair, thread_count
+from riemhuman.terms.sum import field_features, roundings, squared_distances
+from riemhuman.terms.term import Fields, Term
+
+
+class Bulk(Protocol):
+    """What keeps features of points, and takes distances of features."""
+
+    n_arrays: int
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        r"""Return what a distance needs to know of each point.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+        precision : {"single", "double"}
+            Precision to keep them in.
+
+        Returns
+        -------
+        tuple of array, each of shape (n, ...)
+        """
+
+    def rounding(self, features: Features) -> ndarray:
+        """Return how far each point is, at most, from the point its features stand for.
+
+        Parameters
+        ----------
+        features : tuple of array
+            Features of n points.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+
+    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+        """Return all squared distances between two sets of points.
+
+        Parameters
+        ----------
+        a, b : tuple of array
+            Features; the same object twice for the distances within one set.
+        n_jobs : int, optional
+            Number of threads.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+
+
+class PairByPair(Bulk):
+    """The points themselves, and one distance after the other.
+
+    Parameters
+    ----------
+    squared_dist : callable
+        The squared distance of two points.
+    """
+
+    n_arrays = 1
+
+    def __init__(self, squared_dist: Callable[..., ndarray]) -> None:
+        self._squared_dist = squared_dist
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        return (np.ascontiguousarray(points),)
+
+    def rounding(self, features: Features) -> ndarray:
+        return np.zeros(len(features[0]))
+
+    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+        return pair_by_pair(self._squared_dist, a, b, n_jobs)
+
+
+class SumOfTerms(Bulk):
+    """Features of fields, term by term, in compiled loops.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        The terms.
+    areas : array, shape (F,)
+        Template areas.
+    features : callable
+        Takes points and a precision to their features.
+    """
+
+    def __init__(
+        self,
+        terms: Sequence[Term],
+        areas: ndarray,
+        features: Callable[[ndarray, str], Features],
+    ) -> None:
+        self._terms, self._areas, self._features = tuple(terms), areas, features
+        self.n_arrays = 2 * len(self._terms)
+
+    @classmethod
+    def of_fields(cls, term: Term, areas: ndarray, fields: Callable[[ndarray], Fields]) -> Any:
+        """Return the bulk work of one term on fields.
+
+        Parameters
+        ----------
+        term : Term
+            The term.
+        areas : array, shape (F,)
+            Template areas.
+        fields : callable
+            Takes points to the term's fields.
+
+        Returns
+        -------
+        SumOfTerms
+        """
+        return cls(
+            [term],
+            areas,
+            lambda points, precision: field_features(term, fields(points), areas, precision),
+        )
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        return self._features(points, precision)
+
+    def rounding(self, features: Features) -> ndarray:
+        return roundings(self._terms, features)
+
+    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+        return squared_distances(self._terms, self._areas, a, b, thread_count(n_jobs))
+
+
+class SumOfFactors(Bulk):
+    """Features of the factors of a product, one after the other.
+
+    Parameters
+    ----------
+    parts : sequence of tuple
+        Of every factor that counts: how to take its component of points, its weight, its bulk.
+    """
+
+    def __init__(self, parts: Sequence[tuple[Callable[[ndarray], ndarray], float, Bulk]]) -> None:
+        self._parts = tuple(parts)
+        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        return tuple(
+            feature
+            for component, _, bulk in self._parts
+            for feature in bulk.features(component(points), precision)
+        )
+
+    def rounding(self, features: Features) -> ndarray:
+        return np.sqrt(sum(w * bulk.rounding(part) ** 2 for w, bulk, part in self._split(features)))
+
+    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+        parts = list(self._split(a))
+        others = parts if b is a else list(self._split(b))
+        return sum(
+            w * bulk.squared_distances(part, other, n_jobs)
+            for (w, bulk, part), (_, _, other) in zip(parts, others, strict=True)
+        )
+
+    def _split(self, features: Features) -> Any:
+        start = 0
+        for _, weight, bulk in self._parts:
+            yield weight, bulk, features[start : start + bulk.n_arrays]
+            start += bulk.n_arrays
+
+
+class OfImages(Bulk):
+    """The bulk work of another metric on the images of points.
+
+    Parameters
+    ----------
+    bulk : Bulk
+        That of the other metric.
+    map : callable
+        Takes points to their images.
+    """
+
+    def __init__(self, bulk: Bulk, map: Callable[[ndarray], ndarray]) -> None:
+        self._bulk, self._map, self.n_arrays = bulk, map, bulk.n_arrays
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        return self._bulk.features(self._map(points), precision)
+
+    def rounding(self, features: Features) -> ndarray:
+        return self._bulk.rounding(features)
+
+    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+        return self._bulk.squared_distances(a, b, n_jobs)

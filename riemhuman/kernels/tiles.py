@@ -1,0 +1,140 @@
+"""Sums over the triangles of all pairs of surfaces, tile by tile, from what is kept of each.
+
+Rows of features are filled up with zeros, which add nothing to a distance, to whole vector
+registers: F⁺ is F rounded up to a multiple of `LANES`. Sums run over chunks of triangles, always
+the same ones, and over chunks in double precision: the bits of a distance depend on its two points
+alone, not on other points, tiles or threads.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+LANES = 64
+"""Rows of features are as long as a multiple of this."""
+
+CHUNK = 512
+"""Triangles summed in the precision of the features before they join the sum over all."""
+
+LARGEST, SMALLEST = 1e15, 1e-15
+"""Squares of numbers beyond these, and their products, leave the range of single precision."""
+
+# What squares too small for single precision may add to a squared distance, per term.
+_UNDERFLOW = 1e-34
+# Pairs times values of one tile: some milliseconds of work, so that features read are used often.
+_TILE_WORK = 20_000_000
+
+
+def of_one_kind(array: ndarray) -> ndarray:
+    """Return a read-only C-contiguous array, the one kind that loops are compiled for.
+
+    Loops over another kind would be compiled again, and could add up in another order.
+
+    Parameters
+    ----------
+    array : array, shape (...)
+        Any array; it is left alone.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    view = np.ascontiguousarray(array).view()
+    view.flags.writeable = False
+    return view
+
+
+def padded(shape: tuple[int, ...], precision: str) -> ndarray:
+    """Return zeros with rows of whole vector registers.
+
+    Parameters
+    ----------
+    shape : tuple of int
+        The shape without what fills up the rows.
+    precision : {"single", "double"}
+        Precision of the array.
+
+    Returns
+    -------
+    array
+    """
+    *leading, length = shape
+    whole = -(-length // LANES) * LANES
+    return np.zeros((*leading, whole), dtype=np.float32 if precision == "single" else np.float64)
+
+
+def rounding(gaps: ndarray, n_values: float, precision: str) -> ndarray:
+    """Return how far points are, at most, from those that their features stand for.
+
+    Parameters
+    ----------
+    gaps : array, shape (n,)
+        Squares of the distances, infinite where single precision has no room for the features.
+    n_values : float
+        Number of values that squares may underflow in, with their weights.
+    precision : {"single", "double"}
+        Precision of the features; rounding of double precision counts as none.
+
+    Returns
+    -------
+    array, shape (n,)
+    """
+    if precision == "double":
+        return np.zeros(len(gaps))
+    return np.sqrt(np.asarray(gaps, dtype=np.float64) + _UNDERFLOW * n_values)
+
+
+def in_tiles(
+    run: Callable[..., None], a: ndarray, b: ndarray, arguments: tuple[Any, ...], n_threads: int
+) -> ndarray:
+    """Return sums over pairs, computed tile by tile in threads.
+
+    Parameters
+    ----------
+    run : callable
+        Takes features of both sets, the arguments, whether only pairs i < j are wanted, and the
+        array of sums to add to.
+    a, b : array, shape (n_a, ...) and (n_b, ...)
+        Features; one array twice for the pairs within one set.
+    arguments : tuple
+        What `run` takes besides.
+    n_threads : int
+        Number of threads.
+
+    Returns
+    -------
+    array, shape (n_a, n_b)
+    """
+    within = a is b
+    a, b = of_one_kind(a), of_one_kind(b)
+    squared = np.zeros((len(a), len(b)))
+    size = int(np.clip(math.sqrt(_TILE_WORK / max(a[:1].size, 1)), 8, 64))
+
+    def fill(corner: tuple[int, int]) -> None:
+        i, j = corner
+        rows, columns = a[i : i + size], b[j : j + size]
+        diagonal = within and i == j
+        tile = np.zeros((len(rows), len(columns)))
+        run(rows, columns, *arguments, diagonal, tile)
+        if diagonal:
+            tile += tile.T
+        elif within:
+            squared[j : j + size, i : i + size] = tile.T
+        squared[i : i + size, j : j + size] = tile
+
+    corners = [
+        (i, j) for i in range(0, len(a), size) for j in range(i if within else 0, len(b), size)
+    ]
+    if n_threads == 1:
+        for corner in corners:
+            fill(corner)
+    else:
+        with ThreadPoolExecutor(n_threads) as pool:
+            list(pool.map(fill, corners))
+    return squared

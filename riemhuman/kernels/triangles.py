@@ -1,0 +1,237 @@
+"""First derivatives of surfaces in compiled loops, triangle by triangle, and the way back.
+
+All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
+n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
+are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
+slopes by the vertices. Definitions are in `riemhuman.kernels.surface`.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.surface import DEGENERATE
+from riemhuman.kernels.threads import in_chunks
+
+LENGTH = 12
+"""Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
+
+# Below this many triangles, threads cost more than they bring.
+_WORTH_THREADS = 5_000
+
+
+@compiled(inline="always")
+def derivatives(f: ndarray, i: int, face: ndarray, frame: ndarray, both: ndarray) -> None:
+    """Fill f_u, then f_v, of one triangle.
+
+    Parameters
+    ----------
+    f : array, shape (V, n_times, 3)
+        Surfaces, vertex by vertex.
+    i : int
+        Which of them.
+    face : array of int, shape (3,)
+        Corners.
+    frame : array, shape (3,)
+        Template frame: 1/u₂, 1/v₃, u₃/(v₃u₂).
+    both : array, shape (6,) or longer
+        Filled.
+    """
+    one, two, three = face[0], face[1], face[2]
+    for k in range(3):
+        edge = f[two, i, k] - f[one, i, k]
+        both[k] = edge * frame[0]
+        both[3 + k] = (f[three, i, k] - f[one, i, k]) * frame[1] - edge * frame[2]
+
+
+@compiled
+def fill_records(
+    f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
+) -> None:
+    """Fill the records of the triangles from `first` to `last`.
+
+    Parameters
+    ----------
+    f : array, shape (V, n_times, 3)
+        Surfaces, vertex by vertex.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
+    first, last : int
+        The first triangle, and the one behind the last.
+    records : array, shape (at least last - first, n_times, 12)
+        Filled.
+    """
+    for t in range(first, last):
+        for i in range(f.shape[1]):
+            r = records[t - first, i]
+            derivatives(f, i, faces[t], frames[t], r)
+            n0, n1, n2 = (
+                r[1] * r[5] - r[2] * r[4],
+                r[2] * r[3] - r[0] * r[5],
+                r[0] * r[4] - r[1] * r[3],
+            )
+            squared = n0 * n0 + n1 * n1 + n2 * n2
+            e = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+            g = r[3] * r[3] + r[4] * r[4] + r[5] * r[5]
+            area, scale = 0.0, 0.0
+            if squared > DEGENERATE * e * g:
+                area = math.sqrt(squared)
+                scale = 1.0 / area
+            r[6], r[7], r[8], r[9] = n0 * scale, n1 * scale, n2 * scale, area
+            r[10], r[11] = e, r[0] * r[3] + r[1] * r[4] + r[2] * r[5]
+
+
+@compiled
+def add_gradient(
+    records: ndarray,
+    slopes: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    first: int,
+    last: int,
+    gradient: ndarray,
+) -> None:
+    """Add slopes by records up to slopes by vertices; triangles without area have none.
+
+    Parameters
+    ----------
+    records, slopes : array, shape (at least last - first, n_times, 12)
+        Records of triangles, and slopes by their numbers.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames.
+    first, last : int
+        The first triangle, and the one behind the last.
+    gradient : array, shape (V, n_times, 3)
+        Added to.
+    """
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+        for i in range(records.shape[1]):
+            r, slope = records[t - first, i], slopes[t - first, i]
+            area = r[9]
+            if area == 0.0:
+                continue
+            # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
+            radial = r[6] * slope[6] + r[7] * slope[7] + r[8] * slope[8]
+            along = slope[9] - radial / area
+            n0 = along * r[6] + slope[6] / area
+            n1 = along * r[7] + slope[7] / area
+            n2 = along * r[8] + slope[8] / area
+            # f_v × N' and N' × f_u.
+            from_u = (r[4] * n2 - r[5] * n1, r[5] * n0 - r[3] * n2, r[3] * n1 - r[4] * n0)
+            from_v = (n1 * r[2] - n2 * r[1], n2 * r[0] - n0 * r[2], n0 * r[1] - n1 * r[0])
+            for k in range(3):
+                in_u = slope[k] + 2.0 * slope[10] * r[k] + slope[11] * r[3 + k] + from_u[k]
+                in_v = slope[3 + k] + slope[11] * r[k] + from_v[k]
+                at_two = scale_u * in_u - skew * in_v
+                at_three = scale_v * in_v
+                gradient[two, i, k] += at_two
+                gradient[three, i, k] += at_three
+                gradient[one, i, k] -= at_two + at_three
+
+
+@compiled(inline="always")
+def frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, float]:
+    """Fill e₁ ∥ f_u, e₂, n as rows; return p, q, r with f_u = p e₁, f_v = q e₁ + r e₂.
+
+    Parameters
+    ----------
+    f_u, f_v : array, shape (3,)
+        Derivatives of a triangle that has an area.
+    axes : array, shape (3, 3)
+        Filled.
+
+    Returns
+    -------
+    p, q, r : float
+    """
+    p = math.sqrt(f_u[0] ** 2 + f_u[1] ** 2 + f_u[2] ** 2)
+    for k in range(3):
+        axes[0, k] = f_u[k] / p
+    q = f_v[0] * axes[0, 0] + f_v[1] * axes[0, 1] + f_v[2] * axes[0, 2]
+    for k in range(3):
+        axes[1, k] = f_v[k] - q * axes[0, k]
+    r = math.sqrt(axes[1, 0] ** 2 + axes[1, 1] ** 2 + axes[1, 2] ** 2)
+    for k in range(3):
+        axes[1, k] /= r
+    axes[2, 0] = axes[0, 1] * axes[1, 2] - axes[0, 2] * axes[1, 1]
+    axes[2, 1] = axes[0, 2] * axes[1, 0] - axes[0, 0] * axes[1, 2]
+    axes[2, 2] = axes[0, 0] * axes[1, 1] - axes[0, 1] * axes[1, 0]
+    return p, q, r
+
+
+@compiled
+def _add_blocks(
+    f: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    forms: ndarray,
+    first: int,
+    last: int,
+    blocks: ndarray,
+) -> None:
+    both, axes = np.empty(6), np.empty((3, 3))
+    along, image = np.empty((2, 3)), np.empty((6, 9))
+    for t in range(first, last):
+        derivatives(f, 0, faces[t], frames[t], both)
+        p, q, r = frame(both[:3], both[3:], axes)
+        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+        # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
+        along[0, 1], along[0, 2] = scale_u / p, 0.0
+        along[1, 1], along[1, 2] = -(skew + q / p * scale_u) / r, scale_v / r
+        along[0, 0], along[1, 0] = -along[0, 1], -along[1, 1] - along[1, 2]
+        form = forms[t]
+        for row in range(6):
+            for corner in range(3):
+                for k in range(3):
+                    value = 0.0
+                    for j in range(3):
+                        weight = form[row, 2 * j] * along[0, corner]
+                        weight += form[row, 2 * j + 1] * along[1, corner]
+                        value += weight * axes[j, k]
+                    image[row, 3 * corner + k] = value
+        for corner in range(3):
+            for k in range(3):
+                i = 3 * corner + k
+                for column in range(9):
+                    value = 0.0
+                    for j in range(3):
+                        value += axes[j, k] * (
+                            along[0, corner] * image[2 * j, column]
+                            + along[1, corner] * image[2 * j + 1, column]
+                        )
+                    blocks[t, i, column] += value
+
+
+def add_blocks(
+    blocks: ndarray, f: ndarray, faces: ndarray, frames: ndarray, forms: ndarray
+) -> None:
+    """Add quadratic forms of the derivatives of deformations, as forms of the nine corner numbers.
+
+    Parameters
+    ----------
+    blocks : array, shape (F, 9, 9)
+        Added to; rows and columns run over the coordinates of the first, second, third corner.
+    f : array, shape (V, 3)
+        Surface, whose triangles have an area.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames.
+    forms : array, shape (F, 6, 6)
+        Quadratic forms of the components of ∂₁h and ∂₂h, see `surface.frame_components`.
+    """
+
+    def run(first: int, last: int) -> None:
+        _add_blocks(f[:, None], faces, frames, forms, first, last, blocks)
+
+    in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)

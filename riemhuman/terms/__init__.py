@@ -1,0 +1,10 @@
+"""Terms of surface metrics, one a file, and the driver that runs a weighted sum of them."""
+
+from riemhuman.kernels.compiled import compiled
+from riemhuman.terms.ebin import EbinTerm
+from riemhuman.terms.flat import FlatTerm
+from riemhuman.terms.normals import NormalTerm
+from riemhuman.terms.root_normals import RootNormalTerm
+from riemhuman.terms.term import Term
+
+__all__ = ["EbinTerm", "FlatTerm", "NormalTerm", "RootNormalTerm", "Term", "compiled"]

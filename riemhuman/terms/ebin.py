@@ -1,0 +1,653 @@
+r"""The term of the Ebin (DeWitt) metric: symmetric positive definite 2 × 2 matrices on triangles.
+
+With s = (det g)^(1/4) and ĝ = g/√det g, equation 2 of the paper (both terms under the integral)
+is the metric of a cone over the hyperbolic plane,
+
+.. math:: ((\delta g, \delta g))_g
+          = 16\lambda\, ds^2 + s^2 \operatorname{tr}((\hat g^{-1} d\hat g)^2).
+
+ĝ is the point x + iy, x = g₁₂/g₁₁, y = √det g/g₁₁, of the upper half-plane, so distances, too, come
+without the logarithm of a matrix: if ℓ is the hyperbolic distance of two such points, then
+tr L₀² = 2ℓ² for the traceless part L₀ of log(g₁⁻¹g₂) (Theorem 1, with K₀ and θ corrected:
+K₀ = K − ½ tr(g₁⁻¹K) g₁ and θ = √(tr((g₁⁻¹K₀)²)/λ)/4).
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import autograd.numpy as np
+import numpy as onp
+from autograd.extend import defvjp, primitive
+from numpy import ndarray
+from numpy.polynomial import Chebyshev, Polynomial
+
+from riemhuman.checks import metric_weight
+from riemhuman.kernels.compiled import FUSED, SUM, compiled, evaluate, polynomial, split
+from riemhuman.kernels.scalars import (
+    inverse_hyperbolic_sine_cardinal,
+    product_minus_square,
+    sine_cardinal,
+    square_root,
+)
+from riemhuman.kernels.surface import DEGENERATE, Derivatives
+from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, in_tiles
+from riemhuman.terms.term import Fields, Term
+
+
+class EbinTerm(Term):
+    r"""w · (Ebin metric), the pull-back by the first fundamental form (equation 2, corrected).
+
+    Fields are x, y and s of g.
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    lam : float
+        λ > 0, the weight of changes of area.
+    """
+
+    sees_rotations = False
+    single = True
+    area_power = 1.0
+
+    def __init__(self, weight: float = 1.0, lam: float = 0.5) -> None:
+        super().__init__(weight)
+        self.lam = metric_weight(lam, "lam", strict=True)
+
+    def fields(self, first: Derivatives) -> Fields:
+        """Return x, y and s; x = 0, y = 1 and s = 0 on triangles without area.
+
+        Not from the entries of g: slivers keep digits that those lose.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces.
+
+        Returns
+        -------
+        x, y, s : array, shape (..., F)
+        """
+        return _coordinates(first.e, first.m, first.areas, first.degenerate)
+
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        r"""Return the squared distances of matrices in the completion.
+
+        .. math:: d^2 = 16\lambda\left((s_1-s_2)^2
+                  + 4 s_1 s_2 \sin^2(\tfrac12\min(\pi,\theta))\right),
+
+        which is Theorem 1 (corrected) without its cancellation for near-equal matrices. Degenerate
+        matrices are the apex of the cone. The gradient is 0 where g₁ = g₂ or s = 0.
+
+        Parameters
+        ----------
+        fields_a, fields_b : tuple of array, shape (..., F)
+            x, y and s of both.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+        (x1, y1, s1), (x2, y2, s2) = fields_a, fields_b
+        half = half_angle_sine_squared(excess(x1, y1, x2, y2), self.lam)
+        return 16.0 * self.lam * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
+
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        """Return 16λ δs δs' + 2 s² (δx δx' + δy δy')/y².
+
+        Parameters
+        ----------
+        changes_a, changes_b : tuple of array, shape (..., F)
+            Changes of x, y and s.
+        fields : tuple of array, shape (..., F)
+            x, y and s.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+        (x1, y1, s1), (x2, y2, s2), (_, y, s) = changes_a, changes_b, fields
+        return 16.0 * self.lam * s1 * s2 + 2.0 * (s / y) ** 2 * (x1 * x2 + y1 * y2)
+
+    def form(self, first: Derivatives) -> ndarray:
+        """Return 2(ε₁₁ − ε₂₂)² + 8ε₁₂² + 4λ(ε₁₁ + ε₂₂)².
+
+        Parameters
+        ----------
+        first : Derivatives
+            Not used: the form is constant.
+
+        Returns
+        -------
+        array, shape (6, 6)
+        """
+        rows = onp.zeros((3, 6))
+        rows[0, [0, 3]] = math.sqrt(2.0), -math.sqrt(2.0)
+        rows[1, [1, 2]] = math.sqrt(2.0)
+        rows[2, [0, 3]] = 2.0 * math.sqrt(self.lam)
+        return rows.T @ rows
+
+    def chart(self, fields: Fields) -> ndarray:
+        r"""Map matrices to R⁴ so that Euclidean distances are at most those of the term.
+
+        With κ ≤ θ/ℓ and the logarithm L of ĝ at the identity, in R²,
+
+        .. math:: \varphi = 4\sqrt{\lambda/2}\, s\,
+                  (e^{i\sqrt2\kappa L_1}, e^{i\sqrt2\kappa L_2}) \in C^2 = R^4.
+
+        |L − L'| ≤ ℓ, the hyperbolic plane being of negative curvature. Let z = κ|L − L'| ≤ θ. If
+        z ≤ π, ½ Σ cos(√2 κ (L_k − L'_k)) ≥ cos z by Jensen, as cos √t is convex for 0 ≤ t ≤ 2π²;
+        and it never falls below −1. So |φ − φ'|² ≤ 16λ (s² + s'² − 2 s s' cos min(π, θ)) = d².
+
+        Parameters
+        ----------
+        fields : tuple of array, shape (..., F)
+            x, y and s.
+
+        Returns
+        -------
+        array, shape (..., F, 4)
+        """
+        x, y, s = fields
+        # The logarithm lies along the spatial part of the point of the hyperboloid.
+        spatial = np.stack([(1.0 - (x**2 + y**2)) / (2.0 * y), x / y], axis=-1)
+        size = np.sqrt(np.sum(spatial**2, axis=-1, keepdims=True))
+        logarithm = np.arcsinh(size) / np.where(size > 0, size, 1.0) * spatial
+        angles = np.sqrt(2.0) * min(angle_per_distance(self.lam), STEEPEST) * logarithm
+        circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
+        return 4.0 * np.sqrt(0.5 * self.lam) * s[..., None] * circles
+
+    def fields_of_records(self, records: ndarray) -> Fields:
+        x, y, s = np.empty((3, len(records)))
+        _half_plane(records, x, y, s)
+        return x, y, s
+
+    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
+        return (4, n_faces)
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        # Write x, y, 1/(√2 y) and √w s; return the squared distance to what is written.
+        return _pack(*fields, np.sqrt(areas), self.lam, kept)
+
+    def squared_distances(
+        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
+    ) -> ndarray:
+        real = a.dtype.type
+        if self.lam <= LARGEST_LAMBDA:
+            bounds = (real(1.0 / excess_at_pi(self.lam)), half_angle_polynomial(self.lam, a.dtype))
+            squared = in_tiles(_bounded_tile, a, b, bounds, n_threads)
+        else:
+            half_kappa = real(0.25 / math.sqrt(2.0 * self.lam))
+            squared = in_tiles(_tile, a, b, (half_kappa,), n_threads)
+        squared *= 16.0 * self.lam
+        return squared
+
+    def underflow(self, areas: ndarray) -> float:
+        return 16.0 * self.lam * len(areas)
+
+    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+        return _segments(records, slopes, areas, self.weight, self.lam)
+
+
+_FEW_DIGITS = 1e5 * np.finfo(float).eps
+
+STEEPEST = 18.0
+"""The largest κ of `EbinTerm.chart`: steeper charts are tighter, but wind bodies around in too many
+dimensions."""
+
+
+def determinants(g: ndarray) -> ndarray:
+    """Return det g to working precision, also for near-degenerate g.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Symmetric matrices.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return product_minus_square(g[..., 0, 0], g[..., 1, 1], g[..., 0, 1])
+
+
+def is_degenerate(g: ndarray) -> ndarray:
+    """Tell where g is singular to working precision: det g ≤ 8 ε g₁₁ g₂₂.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+
+    Returns
+    -------
+    array of bool, shape (...)
+    """
+    return determinants(g) <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
+
+
+def has_lost_its_shape(g: ndarray) -> ndarray:
+    """Tell where g overflows, or is so near to singular that det g has fewer than five digits.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Symmetric matrices, or what became of them by overflow.
+
+    Returns
+    -------
+    array of bool, shape (...)
+    """
+    # Written so that infinite entries, whose determinants are NaN, are told too.
+    return ~(determinants(g) > _FEW_DIGITS * g[..., 0, 0] * g[..., 1, 1])
+
+
+def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the half-plane coordinates x, y of ĝ and the radius s = (det g)^(1/4).
+
+    A degenerate g is the apex s = 0 of the cone, where x = 0, y = 1 stand for the undefined ĝ.
+
+    Parameters
+    ----------
+    g : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+
+    Returns
+    -------
+    x, y, s : array, shape (...)
+    """
+    determinant, degenerate = determinants(g), is_degenerate(g)
+    areas = np.sqrt(np.where(degenerate, 1.0, determinant))
+    return _coordinates(np.where(degenerate, 1.0, g[..., 0, 0]), g[..., 0, 1], areas, degenerate)
+
+
+def _coordinates(
+    e: ndarray, m: ndarray, areas: ndarray, degenerate: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return x, y and s of [[e, m], [m, g]] with the area ratio √det g; e and it are never 0."""
+    s = np.where(degenerate, 0.0, np.sqrt(areas))
+    return np.where(degenerate, 0.0, m / e), areas / e, s
+
+
+def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
+    """Return cosh ℓ − 1 of two points of the half-plane, without cancellation.
+
+    Parameters
+    ----------
+    x1, y1, x2, y2 : array, shape (...)
+        Coordinates of the two points, y₁ > 0 and y₂ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return ((x1 - x2) ** 2 + (y1 - y2) ** 2) / (2.0 * y1 * y2)
+
+
+def hyperbolic_distance(m: ndarray) -> ndarray:
+    """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1.
+
+    Parameters
+    ----------
+    m : array, shape (...)
+        Values of `excess`.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return 2.0 * np.arcsinh(square_root(0.5 * m))
+
+
+def angle_per_distance(lam: float) -> float:
+    """Return θ/ℓ = 1/(2√(2λ)), the angle on the cone for a unit of hyperbolic distance.
+
+    Parameters
+    ----------
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    float
+    """
+    return 0.5 / np.sqrt(2.0 * lam)
+
+
+@primitive
+def half_angle_sine_squared(m: ndarray, lam: float) -> ndarray:
+    """Return sin²(½ min(π, θ)) as a smooth function of m = cosh ℓ − 1.
+
+    Parameters
+    ----------
+    m : array, shape (...)
+        Values of `excess`.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    theta = angle_per_distance(lam) * hyperbolic_distance(m)
+    return np.sin(0.5 * np.minimum(np.pi, theta)) ** 2
+
+
+def _half_angle_slope(m: ndarray, lam: float) -> ndarray:
+    length = hyperbolic_distance(m)
+    kappa = angle_per_distance(lam)
+    theta = np.minimum(np.pi, kappa * length)
+    slope = 0.5 * kappa**2 * sine_cardinal(theta) * inverse_hyperbolic_sine_cardinal(length)
+    return np.where(theta < np.pi, slope, 0.0)
+
+
+defvjp(
+    half_angle_sine_squared,
+    lambda answer, m, lam: lambda upstream: upstream * _half_angle_slope(m, lam),
+    argnums=(0,),
+)
+
+
+def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
+    """Return θ, the angle between the two matrices on the cone, not cut off at π.
+
+    Parameters
+    ----------
+    g1, g2 : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+    lam : float
+        λ > 0.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    x1, y1, _ = coordinates(g1)
+    x2, y2, _ = coordinates(g2)
+    return angle_per_distance(lam) * hyperbolic_distance(excess(x1, y1, x2, y2))
+
+
+@compiled(inline="always")
+def _half_angle(m: float, kappa: float) -> tuple[float, float]:
+    """Return sin²(½ min(π, θ)) and its slope in m = cosh ℓ − 1, where θ = κℓ."""
+    if m < 0.02:
+        # ℓ² and its slope as power series in m.
+        squared = m * (2 + m * (-1 / 3 + m * (4 / 45 + m * (-1 / 35 + m * (16 / 1575)))))
+        squared += m**6 * (-8 / 2079 + m * (32 / 21021))
+        slope = 2 + m * (-2 / 3 + m * (4 / 15 + m * (-4 / 35 + m * (16 / 315))))
+        slope += m**5 * (-16 / 693 + m * (32 / 3003))
+        if kappa * kappa * squared < 0.05:
+            t = kappa * kappa * squared
+            value = t * (1 / 4 + t * (-1 / 48 + t * (1 / 1440 + t * (-1 / 80640 + t / 7257600))))
+            rate = 1 / 4 + t * (-1 / 24 + t * (1 / 480 + t * (-1 / 20160 + t / 1451520)))
+            return value, rate * kappa * kappa * slope
+        length = math.sqrt(squared)
+        ratio = 0.5 * slope
+    else:
+        length = 2.0 * math.asinh(math.sqrt(0.5 * m))
+        ratio = length / math.sqrt(m * (m + 2.0))
+    theta = kappa * length
+    if theta >= math.pi:
+        return 1.0, 0.0
+    half = math.sin(0.5 * theta)
+    slope = 0.5 * kappa * kappa * math.sin(theta) / theta * ratio
+    return half * half, slope
+
+
+@compiled
+def _segments(
+    records: ndarray, slopes: ndarray, areas: ndarray, weight: float, lam: float
+) -> float:
+    n_times, kappa, total = records.shape[1], 0.5 / math.sqrt(2.0 * lam), 0.0
+    x, y, s = onp.empty(n_times), onp.empty(n_times), onp.empty(n_times)
+    slope_x, slope_y, slope_s = onp.empty(n_times), onp.empty(n_times), onp.empty(n_times)
+    for t in range(len(records)):
+        factor = 16.0 * lam * weight * areas[t]
+        for i in range(n_times):
+            area, e, m = records[t, i, 9], records[t, i, 10], records[t, i, 11]
+            x[i], y[i], s[i] = 0.0, 1.0, 0.0
+            if area > 0.0:
+                x[i], y[i], s[i] = m / e, area / e, math.sqrt(area)
+            slope_x[i] = slope_y[i] = slope_s[i] = 0.0
+        for i in range(n_times - 1):
+            j = i + 1
+            dx, dy, ds = x[i] - x[j], y[i] - y[j], s[i] - s[j]
+            yy = y[i] * y[j]
+            m = 0.5 * (dx * dx + dy * dy) / yy
+            half, rate = _half_angle(m, kappa)
+            total += factor * (ds * ds + 4.0 * s[i] * s[j] * half)
+            slope_s[i] += factor * (2.0 * ds + 4.0 * s[j] * half)
+            slope_s[j] += factor * (-2.0 * ds + 4.0 * s[i] * half)
+            rate *= factor * 4.0 * s[i] * s[j]
+            slope_x[i] += rate * dx / yy
+            slope_x[j] -= rate * dx / yy
+            slope_y[i] += rate * (dy / yy - m / y[i])
+            slope_y[j] -= rate * (dy / yy + m / y[j])
+        for i in range(n_times):
+            if s[i] > 0.0:
+                e = records[t, i, 10]
+                slopes[t, i, 9] += slope_y[i] / e + 0.5 * slope_s[i] / s[i]
+                slopes[t, i, 10] -= (slope_x[i] * x[i] + slope_y[i] * y[i]) / e
+                slopes[t, i, 11] += slope_x[i] / e
+    return total
+
+
+@compiled
+def _half_plane(records: ndarray, x: ndarray, y: ndarray, s: ndarray) -> None:
+    for t in range(len(records)):
+        area, e, m = records[t, 9], records[t, 10], records[t, 11]
+        x[t], y[t], s[t] = 0.0, 1.0, 0.0
+        if area > 0.0:
+            x[t], y[t], s[t] = m / e, area / e, math.sqrt(area)
+
+
+@compiled
+def _pack(x: ndarray, y: ndarray, s: ndarray, roots: ndarray, lam: float, kept: ndarray) -> float:
+    """Write features; return the squared distance of the point that they stand for."""
+    gap = 0.0
+    for t in range(len(x)):
+        h, radius = math.sqrt(0.5) / y[t], roots[t] * s[t]
+        kept[0, t], kept[1, t], kept[2, t], kept[3, t] = x[t], y[t], h, radius
+        dx, dy = x[t] - kept[0, t], y[t] - kept[1, t]
+        # sin²(½θ) ≤ ¼θ² and ℓ² ≤ 2m bound the angle.
+        angle = min((dx * dx + dy * dy) * h * h / (4.0 * lam), 4.0)
+        gap += (radius - kept[3, t]) ** 2 + radius * kept[3, t] * angle
+        inside = abs(x[t]) < LARGEST and SMALLEST < y[t] < LARGEST and radius < LARGEST
+        if not inside:
+            gap = math.inf
+    return 16.0 * lam * gap
+
+
+LARGEST_LAMBDA = 0.01
+"""Up to this λ the polynomials are exact to rounding errors."""
+
+_DEGREES = {onp.dtype(onp.float32): 7, onp.dtype(onp.float64): 12}
+
+
+def excess_at_pi(lam: float) -> float:
+    """Return m_π, the value of cosh ℓ − 1 where θ = π.
+
+    Parameters
+    ----------
+    lam : float
+        λ > 0, at most `LARGEST_LAMBDA`.
+
+    Returns
+    -------
+    float
+    """
+    return float(2.0 * onp.sinh(onp.pi * onp.sqrt(2.0 * lam)) ** 2)
+
+
+@cache
+def half_angle_polynomial(lam: float, dtype: onp.dtype) -> tuple[float, ...]:
+    """Return the coefficients P of sin²(½θ) = z P(z), z = m/m_π in [0, 1].
+
+    Parameters
+    ----------
+    lam : float
+        λ > 0, at most `LARGEST_LAMBDA`.
+    dtype : dtype
+        float32 or float64: the precision of the coefficients, and for which they are enough.
+
+    Returns
+    -------
+    tuple of float
+        Coefficients, constant term first.
+    """
+    kappa, reach = 0.5 / onp.sqrt(2.0 * lam), excess_at_pi(lam)
+
+    def quotient(z: onp.ndarray) -> onp.ndarray:
+        return onp.sin(kappa * onp.arcsinh(onp.sqrt(0.5 * reach * z))) ** 2 / z
+
+    fit = Chebyshev.interpolate(quotient, _DEGREES[dtype], domain=[0.0, 1.0])
+    powers = fit.convert(kind=Polynomial, domain=[-1.0, 1.0], window=[-1.0, 1.0])
+    return tuple(dtype.type(c) for c in powers.coef)
+
+
+# sin²(a)/a² as a function of a² in [0, π²/4], to 1e-7 and 1e-16.
+_sine = polynomial(
+    (1.0, -0.333333343, 0.0444444194, -0.00317454338, 0.000141023731, -4.23364781e-06)
+    + (8.13311729e-08,),
+    (1.0, -0.3333333333333333, 0.04444444444444425, -0.0031746031746019434)
+    + (0.0001410934744228115, -4.2755598235467655e-06, 9.396833899534907e-08)
+    + (-1.5661323426627297e-09, 2.0469089716147505e-11, -2.1448942470805523e-13)
+    + (1.6907591059828979e-15,),
+)
+# log(1 + f)/f for f in [√½ − 1, √2 − 1], to 1e-7 and 1e-16.
+_logarithm = polynomial(
+    (1.0, -0.49999997, 0.333341926, -0.25001353, 0.199559331, -0.165779904, 0.14977406)
+    + (-0.14269276, 0.0853332356),
+    (1.0, -0.4999999999999992, 0.3333333333332591, -0.25000000000033595, 0.20000000002057028)
+    + (-0.16666666663491556, 0.14285714065188576, -0.1249999999679701, 0.11111122928967049)
+    + (-0.10000012800878164, 0.09090558853866064, -0.08332649680408159, 0.07698139171184266)
+    + (-0.07159308276300465, 0.06616915684158244, -0.060449282600514576, 0.06002360097192043)
+    + (-0.0679349615676611, 0.06249763728523732, -0.027579240684232197),
+)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def half_angle(m: float, half_kappa: float) -> float:
+    """Return sin²(½ min(π, θ)) of θ = κℓ and m = cosh ℓ − 1.
+
+    Parameters
+    ----------
+    m : float
+        At least 0. Where m² is beyond the largest number, the result is NaN.
+    half_kappa : float
+        ½κ.
+
+    Returns
+    -------
+    float
+    """
+    real = type(m)
+    growth = m + onp.sqrt(m * (m + real(2.0)))
+    exponent, scale = split(real(1.0) + growth)
+    fraction = growth * scale + (scale - real(1.0))
+    length = exponent * real(math.log(2.0)) + fraction * _logarithm(fraction)
+    angle = half_kappa * length
+    right = real(0.5 * math.pi)
+    angle = angle if angle < right else right
+    squared = angle * angle
+    return squared * _sine(squared) + real(0.0) * growth
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def bounded_half_angle(m: float, inverse_reach: float, coefficients: tuple[float, ...]) -> float:
+    """Return sin²(½ min(π, θ)) by `half_angle_polynomial`.
+
+    Parameters
+    ----------
+    m : float
+        cosh ℓ − 1.
+    inverse_reach : float
+        1/m_π.
+    coefficients : tuple of float
+        Coefficients of the polynomial.
+
+    Returns
+    -------
+    float
+    """
+    real = type(m)
+    share = m * inverse_reach
+    share = share if share < real(1.0) else real(1.0)
+    return share * evaluate(coefficients, share)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _excess(x1: float, y1: float, h1: float, x2: float, y2: float, h2: float) -> float:
+    """Return m = cosh ℓ − 1, with h = 1/(√2 y)."""
+    x, y = x1 - x2, y1 - y2
+    return (x * x + y * y) * (h1 * h2)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _cone(s1: float, s2: float, half: float) -> float:
+    """Return (s₁ − s₂)² + 4 s₁ s₂ sin²(½θ)."""
+    s, product = s1 - s2, s1 * s2
+    product += product
+    return s * s + (product + product) * half
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _chunk(a: ndarray, b: ndarray, half_kappa: float, first: int, last: int) -> float:
+    x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
+    x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
+    total = type(half_kappa)(0.0)
+    for t in range(last - first):
+        m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
+        total += _cone(s1[t], s2[t], half_angle(m, half_kappa))
+    return total
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _bounded_chunk(
+    a: ndarray,
+    b: ndarray,
+    inverse_reach: float,
+    coefficients: tuple[float, ...],
+    first: int,
+    last: int,
+) -> float:
+    x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
+    x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
+    total = type(inverse_reach)(0.0)
+    for t in range(last - first):
+        m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
+        half = bounded_half_angle(m, inverse_reach, coefficients)
+        total += _cone(s1[t], s2[t], half)
+    return total
+
+
+@compiled
+def _tile(a: ndarray, b: ndarray, half_kappa: float, within: bool, squared: ndarray) -> None:
+    n_values = a.shape[2]
+    for first in range(0, n_values, CHUNK):
+        last = min(first + CHUNK, n_values)
+        for i in range(len(a)):
+            for j in range(i + 1 if within else 0, len(b)):
+                squared[i, j] += _chunk(a[i], b[j], half_kappa, first, last)
+
+
+@compiled
+def _bounded_tile(
+    a: ndarray,
+    b: ndarray,
+    inverse_reach: float,
+    coefficients: tuple[float, ...],
+    within: bool,
+    squared: ndarray,
+) -> None:
+    n_values = a.shape[2]
+    for first in range(0, n_values, CHUNK):
+        last = min(first + CHUNK, n_values)
+        for i in range(len(a)):
+            for j in range(i + 1 if within else 0, len(b)):
+                squared[i, j] += _bounded_chunk(
+                    a[i], b[j], inverse_reach, coefficients, first, last
+                )

@@ -1,0 +1,162 @@
+"""Terms whose fields are compared by their differences, as vectors."""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import SUM, compiled
+from riemhuman.kernels.surface import Derivatives, dot
+from riemhuman.kernels.tiles import CHUNK, LARGEST, in_tiles, of_one_kind, padded, rounding
+from riemhuman.terms.term import Fields, Term
+
+
+class FlatTerm(Term):
+    r"""A term with the L² distance :math:`\int_T \|\varphi(f_1) - \varphi(f_2)\|^2 dx`.
+
+    A subclass defines `field` alone; distances of many pairs run in compiled loops.
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    """
+
+    single = True
+
+    @abstractmethod
+    def field(self, first: Derivatives) -> ndarray:
+        """Return the field φ(f) of surfaces.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces, arrays of shape (..., F) and (..., F, 3).
+
+        Returns
+        -------
+        array, shape (..., F, n)
+        """
+
+    def fields(self, first: Derivatives) -> Fields:
+        return (self.field(first),)
+
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        difference = fields_a[0] - fields_b[0]
+        return dot(difference, difference)
+
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        return dot(changes_a[0], changes_b[0])
+
+    def chart(self, fields: Fields) -> ndarray:
+        return fields[0]
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        # Write the field times √w; return the squared distance to what is written.
+        return pack_vectors(np.ascontiguousarray(fields[0]), np.sqrt(areas), kept)
+
+    def squared_distances(
+        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
+    ) -> ndarray:
+        return flat_distances(a, b, n_threads)
+
+    def underflow(self, areas: ndarray) -> float:
+        return float(self.feature_shape(len(areas))[0])
+
+
+def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple[ndarray, ndarray]:
+    """Return the features of sets of vectors with a weighted sum of squares for squared norm.
+
+    Parameters
+    ----------
+    vectors : array, shape (n, m, k)
+        n sets of m vectors.
+    weights : array, shape (m,)
+        Weights w of the vectors.
+    precision : {"single", "double"}
+        Precision of the features.
+
+    Returns
+    -------
+    features : array, shape (n, (mk)⁺)
+        Components times √w.
+    rounding : array, shape (n,)
+        Bound on the distance to the vectors that the features stand for.
+    """
+    n_values = vectors.shape[1] * vectors.shape[2]
+    features = padded((len(vectors), n_values), precision)
+    roots = np.sqrt(weights)
+    gaps = [
+        pack_vectors(v, roots, kept) for v, kept in zip(of_one_kind(vectors), features, strict=True)
+    ]
+    return features, rounding(np.array(gaps), n_values, precision)
+
+
+@compiled
+def pack_vectors(vectors: ndarray, roots: ndarray, kept: ndarray) -> float:
+    """Write vectors times √w, one after the other; return the squared distance to what is written.
+
+    Parameters
+    ----------
+    vectors : array, shape (m, n)
+        Vectors.
+    roots : array, shape (m,)
+        √w of each.
+    kept : array of float32 or float64, shape at least (mn,)
+        Features.
+
+    Returns
+    -------
+    float
+        Infinite where single precision has no room.
+    """
+    gap = 0.0
+    n = vectors.shape[1]
+    for t in range(len(vectors)):
+        for k in range(n):
+            scaled = roots[t] * vectors[t, k]
+            kept[t * n + k] = scaled
+            gap += (scaled - kept[t * n + k]) ** 2
+            if not abs(scaled) < LARGEST:
+                gap = math.inf
+    return gap
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _chunk(a: ndarray, b: ndarray, first: int, last: int) -> float:
+    u, v = a[first:last], b[first:last]
+    total = a.dtype.type(0.0)
+    for t in range(last - first):
+        difference = u[t] - v[t]
+        total += difference * difference
+    return total
+
+
+@compiled
+def _tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
+    n_values = a.shape[1]
+    for first in range(0, n_values, CHUNK):
+        last = min(first + CHUNK, n_values)
+        for i in range(len(a)):
+            for j in range(i + 1 if within else 0, len(b)):
+                squared[i, j] += _chunk(a[i], b[j], first, last)
+
+
+def flat_distances(a: ndarray, b: ndarray, n_threads: int = 1) -> ndarray:
+    """Return all squared Euclidean distances of vectors, from their differences.
+
+    Parameters
+    ----------
+    a, b : array of float32 or float64, shape (n_a, k⁺) and (n_b, k⁺)
+        Vectors, see `pack_vectors`; one array twice for the distances within one set.
+    n_threads : int
+        Number of threads.
+
+    Returns
+    -------
+    array, shape (n_a, n_b)
+    """
+    return in_tiles(_tile, a, b, (), n_threads)

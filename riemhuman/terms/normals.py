@@ -1,0 +1,288 @@
+"""The term of normal fields: angles between normals, squared (equation 3 of the paper)."""
+
+from __future__ import annotations
+
+import math
+
+import autograd.numpy as np
+import numpy as onp
+from autograd.extend import defvjp, primitive
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import FUSED, SUM, compiled, polynomial
+from riemhuman.kernels.scalars import square_root
+from riemhuman.kernels.surface import Derivatives, dot
+from riemhuman.kernels.tiles import CHUNK, in_tiles
+from riemhuman.terms.term import Fields, Term
+
+
+class NormalTerm(Term):
+    r"""w ∫ d_{S²}(n₁, n₂)² dx, the pull-back of a product of spheres by unit normals (Theorem 2).
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    """
+
+    needs_area = True
+    single = True
+
+    def fields(self, first: Derivatives) -> Fields:
+        """Return the unit normals.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces whose triangles have an area.
+
+        Returns
+        -------
+        n : array, shape (..., F, 3)
+        """
+        return (first.area_vectors / first.areas[..., None],)
+
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        """Return θ² of the angles θ between normals.
+
+        Parameters
+        ----------
+        fields_a, fields_b : tuple of array, shape (..., F, 3)
+            Unit normals.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+        difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
+        return squared_arc(dot(difference, difference), dot(total, total))
+
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        """Return ⟨δn, δn'⟩.
+
+        Parameters
+        ----------
+        changes_a, changes_b : tuple of array, shape (..., F, 3)
+            Changes of the normals, tangent to the sphere.
+        fields : tuple of array
+            Not used: the inner product is the same at all normals.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+        return dot(changes_a[0], changes_b[0])
+
+    def form(self, first: Derivatives) -> ndarray:
+        """Return |δn|² = (n·∂₁h)² + (n·∂₂h)².
+
+        Parameters
+        ----------
+        first : Derivatives
+            Not used: the form is constant.
+
+        Returns
+        -------
+        array, shape (6, 6)
+        """
+        return np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
+
+    def chart(self, fields: Fields) -> ndarray:
+        """Return the normals themselves: a chord is at most its arc.
+
+        Parameters
+        ----------
+        fields : tuple of array
+            Unit normals.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+        return fields[0]
+
+    def fields_of_records(self, records: ndarray) -> Fields:
+        return (records[:, 6:9],)
+
+    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
+        return (3, n_faces)
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        # Write components; return the squared distance to what is written.
+        return _pack(fields[0], areas, kept)
+
+    def squared_distances(
+        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
+    ) -> ndarray:
+        largest = areas.max()
+        relative = np.zeros(a.shape[2], dtype=a.dtype)
+        relative[: len(areas)] = areas / largest
+        squared = in_tiles(_tile, a, b, (relative,), n_threads)
+        squared *= largest
+        return squared
+
+    def underflow(self, areas: ndarray) -> float:
+        return float(areas.max() * len(areas))
+
+    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+        return _segments(records, slopes, areas, self.weight)
+
+
+@primitive
+def squared_arc(p: ndarray, q: ndarray) -> ndarray:
+    """Return θ² = (2 atan2(√p, √q))² from p = ‖n₁ − n₂‖² and q = ‖n₁ + n₂‖².
+
+    No digits are lost near 0 and π, as they are with the arc cosine of n₁·n₂. At antipodal
+    points, where θ² has no derivative, the subgradient 0 in q is taken.
+
+    Parameters
+    ----------
+    p, q : array, shape (...)
+        Squared lengths of the difference and the sum of unit vectors.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return 4.0 * np.arctan2(np.sqrt(p), np.sqrt(q)) ** 2
+
+
+def _slope_in_p(p: ndarray, q: ndarray) -> ndarray:
+    a, b = square_root(p), square_root(q)
+    coincident = a == 0
+    half_over_a = np.arctan2(a, b) / np.where(coincident, 1.0, a)
+    return np.where(coincident, 4.0 / (p + q), 4.0 * half_over_a * b / (p + q))
+
+
+def _slope_in_q(p: ndarray, q: ndarray) -> ndarray:
+    a, b = square_root(p), square_root(q)
+    antipodal = b == 0
+    slope = -4.0 * np.arctan2(a, b) * a / (np.where(antipodal, 1.0, b) * (p + q))
+    return np.where(antipodal, 0.0, slope)
+
+
+defvjp(
+    squared_arc,
+    lambda answer, p, q: lambda upstream: upstream * _slope_in_p(p, q),
+    lambda answer, p, q: lambda upstream: upstream * _slope_in_q(p, q),
+)
+
+
+@compiled(inline="always")
+def _squared_arc(p: float, q: float) -> tuple[float, float]:
+    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n, m with p = ‖n − m‖² and q = ‖n + m‖²."""
+    if p < 0.04:
+        # 2 Σ pᵏ/(k² binom(2k, k)); the next term is below rounding error.
+        value = p * (
+            1 + p * (1 / 12 + p * (1 / 90 + p * (1 / 560 + p * (1 / 3150 + p * (1 / 16632)))))
+        )
+        slope = 1 + p * (
+            1 / 6 + p * (1 / 30 + p * (1 / 140 + p * (1 / 630 + p * (6 / 16632 + p / 12012))))
+        )
+        return value, slope
+    a, b = math.sqrt(p), math.sqrt(q)
+    theta = 2.0 * math.atan2(a, b)
+    # Cut off where the derivative no longer exists, at antipodal vectors.
+    return theta * theta, (2.0 * theta / (a * b) if b > 0.0 else 0.0)
+
+
+@compiled
+def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
+    total = 0.0
+    for t in range(len(records)):
+        for i in range(records.shape[1]):
+            if records[t, i, 9] == 0.0:
+                return math.inf
+        for i in range(records.shape[1] - 1):
+            before, after = records[t, i], records[t, i + 1]
+            chord = opposite = 0.0
+            for k in range(6, 9):
+                chord += (before[k] - after[k]) ** 2
+                opposite += (before[k] + after[k]) ** 2
+            value, rate = _squared_arc(chord, opposite)
+            total += weight * areas[t] * value
+            rate *= 2.0 * weight * areas[t]
+            for k in range(6, 9):
+                if chord <= opposite:
+                    step = rate * (after[k] - before[k])
+                    slopes[t, i, k] -= step
+                    slopes[t, i + 1, k] += step
+                else:
+                    # The same but for multiples of the normals, which have no effect: near
+                    # antipodal normals the difference is hardly anything else.
+                    step = rate * (after[k] + before[k])
+                    slopes[t, i, k] -= step
+                    slopes[t, i + 1, k] -= step
+    return total
+
+
+@compiled
+def _pack(normals: ndarray, areas: ndarray, kept: ndarray) -> float:
+    gap = 0.0
+    for t in range(len(normals)):
+        chord = 0.0
+        for k in range(3):
+            kept[k, t] = normals[t, k]
+            chord += (normals[t, k] - kept[k, t]) ** 2
+        # An angle of at most π/2 changes by at most √2 times the change of its chord.
+        gap += 2.0 * areas[t] * chord
+    return gap
+
+
+# θ²/p for p in [0, 2]; the largest relative errors are 1e-8 and 1e-16.
+_arc = polynomial(
+    (1.0, 0.0833329484, 0.0111162076, 0.00176024658, 0.000380191312, -2.4703817e-05)
+    + (7.68320388e-05, -2.45728515e-05, 5.56007217e-06),
+    (1.0, 0.0833333333333205, 0.011111111111878005, 0.0017857142675714339)
+    + (0.00031746054353039055, 6.012334749789467e-05, 1.190145497780534e-05)
+    + (2.3980475012020936e-06, 5.842167643945109e-07, -3.5749647809176705e-08)
+    + (2.2820448805102648e-07, -2.1628319740394816e-07, 1.8342623990398518e-07)
+    + (-1.1331536542028546e-07, 5.278573124328368e-08, -1.7707505291974977e-08)
+    + (4.091256168225173e-09, -5.823618089617082e-10, 3.9471653680487684e-11),
+)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def squared_angle(x1: float, y1: float, z1: float, x2: float, y2: float, z2: float) -> float:
+    """Return the squared angle between two unit vectors, without branches.
+
+    With p the shorter squared chord, n₁ to n₂ or n₁ to −n₂, θ² = p Q(p) or (π − √(p Q(p)))².
+
+    Parameters
+    ----------
+    x1, y1, z1, x2, y2, z2 : float
+        Components, all in one precision.
+
+    Returns
+    -------
+    float
+    """
+    real = type(x1)
+    acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
+    sign = real(1.0) if acute else real(-1.0)
+    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
+    chord = x * x + y * y + z * z
+    squared = chord * _arc(chord)
+    obtuse = real(math.pi) - onp.sqrt(squared)
+    return squared if acute else obtuse * obtuse
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _chunk(a: ndarray, b: ndarray, weights: ndarray, first: int, last: int) -> float:
+    x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
+    x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
+    w = weights[first:last]
+    total = weights.dtype.type(0.0)
+    for t in range(last - first):
+        total += w[t] * squared_angle(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+    return total
+
+
+@compiled
+def _tile(a: ndarray, b: ndarray, weights: ndarray, within: bool, squared: ndarray) -> None:
+    n_values = a.shape[2]
+    for first in range(0, n_values, CHUNK):
+        last = min(first + CHUNK, n_values)
+        for i in range(len(a)):
+            for j in range(i + 1 if within else 0, len(b)):
+                squared[i, j] += _chunk(a[i], b[j], weights, first, last)

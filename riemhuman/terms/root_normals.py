@@ -1,0 +1,82 @@
+"""The term of square root normal fields, which the paper compares with (section 5.2)."""
+
+from __future__ import annotations
+
+import math
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.surface import Derivatives
+from riemhuman.terms.flat import FlatTerm
+from riemhuman.terms.term import Fields
+
+
+class RootNormalTerm(FlatTerm):
+    r"""w ∫ |q₁ − q₂|² of the square root normal fields :math:`q = \sqrt{A}\, n`.
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    """
+
+    area_power = 1.0
+
+    def field(self, first: Derivatives) -> ndarray:
+        """Return q; q and its gradient are 0 on a degenerate triangle (section 5.2 of the paper).
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces.
+
+        Returns
+        -------
+        array, shape (..., F, 3)
+        """
+        roots = first.area_vectors / np.sqrt(first.areas)[..., None]
+        return np.where(first.degenerate[..., None], 0.0, roots)
+
+    def form(self, first: Derivatives) -> ndarray:
+        """Return |δq|²/A of δq = √A (½ (ε₁₁ + ε₂₂) n + δn).
+
+        Parameters
+        ----------
+        first : Derivatives
+            Not used: the form is constant.
+
+        Returns
+        -------
+        array, shape (6, 6)
+        """
+        swelling = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.0])
+        return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
+
+    def fields_of_records(self, records: ndarray) -> Fields:
+        return (np.sqrt(records[:, 9:10]) * records[:, 6:9],)
+
+    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+        return _segments(records, slopes, areas, self.weight)
+
+
+@compiled
+def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
+    total = 0.0
+    for t in range(len(records)):
+        factor = weight * areas[t]
+        for i in range(records.shape[1] - 1):
+            before, after = records[t, i], records[t, i + 1]
+            s1, s2 = math.sqrt(before[9]), math.sqrt(after[9])
+            for k in range(6, 9):
+                step = s1 * before[k] - s2 * after[k]
+                total += factor * step * step
+                step *= 2.0 * factor
+                slopes[t, i, k] += step * s1
+                slopes[t, i + 1, k] -= step * s2
+                if s1 > 0.0:
+                    slopes[t, i, 9] += 0.5 * step * before[k] / s1
+                if s2 > 0.0:
+                    slopes[t, i + 1, 9] -= 0.5 * step * after[k] / s2
+    return total

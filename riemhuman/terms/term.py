@@ -1,0 +1,313 @@
+r"""What a term of a metric on surfaces is: fields of first derivatives, with a metric.
+
+A metric of surfaces over a template T is a sum of terms
+
+.. math:: d(f_1, f_2)^2 = \sum_k w_k \int_T d_k(\varphi_k(f_1), \varphi_k(f_2))^2\, dx ,
+
+each the pull-back, by fields φ_k(f) that depend on first derivatives triangle by triangle, of a
+metric on the values of those fields.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import partial
+
+import autograd.numpy as np
+from autograd import value_and_grad
+from numpy import ndarray
+
+from riemhuman.checks import metric_weight
+from riemhuman.kernels.linear import differential
+from riemhuman.kernels.surface import Derivatives, follow_up
+from riemhuman.kernels.triangles import LENGTH
+
+Fields = tuple[ndarray, ...]
+
+# Surfaces of the second set that a distance by definition looks at together.
+_BLOCK = 16
+
+
+class Term(ABC):
+    """One term of a metric on surfaces.
+
+    A subclass defines `fields`, `squared_dist` and `inner_product` with `autograd.numpy`, triangle
+    by triangle, and all else follows: distances, energies and their gradients, matrices, bulk work.
+    The other methods are compiled forms of these three; a subclass that overrides one gains speed.
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+
+    Attributes
+    ----------
+    sees_rotations : bool
+        Whether the term changes when one of two surfaces is rotated. No term sees translations.
+    needs_area : bool
+        Whether the fields exist only on triangles that have an area.
+    single : bool
+        Whether features may be kept in single precision.
+    area_power : float
+        Power of the area ratio A that `form` is multiplied by.
+    """
+
+    sees_rotations = True
+    needs_area = False
+    single = False
+    area_power = 0.0
+
+    def __init__(self, weight: float = 1.0) -> None:
+        self.weight = metric_weight(weight, "weight", strict=True)
+
+    @abstractmethod
+    def fields(self, first: Derivatives) -> Fields:
+        """Return the fields of surfaces.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces, arrays of shape (..., F) and (..., F, 3).
+
+        Returns
+        -------
+        tuple of array, each of shape (..., F) or (..., F, n)
+        """
+
+    @abstractmethod
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        """Return the squared distances of fields, triangle by triangle, without the weight.
+
+        Parameters
+        ----------
+        fields_a, fields_b : tuple of array
+            Fields of surfaces.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+
+    @abstractmethod
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        """Return the inner products of changes of the fields, triangle by triangle.
+
+        Parameters
+        ----------
+        changes_a, changes_b : tuple of array
+            Derivatives of the fields along deformations.
+        fields : tuple of array
+            Fields of the surfaces.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+
+    def changes(self, first: Derivatives, h_u: ndarray, h_v: ndarray) -> Fields:
+        """Return the derivatives of the fields along deformations.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces.
+        h_u, h_v : array, shape (..., F, 3)
+            Partial derivatives of deformations.
+
+        Returns
+        -------
+        tuple of array
+        """
+        shape = np.broadcast_shapes(np.shape(first.f_u), np.shape(h_u))
+        both = np.stack([first.f_u + np.zeros(shape), first.f_v + np.zeros(shape)])
+        along = np.stack([h_u + np.zeros(shape), h_v + np.zeros(shape)])
+
+        def field(k: int, derivatives: ndarray) -> ndarray:
+            return self.fields(follow_up(derivatives[0], derivatives[1]))[k]
+
+        count = len(self.fields(first))
+        return tuple(differential(partial(field, k), along, both) for k in range(count))
+
+    def form(self, first: Derivatives) -> ndarray:
+        """Return the metric as quadratic forms of `surface.frame_components` of deformations.
+
+        A term that treats all directions alike has one constant form, times A to `area_power`.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces whose triangles have an area.
+
+        Returns
+        -------
+        array, shape (..., F, 6, 6) or (6, 6)
+        """
+        p = np.sqrt(first.e)[..., None]
+        q, r = first.m[..., None] / p, first.areas[..., None] / p
+        e1 = first.f_u / p
+        e2 = (first.f_v - q * e1) / r
+        axes = (e1, e2, first.area_vectors / first.areas[..., None])
+        fields = self.fields(first)
+        # Along e_j ⊗ dx_d: h_u = p ∂₁h, h_v = q ∂₁h + r ∂₂h.
+        changes = [
+            self.changes(first, (p if d == 0 else 0.0) * axis, (q if d == 0 else r) * axis)
+            for axis in axes
+            for d in range(2)
+        ]
+        rows = [
+            np.stack([self.inner_product(one, other, fields) for other in changes], axis=-1)
+            for one in changes
+        ]
+        return np.stack(rows, axis=-2)
+
+    def chart(self, fields: Fields) -> ndarray | None:
+        """Return coordinates whose Euclidean distances are at most those of the fields.
+
+        They find nearest neighbours without computing all distances. By default there are none.
+
+        Parameters
+        ----------
+        fields : tuple of array
+            Fields of surfaces.
+
+        Returns
+        -------
+        array, shape (..., F, n), or None
+        """
+        return None
+
+    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+        """Return the sum of w d² over the segments of a path, and add its slopes.
+
+        Parameters
+        ----------
+        records : array, shape (n, n_times, 12)
+            Records of triangles, see `riemhuman.kernels.triangles`.
+        slopes : array, shape (n, n_times, 12)
+            Added to: slopes by the numbers of the records.
+        areas : array, shape (n,)
+            Template areas of the triangles.
+
+        Returns
+        -------
+        float
+            Infinite where the fields do not exist.
+        """
+        if self.needs_area and not records[..., 9].all():
+            return np.inf
+
+        def energy(both: ndarray) -> float:
+            fields = self.fields(follow_up(both[..., :3], both[..., 3:]))
+            before, after = (
+                tuple(field[:, part] for field in fields) for part in (slice(-1), slice(1, None))
+            )
+            return self.weight * np.sum(areas[:, None] * self.squared_dist(before, after))
+
+        value, gradient = value_and_grad(energy)(records[..., :6])
+        slopes[..., :6] += gradient
+        return value
+
+    def fields_of_records(self, records: ndarray) -> Fields:
+        """Return the fields of one surface.
+
+        Parameters
+        ----------
+        records : array, shape (F, 12)
+            Records of its triangles.
+
+        Returns
+        -------
+        tuple of array, each of shape (F,) or (F, n)
+        """
+        return self.fields(follow_up(records[:, :3], records[:, 3:6]))
+
+    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
+        """Return the shape of the features of one surface.
+
+        Parameters
+        ----------
+        n_faces : int
+            Number F of triangles.
+
+        Returns
+        -------
+        tuple of int
+        """
+        return (n_faces * sum(self._field_sizes()),)
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        """Write features; return the squared distance, at most, to what they stand for.
+
+        Parameters
+        ----------
+        fields : tuple of array, each of shape (F,) or (F, n)
+            Fields of one surface.
+        areas : array, shape (F,)
+            Template areas.
+        kept : array of float32 or float64
+            Features, of the shape that `feature_shape` says; rows may be longer.
+
+        Returns
+        -------
+        float
+        """
+        flat = np.concatenate([np.ravel(field) for field in fields])
+        kept[: len(flat)] = flat
+        return 0.0
+
+    def squared_distances(
+        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
+    ) -> ndarray:
+        """Return all squared distances between two sets of surfaces, without the weight.
+
+        Parameters
+        ----------
+        a, b : array
+            Features of n_a and of n_b surfaces; one array twice for those within one set.
+        areas : array, shape (F,)
+            Template areas.
+        n_threads : int
+            Number of threads.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+        squared = np.empty((len(a), len(b)))
+        for first in range(0, len(b), _BLOCK):
+            columns = slice(first, first + _BLOCK)
+            others = self._unpack(b[columns], len(areas))
+            for i in range(len(a)):
+                one = self._unpack(a[i], len(areas))
+                squared[i, columns] = self.squared_dist(one, others) @ areas
+        return squared
+
+    def underflow(self, areas: ndarray) -> float:
+        """Return how many values, with their weights, may underflow in a distance.
+
+        Parameters
+        ----------
+        areas : array, shape (F,)
+            Template areas.
+
+        Returns
+        -------
+        float
+        """
+        return float(len(areas))
+
+    def _field_shapes(self) -> list[tuple[int, ...]]:
+        """Return the shapes of the values of the fields, from those of one triangle."""
+        fields = self.fields_of_records(np.eye(1, LENGTH) + np.eye(1, LENGTH, 4))
+        return [np.shape(field)[1:] for field in fields]
+
+    def _field_sizes(self) -> list[int]:
+        return [int(np.prod(shape)) for shape in self._field_shapes()]
+
+    def _unpack(self, features: ndarray, n_faces: int) -> Fields:
+        fields, start = [], 0
+        for shape, size in zip(self._field_shapes(), self._field_sizes(), strict=True):
+            flat = features[..., start : start + n_faces * size]
+            fields.append(flat.reshape(*features.shape[:-1], n_faces, *shape))
+            start += n_faces * size
+        return tuple(fields)

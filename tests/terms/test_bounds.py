@@ -1,0 +1,100 @@
+"""Compiled loops stay inside their arrays: Python, which checks every index, runs them as well.
+
+Compiled code reads and writes beyond the ends of arrays without a word.
+"""
+
+import numpy as np
+import pytest
+from cases import open_template, surfaces
+
+from riemhuman.kernels import triangles, turns
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, ebin, flat, normals, root_normals
+from riemhuman.terms import sum as driver
+
+TEMPLATE = open_template()
+FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
+TERMS = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7)]
+MODULES = (triangles, ebin, flat, normals, root_normals)
+
+
+@pytest.fixture
+def by_python(monkeypatch):
+    """Return a function that has Python run the loops of modules from then on."""
+
+    def interpret(modules):
+        for module in modules:
+            for name, function in list(vars(module).items()):
+                if hasattr(function, "py_func"):
+                    monkeypatch.setattr(module, name, function.py_func)
+
+    return interpret
+
+
+def check(modules, by_python, calls):
+    expected = [call() for call in calls]
+    by_python(modules)
+    for call, arrays in zip(calls, expected, strict=True):
+        for found, array in zip(call(), arrays, strict=True):
+            scale = np.abs(array).max()
+            np.testing.assert_allclose(found, array, rtol=1e-6, atol=1e-11 * scale)
+
+
+def collapsed(points):
+    """Return surfaces, a triangle of one of them without area."""
+    points = points.copy()
+    points[1, FACES[5]] = points[1, FACES[5, 0]]
+    return points
+
+
+def test_path_energy(by_python):
+    path = surfaces(TEMPLATE, 3, rng=1)
+    path[2] = path[1] + 1e-3 * path[0]
+    calls = [
+        lambda: driver.path_energy(TERMS, TEMPLATE, path),
+        lambda: driver.path_energy(TERMS[::2], TEMPLATE, collapsed(path)),
+    ]
+    check(MODULES, by_python, calls)
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_features(by_python, precision):
+    points = collapsed(surfaces(TEMPLATE, 2, rng=2))
+    calls = [
+        lambda: driver.surface_features(TERMS, TEMPLATE, points, precision, lambda degenerate: None)
+    ]
+    check(MODULES, by_python, calls)
+
+
+def test_loops_over_single_surfaces(by_python):
+    start, end = surfaces(TEMPLATE, 2, rng=4, size=0.8)
+    times = np.array([0.0, 0.3, 1.0])
+    vectors = turns.triangle_turns(start, end, FACES, FRAMES)
+
+    def blocks():
+        added = np.zeros((len(FACES), 9, 9))
+        driver.add_blocks(TERMS, TEMPLATE, start, added)
+        return [added]
+
+    calls = [
+        lambda: turns.triangle_turns(start, end, FACES, FRAMES),
+        lambda: turns.turned_sources(start, end, vectors, times, FACES, FRAMES, AREAS),
+        blocks,
+    ]
+    check((triangles, turns), by_python, calls)
+
+
+def test_trees_of_turns(by_python):
+    rng = np.random.default_rng(5)
+    quaternions = rng.standard_normal((6, 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    vectors = rng.standard_normal((6, 3))
+    # A ring of five, and one alone.
+    ends = np.array([0, 2, 4, 6, 8, 10, 10])
+    neighbours = np.array([1, 4, 0, 2, 1, 3, 2, 4, 3, 0])
+
+    def unwrapped():
+        found = 3.0 * vectors
+        turns.unwrap_turns(found, quaternions, np.arange(6), ends, neighbours)
+        return [found]
+
+    check((turns,), by_python, [unwrapped])

@@ -1,0 +1,91 @@
+"""Quadratic forms of single triangles, against the definitions of terms."""
+
+import numpy as np
+import pytest
+from cases import deformations, open_template, sphere_template, surface_cases, surfaces
+from oracles import elastic_blocks
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.kernels import surface, triangles
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, Term
+from riemhuman.terms import sum as driver
+
+TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
+each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
+WEIGHTS = [
+    {"a": 1.0, "lam": 1e-4},
+    {"a": 0.5, "lam": 2.0, "c": 0.3},
+    {"c": 2.0},
+    {"b": 1.5},
+    {"a": 0.7, "lam": 0.3, "b": 0.4},
+]
+
+
+def terms_of(a=0.0, lam=0.0, c=0.0, b=0.0):
+    terms = [EbinTerm(a, lam)] if a else []
+    terms += [NormalTerm(c)] if c else []
+    return terms + ([RootNormalTerm(b)] if b else [])
+
+
+@pytest.fixture(params=[False, True], ids=["alone", "threaded"])
+def threaded(request, monkeypatch):
+    monkeypatch.setattr(triangles, "_WORTH_THREADS", 0 if request.param else np.inf)
+
+
+@each_template
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_blocks_are_added_up(template, weights, threaded):
+    blocks = np.zeros((template.n_faces, 9, 9))
+    expected = 0.0
+    for f in surfaces(template, 2, rng=3):
+        driver.add_blocks(terms_of(**weights), template, f, blocks)
+        expected = expected + elastic_blocks(f, template.faces, template.face_areas, **weights)
+    np.testing.assert_allclose(blocks, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(blocks, np.swapaxes(blocks, 1, 2), rtol=1e-12, atol=1e-14)
+
+
+@each_template
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_forms_are_the_inner_products_of_the_fields(template, weights):
+    """What every term says of itself is what follows from its fields by automatic derivatives."""
+    f = surfaces(template, 1, rng=5)[0]
+    h, k = deformations(template, 2, rng=6)
+    first = surface.derivatives(f, template.differential_operator)
+    along = [surface.partial_derivatives(v, template.differential_operator) for v in (h, k)]
+    components = [surface.frame_components(first, *v) for v in along]
+    for term in terms_of(**weights):
+        by_form = np.einsum("ti,...ij,tj->t", components[0], term.form(first), components[1])
+        by_form = by_form * first.areas**term.area_power
+        changes = [term.changes(first, *v) for v in along]
+        by_fields = term.inner_product(*changes, term.fields(first))
+        size = np.abs(by_fields).max()
+        np.testing.assert_allclose(by_form, by_fields, rtol=0, atol=1e-11 * size)
+        # And so is the form that follows where a term says none.
+        general = first.areas[:, None, None] ** term.area_power * term.form(first)
+        np.testing.assert_allclose(
+            Term.form(term, first), general, rtol=0, atol=1e-11 * np.abs(general).max()
+        )
+
+
+@each_template
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_distances_of_near_surfaces_are_norms(template, weights):
+    """⟨h, h⟩ = lim d²(f, f + εh)/ε²: the metric and the distance of a term belong together."""
+    f, h = surfaces(template, 1, rng=7)[0], deformations(template, 1, rng=8)[0]
+    for term in terms_of(**weights):
+        metric = SurfaceMetric(AlignedSurfaces(template), [term])
+        step = 1e-4
+        both_ways = metric.squared_dist(f, f + step * h) + metric.squared_dist(f, f - step * h)
+        expected = metric.squared_norm(h, f)
+        np.testing.assert_allclose(both_ways / (2 * step**2), expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "case", [case for case in surface_cases() if case.name != "edges"], ids=lambda case: case.name
+)
+def test_matrices_agree_with_the_squared_norm(case):
+    template = case.space.template
+    f, h = surfaces(template, 1, rng=4)[0], deformations(template, 1, rng=5)[0]
+    found = h.ravel() @ (case.metric.metric_matrix(f) @ h.ravel())
+    np.testing.assert_allclose(found, case.metric.squared_norm(h, f), rtol=1e-10)
