@@ -315,27 +315,8 @@ class Dataset(Protocol):
 
 
 @runtime_checkable
-class SurfaceSpace(Protocol):
-    """A space of surfaces over a template; `riemhuman.AlignedSurfaces` is one."""
-
-    @property
-    def template(self) -> Template:
-        """The template."""
-
-    def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
-        """Return surfaces as arrays, refusing those with triangles without area.
-
-        Parameters
-        ----------
-        f : array_like, shape (..., V, 3)
-            Surfaces.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
-        """
+class SpaceWithFields(Protocol):
+    """A space whose points have normals and first fundamental forms, triangle by triangle."""
 
     def normal_field(self, f: ndarray) -> ndarray:
         """Return unit normals.
@@ -361,6 +342,30 @@ class SurfaceSpace(Protocol):
         Returns
         -------
         array, shape (..., F, 2, 2)
+        """
+
+
+@runtime_checkable
+class SurfaceSpace(SpaceWithFields, Protocol):
+    """A space of surfaces over a template; `riemhuman.AlignedSurfaces` is one."""
+
+    @property
+    def template(self) -> Template:
+        """The template."""
+
+    def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
+        """Return surfaces as arrays, refusing those with triangles without area.
+
+        Parameters
+        ----------
+        f : array_like, shape (..., V, 3)
+            Surfaces.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
         """
 
 

@@ -23,7 +23,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import Basis, SurfaceSpace
+from riemhuman.protocols import Basis, SpaceWithFields, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.root_finding import find_root
 from riemhuman.solvers.spatial_factors import spatial_factor
@@ -249,7 +249,7 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
         except RiemhumanError as error:
             return str(error)
         return "the next point leaves the manifold"
-    if not isinstance(space, SurfaceSpace):
+    if not isinstance(space, SpaceWithFields):
         return ""
     cosines = np.sum(space.normal_field(before) * space.normal_field(after), axis=1)
     worst = int(np.argmin(cosines))
@@ -273,7 +273,7 @@ def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
     str
     """
     space = metric.space
-    if not isinstance(space, SurfaceSpace):
+    if not isinstance(space, SpaceWithFields):
         return ""
     before, after = (np.linalg.det(space.metric_field(point)) for point in (before, after))
     shares = np.sqrt(np.maximum(after, 0.0) / before)
