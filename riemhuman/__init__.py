@@ -53,6 +53,7 @@ _ROOMS = (
     "datasets",
     "descriptors",
     "errors",
+    "extensions",
     "geometry",
     "jobs",
     "kernels",
