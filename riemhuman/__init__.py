@@ -53,7 +53,6 @@ _ROOMS = (
     "datasets",
     "descriptors",
     "errors",
-    "extensions",
     "geometry",
     "jobs",
     "kernels",

@@ -183,7 +183,7 @@ class BasisPath:
     ) -> Minimum:
         """Return the coefficients α of least energy, shape (n_nodes − 2, K)."""
         start = np.zeros((self.n_nodes - 2, len(self.basis)))
-        floor = path_floor(metric, self.energy, line[0], line[-1], self.n_nodes)
+        floor = path_floor(metric, self.energy, line)
 
         def energy(coefficients: ndarray) -> tuple[float, ndarray]:
             if coefficients.any():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,13 +14,16 @@ from scipy.interpolate import make_interp_spline
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PathEnergy
+from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.protocols import GeodesicSolver, PathEnergy, SurfaceSpace
 from riemhuman.solvers.energies import SegmentEnergy
-from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
+from riemhuman.solvers.minimization import Minimum
+from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.preconditioner import PathPreconditioner
+from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
 from riemhuman.solvers.results import PathResult, warn_unless_converged
+from riemhuman.solvers.rounding import path_floor
 from riemhuman.solvers.simple_paths import (
-    LinearPath,
     check_end_points,
     check_initial_path,
     known_path,
@@ -31,14 +34,10 @@ from riemhuman.solvers.spatial_factors import spatial_factor
 # Coarse levels only have to find the valley; the last one goes to its floor.
 _COARSE_TOLERANCE = 1e-4
 
-# Points of the path over which the metric's matrix is averaged.
-_N_NODES = 3
 
-# Relative rounding errors within which end points are the same.
-_ROUNDING = 1e-13
-
-# Height, in units of the first energy, of the wall around the manifold in the line search.
-_WALL = 2.0
+# Weight of the Dirichlet energy in the preconditioner of surfaces: fewest iterations on the open
+# bodies, under metrics with and without a and c; a third or three times as much costs some more.
+_STIFFNESS = 0.2
 
 
 @dataclass(frozen=True)
@@ -46,8 +45,10 @@ class PathStraightening:
     """Paths of least energy in all coordinates of all interior points, on any manifold.
 
     Coordinates are those of the arrays; `projection` brings them back to the manifold, and steps
-    that leave it (`belongs`) are refused. The minimisation runs in preconditioned variables, first
-    with few segments, then with all.
+    that leave it (`belongs`) are refused. The minimisation is L-BFGS with the inverse of the
+    metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
+    straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) where
+    that costs less, first with few segments, then with all.
 
     Parameters
     ----------
@@ -55,6 +56,9 @@ class PathStraightening:
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy to minimise.
+    initial : object, optional
+        Solver whose path, with as many nodes, is another start: where it costs less than what the
+        coarse levels lead to, the last level starts from it.
     coarse_segments : tuple of int
         Numbers of segments of the coarse levels, in rising order.
     tolerance : float
@@ -73,8 +77,9 @@ class PathStraightening:
 
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
-    coarse_segments: tuple[int, ...] = (2, 4)
-    tolerance: float = 1e-5
+    initial: GeodesicSolver | None = None
+    coarse_segments: tuple[int, ...] = ()
+    tolerance: float = 1e-4
     max_iter: int = 1000
     remove_drift: bool = True
     callback: Callable[[int, float, ndarray], Any] | None = None
@@ -123,63 +128,70 @@ class PathStraightening:
         """
         start, end = check_end_points(metric, start, end)
         n_segments = self.n_nodes - 1
+        if n_segments == 1:
+            single = linear_path(start, end, 2)
+            return known_path(metric, self.energy, single, "a single segment")
+        levels = [n_segments]
         if initial_path is None:
             levels = [*(n for n in self.coarse_segments if n < n_segments), n_segments]
-            path = linear_path(start, end, levels[0] + 1)
+            path = self._start(metric, start, end, self.n_nodes)
         else:
-            levels = [n_segments]
             path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
-        if n_segments == 1:
-            return known_path(metric, self.energy, path, "a single segment")
-        if self._coincide(metric, start, end):
-            straight = LinearPath(self.n_nodes, self.energy).solve(metric, start, end)
-            return replace(straight, message="the end points are no distance apart")
-        result = _Descent(self, metric, path).run(levels)
+        with single_threaded_libraries():
+            result = _Descent(self, metric, path).run(levels)
         warn_unless_converged(self, result)
         return result
 
-    def _coincide(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> bool:
-        """Tell whether the metric sees no more between the ends than rounding errors of them."""
-        noise = np.random.default_rng(0).uniform(-_ROUNDING, _ROUNDING, start.shape)
-        near = metric.space.projection(start * (1.0 + noise))
-        apart, rounding = (
-            self.energy.value(metric, np.stack([start, other])) for other in (end, near)
-        )
-        return apart <= rounding
+    def _start(
+        self, metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int
+    ) -> ndarray:
+        """Return the start of least energy."""
+        starts = [linear_path(start, end, n_nodes)]
+        is_immersed = np.all(metric.space.belongs(np.stack([start, end])))
+        if isinstance(metric.space, SurfaceSpace) and is_immersed:
+            starts += [path for path, _ in turned_paths(metric, self.energy, start, end, n_nodes)]
+        if self.initial is not None and n_nodes == self.n_nodes:
+            starts.append(self.initial.solve(metric, start, end).path)
+        return _least(metric, self.energy, starts)
 
 
 class _Descent:
-    """Minimises the energy over the interior points, on one level of times after the other."""
+    """Minimises the energy over the interior points, on one level of nodes after the other."""
 
     def __init__(self, solver: PathStraightening, metric: RiemannianMetric, path: ndarray) -> None:
-        self._solver = solver
-        self._metric = metric
-        self._path = path
+        self._solver, self._metric = solver, metric
+        self._whole = self._path = path
         self._n_evaluations = 0
 
     def run(self, levels: list[int]) -> PathResult:
-        """Descend on all levels; the path has the times of the first."""
+        """Descend on all levels; the last may start where it began."""
+        solver, metric = self._solver, self._metric
+        floor = path_floor(metric, solver.energy, self._whole)
+        if _energy(metric, solver.energy, self._whole) <= floor:
+            return known_path(
+                metric, solver.energy, self._whole, "the end points are no distance apart"
+            )
         found: Minimum | None = None
         try:
             for n_segments in levels:
                 found = None
-                self._path = self._better_start(n_segments)
+                self._path = self._better_start(n_segments, is_first=n_segments == levels[0])
                 found = self._descend(is_last=n_segments == levels[-1])
                 if found.interrupted:
                     break
         except KeyboardInterrupt:
             found = None
-        if found is None or len(self._path) < self._solver.n_nodes:
-            self._path = self._better_start(self._solver.n_nodes - 1)
-            value = self._energy(self._path)
+        if found is None or len(self._path) < solver.n_nodes:
+            self._path = self._better_start(solver.n_nodes - 1, is_first=False)
+            value = _energy(metric, solver.energy, self._path)
             values, converged = np.array([value]), False
             message = "interrupted from the keyboard"
         else:
             value, values = found.value, found.values
             converged, message = found.converged, found.message
-        remove_drift = self._metric.remove_drift if self._solver.remove_drift else np.copy
+        remove_drift = metric.remove_drift if solver.remove_drift else np.copy
         return PathResult(
-            remove_drift(self._on_manifold(self._path)),
+            remove_drift(_on_manifold(metric, self._path)),
             value,
             values,
             n_iterations=len(values) - 1,
@@ -188,90 +200,91 @@ class _Descent:
             message=message,
         )
 
+    def _better_start(self, n_segments: int, is_first: bool) -> ndarray:
+        """Return the path so far at other times, or another start of less energy."""
+        solver, metric = self._solver, self._metric
+        if n_segments == len(self._path) - 1:
+            return _on_manifold(metric, self._path)
+        if n_segments == solver.n_nodes - 1:
+            starts = [self._whole]
+        else:
+            starts = [solver._start(metric, self._whole[0], self._whole[-1], n_segments + 1)]
+        if not is_first:
+            starts.append(_refined(self._path, n_segments))
+        return _least(metric, solver.energy, starts)
+
     def _descend(self, is_last: bool) -> Minimum:
         """Minimise from the path, with its times."""
         solver, metric = self._solver, self._metric
-        ends, start = self._path[[0, -1]], self._path[1:-1]
-        if not np.isfinite(self._energy(self._path)):
+        path = self._path
+        if not np.isfinite(_energy(metric, solver.energy, path)):
             raise ArgumentError(
                 "the initial path leaves the manifold or has no finite energy; pass another "
                 "initial_path"
             )
 
         def path_of(interior: ndarray) -> ndarray:
-            return np.concatenate([ends[:1], interior, ends[1:]])
+            moved = path.copy()
+            moved[1:-1] = interior.reshape(path[1:-1].shape)
+            return moved
 
-        def around(interior: ndarray) -> LocalProblem:
-            path = self._on_manifold(path_of(interior))
-            unit = self._energy(path) or 1.0
-            nodes = path[1 : -1 : max(1, len(start) // _N_NODES)]
-            change = PathPreconditioner(spatial_factor(metric, nodes, unit), len(path) - 1)
+        def objective(interior: ndarray) -> tuple[float, ndarray]:
+            self._n_evaluations += 1
+            return self._energy_and_slope(path_of(interior))
 
-            def position(variables: ndarray) -> ndarray:
-                steps = change.coefficients(variables.reshape(len(start), -1))
-                return path[1:-1] + steps.reshape(start.shape)
-
-            def objective(variables: ndarray) -> tuple[float, ndarray]:
-                self._n_evaluations += 1
-                moved = position(variables)
-                value, slope = self._energy_and_slope(path_of(moved))
-                if not np.isfinite(value):
-                    return _WALL, np.zeros_like(variables)
-                return value / unit, change.gradient(slope).ravel() / unit
-
-            return LocalProblem(objective, position, unit)
+        def inverse_hessian_at(interior: ndarray) -> Operator:
+            nodes = _on_manifold(metric, path_of(interior))[1:-1]
+            factor = spatial_factor(metric, nodes, 1.0, stiffness=_STIFFNESS)
+            hessian = PathPreconditioner(factor, len(nodes) + 1)
+            return lambda slope: hessian.inverse(slope.reshape(len(nodes), -1)).ravel()
 
         def report(iteration: int, value: float, interior: ndarray) -> None:
-            self._path = path_of(interior)
             if solver.callback is not None and is_last:
-                solver.callback(iteration, value, self._on_manifold(self._path))
+                solver.callback(iteration, value, _on_manifold(metric, path_of(interior)))
 
-        found = minimize_in_rounds(
-            around,
-            start,
+        found = descend_in_rounds(
+            objective,
+            path[1:-1].ravel(),
+            inverse_hessian_at,
             max_iter=solver.max_iter,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
+            floor=path_floor(metric, solver.energy, path),
             callback=report,
             progress=solver.progress,
-            description=f"{len(self._path) - 1} segments",
+            description=f"{len(path) - 1} segments",
         )
         self._path = path_of(found.x)
         return found
 
     def _energy_and_slope(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the energy and its slope in the coordinates of the interior points."""
-        points = self._on_manifold(path)
-        if not self._belongs(points):
-            return np.inf, np.zeros((len(path) - 2, path[0].size))
+        points = _on_manifold(self._metric, path)
+        if not np.all(self._metric.space.belongs(points[1:-1])):
+            return np.inf, np.zeros(path[1:-1].size)
         value, gradient = self._solver.energy.value_and_gradient(self._metric, points)
         pull_back, _ = make_vjp(self._metric.space.projection, path[1:-1])
-        return value, pull_back(gradient[1:-1]).reshape(len(path) - 2, -1)
+        return value if np.isfinite(value) else np.inf, np.ravel(pull_back(gradient[1:-1]))
 
-    def _better_start(self, n_segments: int) -> ndarray:
-        """Return the path at other times, or the straight one where that has less energy."""
-        if n_segments == len(self._path) - 1:
-            return self._on_manifold(self._path)
-        starts = [
-            self._on_manifold(_refined(self._path, n_segments)),
-            self._on_manifold(linear_path(self._path[0], self._path[-1], n_segments + 1)),
-        ]
-        return min(starts, key=self._energy)
 
-    def _energy(self, path: ndarray) -> float:
-        """Return the energy, infinite where the path leaves the manifold."""
-        if not self._belongs(path):
-            return np.inf
-        value = self._solver.energy.value(self._metric, path)
-        return value if np.isfinite(value) else np.inf
+def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
+    """Return the energy, infinite where the path leaves the manifold."""
+    if not np.all(metric.space.belongs(path[1:-1])):
+        return np.inf
+    value = energy.value(metric, path)
+    return value if np.isfinite(value) else np.inf
 
-    def _on_manifold(self, path: ndarray) -> ndarray:
-        path = path.copy()
-        with np.errstate(divide="ignore", invalid="ignore"):
-            path[1:-1] = self._metric.space.projection(path[1:-1])
-        return path
 
-    def _belongs(self, path: ndarray) -> bool:
-        return bool(np.all(self._metric.space.belongs(path[1:-1])))
+def _on_manifold(metric: RiemannianMetric, path: ndarray) -> ndarray:
+    path = path.copy()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        path[1:-1] = metric.space.projection(path[1:-1])
+    return path
+
+
+def _least(metric: RiemannianMetric, energy: PathEnergy, paths: list[ndarray]) -> ndarray:
+    """Return the path of least energy, the first of several, on the manifold."""
+    paths = [_on_manifold(metric, path) for path in paths]
+    return min(paths, key=lambda path: _energy(metric, energy, path))
 
 
 def _refined(path: ndarray, n_segments: int) -> ndarray:

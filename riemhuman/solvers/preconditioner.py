@@ -59,6 +59,20 @@ class CholeskyFactor:
             self._lower, columns, lower=True, trans="T", check_finite=False
         )
 
+    def inverse(self, columns: ndarray) -> ndarray:
+        """Return A⁻¹ X.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return self.solve_transposed(self.solve(columns))
+
 
 class PathPreconditioner:
     """The change of variables β ↦ α = L_D⁻ᵀ β L_G⁻¹/√(2n) for paths of n segments.
@@ -104,3 +118,17 @@ class PathPreconditioner:
         array, shape (n_segments − 1, K)
         """
         return self._scale * self._time.solve(self._gram.solve(gradient.T).T)
+
+    def inverse(self, gradient: ndarray) -> ndarray:
+        """Return the inverse Hessian's image of the gradient in α.
+
+        Parameters
+        ----------
+        gradient : array, shape (n_segments − 1, K)
+            Derivatives with respect to α.
+
+        Returns
+        -------
+        array, shape (n_segments − 1, K)
+        """
+        return self._scale**2 * self._time.inverse(self._gram.inverse(gradient.T).T)

@@ -42,10 +42,8 @@ def rounding_energy(
     return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
 
 
-def path_floor(
-    metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
-) -> float:
-    r"""Return the energy of a path that stands still but for rounding errors.
+def path_floor(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
+    r"""Return the energy that a path would have if it stood still but for rounding errors.
 
     Parameters
     ----------
@@ -53,14 +51,12 @@ def path_floor(
         The metric.
     energy : PathEnergy
         Energy of paths.
-    start, end : array, shape (\*shape,)
-        Ends of the path.
-    n_nodes : int
-        Number of its points.
+    path : array, shape (n_nodes, \*shape)
+        A path.
 
     Returns
     -------
     float
     """
-    both = [rounding_energy(metric, point, energy) for point in (start, end)]
-    return (n_nodes - 1) ** 2 * max(both)
+    both = [rounding_energy(metric, point, energy) for point in path[[0, -1]]]
+    return (len(path) - 1) ** 2 * max(both)

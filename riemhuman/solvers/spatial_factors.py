@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -11,8 +12,9 @@ from scipy import sparse
 from scipy.sparse.linalg import splu, spsolve_triangular
 
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import MetricWithMatrix
+from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.surfaces.laplacian import cotangent_laplacian
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
 # steps along them must not be endless.
@@ -42,17 +44,37 @@ class SparseCholeskyFactor(CholeskyFactor):
         size = diagonal.mean()
         ridge = _RIDGE * (diagonal + (size if size > 0 else 1.0))
         # Without row exchanges A = LU has U = D Lᵀ: elimination for a symmetric matrix.
-        elimination = splu(
+        self._elimination = splu(
             sparse.csc_array(matrix + sparse.diags_array(ridge)),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
         )
-        roots = np.sqrt(elimination.U.diagonal())
-        self._sparse_lower = sparse.csr_array(elimination.L @ sparse.diags_array(roots))
-        self._sparse_upper = sparse.csr_array(self._sparse_lower.T)
-        self._order = np.argsort(elimination.perm_r)
-        self._place = elimination.perm_r
+        self._order = np.argsort(self._elimination.perm_r)
+        self._place = self._elimination.perm_r
+
+    @cached_property
+    def _lower(self) -> sparse.csr_array:
+        roots = np.sqrt(self._elimination.U.diagonal())
+        return sparse.csr_array(self._elimination.L @ sparse.diags_array(roots))
+
+    @cached_property
+    def _upper(self) -> sparse.csr_array:
+        return sparse.csr_array(self._lower.T)
+
+    def inverse(self, columns: ndarray) -> ndarray:
+        """Return A⁻¹ X, by the elimination itself: much faster than by its triangles.
+
+        Parameters
+        ----------
+        columns : array, shape (K, m)
+            X.
+
+        Returns
+        -------
+        array, shape (K, m)
+        """
+        return self._elimination.solve(columns)
 
     def solve(self, columns: ndarray) -> ndarray:
         """Return L⁻¹ X.
@@ -66,7 +88,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return spsolve_triangular(self._sparse_lower, columns[self._order], lower=True)
+        return spsolve_triangular(self._lower, columns[self._order], lower=True)
 
     def solve_transposed(self, columns: ndarray) -> ndarray:
         """Return L⁻ᵀ X.
@@ -80,7 +102,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return spsolve_triangular(self._sparse_upper, columns, lower=False)[self._place]
+        return spsolve_triangular(self._upper, columns, lower=False)[self._place]
 
 
 class BlockCholeskyFactor(CholeskyFactor):
@@ -133,7 +155,9 @@ class BlockCholeskyFactor(CholeskyFactor):
         return (blocks @ columns.reshape(m, k, *columns.shape[1:])).reshape(columns.shape)
 
 
-def spatial_factor(metric: RiemannianMetric, points: ndarray, scale: float) -> CholeskyFactor:
+def spatial_factor(
+    metric: RiemannianMetric, points: ndarray, scale: float, stiffness: float = 0.0
+) -> CholeskyFactor:
     r"""Return a factor of the metric's matrix M in all coordinates, averaged over points.
 
     Metrics with a method `metric_matrix` give the matrix itself. Of others the block of each entry
@@ -148,13 +172,23 @@ def spatial_factor(metric: RiemannianMetric, points: ndarray, scale: float) -> C
         Points of a path.
     scale : float
         The matrix is divided by it.
+    stiffness : float
+        On surfaces, weight of the Dirichlet energy of deformations beside M, in units of its mean
+        diagonal entry. Where the metric does not see a deformation to first order, as bends if
+        c = 0 and stretches if a = 0, its distances between surfaces further apart do.
 
     Returns
     -------
     CholeskyFactor
     """
     if isinstance(metric, MetricWithMatrix):
-        return SparseCholeskyFactor(metric.metric_matrix(points) / scale)
+        matrix = metric.metric_matrix(points)
+        if stiffness > 0 and isinstance(metric.space, SurfaceSpace):
+            laplacian = cotangent_laplacian(metric.space.template)
+            share = matrix.diagonal().mean() / laplacian.diagonal().mean()
+            dirichlet = sparse.kron(laplacian, sparse.eye_array(3), format="csr")
+            matrix = matrix + stiffness * share * dirichlet
+        return SparseCholeskyFactor(matrix / scale)
     return BlockCholeskyFactor(_block_norms(metric, points) / scale)
 
 

@@ -71,3 +71,15 @@ def test_gradient_is_the_transpose_of_coefficients():
         np.sum(variables * change.gradient(slopes)),
         rtol=1e-12,
     )
+
+
+@pytest.mark.parametrize("n_segments", [2, 3, 10])
+def test_inverse_of_the_hessian(n_segments):
+    """Both triangles at once do what the change of variables does in two steps."""
+    rng = np.random.default_rng(3)
+    factor = CholeskyFactor(positive_matrix(4))
+    change = PathPreconditioner(factor, n_segments)
+    gradient = rng.standard_normal((n_segments - 1, 4))
+    np.testing.assert_allclose(
+        change.inverse(gradient), change.coefficients(change.gradient(gradient)), rtol=1e-9
+    )

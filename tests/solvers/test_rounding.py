@@ -16,6 +16,7 @@ from riemhuman.solvers import (
     PathStraightening,
     PoissonPath,
     PoleLadder,
+    SegmentEnergy,
 )
 from riemhuman.solvers.rounding import path_floor, rounding_energy
 from riemhuman.statistics import FrechetMean, GeometricMedian
@@ -54,7 +55,7 @@ def test_paths_from_a_body_to_itself(weights, solver):
         np.testing.assert_array_equal(result.path[[0, -1]], [body, end])
 
 
-@pytest.mark.parametrize("name", ["basis", "poisson"])
+@pytest.mark.parametrize("name", ["basis", "straightening", "poisson"])
 def test_paths_of_a_body_that_only_turns(name):
     """The metric does not see rotations where c = 0, but a straight path would shrink the body."""
     metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.0)
@@ -130,5 +131,5 @@ def test_rounding_is_far_below_what_matters(name):
     start, end = case.points[:2]
     rounding = rounding_energy(case.metric, start)
     assert 0 < rounding < 1e-20 * case.metric.squared_dist(start, end)
-    floor = path_floor(case.metric, LinearPath().energy, start, start, 6)
+    floor = path_floor(case.metric, SegmentEnergy(), np.stack([start] * 6))
     assert floor == 25 * rounding

@@ -14,6 +14,7 @@ from riemhuman.solvers.spatial_factors import (
     SparseCholeskyFactor,
     spatial_factor,
 )
+from riemhuman.surfaces.laplacian import cotangent_laplacian
 
 RIDGE = spatial_factors._RIDGE
 
@@ -25,7 +26,11 @@ def whitened(factor, matrix):
 
 
 def check_transposed(factor, size):
+    """Also the inverse by both triangles at once."""
     x, y = np.random.default_rng(0).standard_normal((2, size, 3))
+    np.testing.assert_allclose(
+        factor.inverse(x), factor.solve_transposed(factor.solve(x)), rtol=1e-6
+    )
     np.testing.assert_allclose(
         np.sum(factor.solve(x) * y), np.sum(x * factor.solve_transposed(y)), rtol=1e-9
     )
@@ -147,3 +152,18 @@ def test_entries_that_are_coupled_weigh_what_their_row_does():
     factor = spatial_factor(Chain(VectorSpace((60, 2))), np.zeros((1, 60, 2)), 1.0)
     weights = 1.0 / np.diag(whitened(factor, np.eye(120)))
     assert 1.5 < np.median(weights) < 4.0
+
+
+@pytest.mark.parametrize("name", ["stretch sphere", "pose sphere", "mixed open"])
+def test_stiffness_adds_the_dirichlet_energy(name):
+    """In units of the mean diagonal entry; then no smooth field but translations is free."""
+    case = CASES[name]
+    template = case.space.template
+    scale, stiffness = 3.0, 0.2
+    matrix = case.metric.metric_matrix(case.points[:2]).toarray()
+    laplacian = cotangent_laplacian(template).toarray()
+    share = np.diag(matrix).mean() / np.diag(laplacian).mean()
+    expected = (matrix + stiffness * share * np.kron(laplacian, np.eye(3))) / scale
+    factor = spatial_factor(case.metric, case.points[:2], scale, stiffness)
+    expected += RIDGE * np.diag(np.diag(expected) + np.diag(expected).mean())
+    np.testing.assert_allclose(whitened(factor, expected), np.eye(len(expected)), atol=1e-8)

@@ -1,0 +1,253 @@
+"""Minimisation by L-BFGS with an operator for the first inverse Hessian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.progress import ProgressBar
+from riemhuman.solvers.minimization import Minimum, stands_still
+
+# Steps that are remembered, and iterations after which the operator is formed anew.
+_MEMORY = 10
+_ROUND = 50
+
+# Wolfe's conditions: the share of the decrease promised by the slope that a step must reach, and
+# the share of the slope that it may leave.
+_DECREASE = 1e-4
+_SLOPE_LEFT = 0.9
+_MOST_TRIALS = 20
+
+Objective = Callable[[ndarray], tuple[float, ndarray]]
+Operator = Callable[[ndarray], ndarray]
+
+
+def descend(
+    objective: Objective,
+    start: ndarray,
+    inverse_hessian: Operator,
+    *,
+    max_iter: int,
+    expected_decrease: float,
+    floor: float = -np.inf,
+    callback: Callable[[int, float, ndarray], object] | None = None,
+    progress: bool = False,
+    description: str = "minimising",
+) -> Minimum:
+    """Minimise a smooth function.
+
+    Parameters
+    ----------
+    objective : callable
+        Takes x to value and gradient; the value is infinite outside the domain.
+    start : array, shape (n,)
+        Where to start.
+    inverse_hessian : callable
+        Symmetric positive operator, near the inverse Hessian up to a factor that is found.
+    max_iter : int
+        Most iterations.
+    expected_decrease : float
+        Stop when a Newton step would gain at most this share of the value, as far as the operator
+        and the last steps tell, or when many iterations together have gained a small part of that.
+    floor : float
+        Value at which to stop, for minima that may be zero.
+    callback : callable, optional
+        Called with (iteration, value, x) after each iteration.
+    progress : bool
+        Whether to show a progress bar.
+    description : str
+        What the progress bar says.
+
+    Returns
+    -------
+    Minimum
+    """
+    x, (value, gradient) = start, objective(start)
+    values, n_evaluations = [value], 1
+    image = inverse_hessian(gradient)
+    memory = _Memory(start.size)
+    converged, interrupted, message = False, False, ""
+    with ProgressBar(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
+        try:
+            while not message:
+                direction = memory.direction(gradient, image)
+                slope = float(gradient @ direction)
+                gap = 0.5 * max(memory.scale * float(gradient @ image), -slope)
+                if value <= floor:
+                    converged, message = True, "the value is no more than rounding errors"
+                elif gap <= expected_decrease * value:
+                    converged, message = True, "the expected decrease is below the tolerance"
+                elif stands_still(expected_decrease, values):
+                    converged, message = True, "the value stands still"
+                elif len(values) > max_iter:
+                    message = "the most iterations were made"
+                if message:
+                    break
+                found = _search(objective, x, direction, value, slope)
+                n_evaluations += found.n_evaluations
+                if not found.step:
+                    message = "no step lowers the value"
+                    break
+                step = found.step * direction
+                new_image = inverse_hessian(found.gradient)
+                memory.add(step, found.gradient - gradient, new_image - image)
+                x, value = x + step, found.value
+                gradient, image = found.gradient, new_image
+                values.append(value)
+                bar.update()
+                bar.set_postfix_str(f"value {value:.6g}", refresh=False)
+                if callback is not None:
+                    callback(len(values) - 1, value, x)
+        except KeyboardInterrupt:
+            interrupted, message = True, "interrupted from the keyboard"
+    return Minimum(
+        x,
+        value,
+        np.array(values),
+        interrupted,
+        n_iterations=len(values) - 1,
+        n_evaluations=n_evaluations,
+        converged=converged,
+        message=message,
+    )
+
+
+def descend_in_rounds(
+    objective: Objective,
+    start: ndarray,
+    inverse_hessian_at: Callable[[ndarray], Operator],
+    *,
+    max_iter: int,
+    callback: Callable[[int, float, ndarray], object] | None = None,
+    **settings: Any,
+) -> Minimum:
+    """Minimise a smooth function, with the operator formed anew after every round.
+
+    Parameters
+    ----------
+    objective : callable
+        Takes x to value and gradient.
+    start : array, shape (n,)
+        Where to start.
+    inverse_hessian_at : callable
+        Takes x to an operator for `descend`.
+    max_iter : int
+        Most iterations of all rounds together.
+    callback : callable, optional
+        Called with (iteration, value, x) after each iteration.
+    **settings
+        Passed to `descend`.
+
+    Returns
+    -------
+    Minimum
+    """
+    x, values, n_evaluations = start, np.empty(0), 0
+    while True:
+        done = max(len(values) - 1, 0)
+
+        def report(iteration: int, value: float, x: ndarray) -> None:
+            if callback is not None:
+                callback(done + iteration, value, x)  # noqa: B023, used within this round
+
+        found = descend(
+            objective,
+            x,
+            inverse_hessian_at(x),
+            max_iter=min(_ROUND, max_iter - done),
+            callback=report,
+            **settings,
+        )
+        x, n_evaluations = found.x, n_evaluations + found.n_evaluations
+        values = np.concatenate([values[:-1], found.values])
+        done = len(values) - 1
+        stuck = found.n_iterations == 0
+        if found.converged or found.interrupted or stuck or done >= max_iter:
+            return replace(found, values=values, n_iterations=done, n_evaluations=n_evaluations)
+
+
+class _Trial:
+    """A step along a direction, and what was found there."""
+
+    def __init__(self, step: float, value: float, gradient: ndarray, n_evaluations: int) -> None:
+        self.step, self.value, self.gradient = step, value, gradient
+        self.n_evaluations = n_evaluations
+
+
+def _search(
+    objective: Objective, x: ndarray, direction: ndarray, value: float, slope: float
+) -> _Trial:
+    """Return a step that satisfies Wolfe's weak conditions, or the best that lowers the value."""
+    low, high, step = 0.0, np.inf, 1.0
+    best = _Trial(0.0, value, x, 0)
+    for count in range(1, _MOST_TRIALS + 1):
+        new_value, gradient = objective(x + step * direction)
+        best.n_evaluations = count
+        new_slope = float(gradient @ direction) if np.isfinite(new_value) else np.inf
+        if not new_value <= value + _DECREASE * step * slope:
+            high = step
+            # The least value of the parabola through both values with the slope at 0.
+            excess = new_value - value - step * slope
+            step *= float(np.clip(-0.5 * step * slope / excess, 0.1, 0.5))
+            step = max(step, low + 0.1 * (high - low))
+        else:
+            if new_value < best.value:
+                best = _Trial(step, new_value, gradient, count)
+            if new_slope >= _SLOPE_LEFT * slope:
+                break
+            low = step
+            step = 2.0 * step if high == np.inf else 0.5 * (low + high)
+    return best
+
+
+class _Memory:
+    """The last steps s with their changes y of the gradient, in place of the inverse Hessian."""
+
+    def __init__(self, size: int) -> None:
+        self._steps, self._changes, self._images = np.empty((3, _MEMORY, size))
+        self._order: list[int] = []
+        # sᵢ·yⱼ and yᵢ·P yⱼ.
+        self._along, self._squares = np.zeros((2, _MEMORY, _MEMORY))
+
+    def add(self, step: ndarray, change: ndarray, image: ndarray) -> None:
+        """Remember a step s, the change y of the gradient, and P y."""
+        along, square = float(step @ change), float(change @ image)
+        if not (along > 0.0 and square > 0.0):
+            return
+        k = len(self._order) if len(self._order) < _MEMORY else self._order.pop(0)
+        self._order.append(k)
+        known = len(self._order)
+        self._steps[k], self._changes[k], self._images[k] = step, change, image
+        self._along[:known, k] = self._steps[:known] @ change
+        self._along[k, :known] = self._changes[:known] @ step
+        self._squares[:known, k] = self._squares[k, :known] = self._images[:known] @ change
+
+    @property
+    def scale(self) -> float:
+        """The factor by which P is nearest to the inverse Hessian along the last step."""
+        if not self._order:
+            return 1.0
+        newest = self._order[-1]
+        return float(self._along[newest, newest] / self._squares[newest, newest])
+
+    def direction(self, gradient: ndarray, image: ndarray) -> ndarray:
+        """Return −H g, given g and P g: L-BFGS's two loops, in inner products."""
+        order = self._order
+        if not order:
+            return -image
+        known = len(order)
+        with_steps = self._steps[:known] @ gradient
+        with_images = self._images[:known] @ gradient
+        scale = self.scale
+        first, second = np.zeros((2, known))
+        for i in reversed(order):
+            first[i] = (with_steps[i] - self._along[i, :known] @ first) / self._along[i, i]
+        for i in order:
+            along = scale * (with_images[i] - self._squares[i, :known] @ first)
+            along += self._along[:known, i] @ second
+            second[i] = first[i] - along / self._along[i, i]
+        return (scale * first) @ self._images[:known] - second @ self._steps[:known] - scale * image

@@ -1,0 +1,175 @@
+"""L-BFGS with an operator: what it reaches, in how many evaluations, and how it stops."""
+
+import numpy as np
+import pytest
+from scipy import optimize
+
+from riemhuman.solvers import quasi_newton
+from riemhuman.solvers.quasi_newton import descend, descend_in_rounds
+
+SETTINGS = {"max_iter": 500, "expected_decrease": 1e-10}
+
+
+def problem(size=60, condition=1e4, rng=0):
+    """Return a convex function above 1 with its Hessian at the origin, and its minimum."""
+    rng = np.random.default_rng(rng)
+    axes = np.linalg.qr(rng.standard_normal((size, size)))[0]
+    hessian = axes * np.geomspace(1.0, condition, size) @ axes.T
+    slope = hessian @ rng.standard_normal(size)
+
+    def function(x):
+        value = 0.5 * x @ hessian @ x - slope @ x + 0.1 * np.sum(x**4)
+        return float(value) + offset, hessian @ x - slope + 0.4 * x**3
+
+    offset = 0.0
+    least = optimize.minimize(
+        function, np.zeros(size), jac=True, method="BFGS", options={"gtol": 1e-7, "maxiter": 9999}
+    )
+    offset = 1.0 - float(least.fun)
+    return function, hessian
+
+
+@pytest.mark.parametrize("factor", [1e-3, 1.0, 1e3])
+def test_near_hessians_save_iterations_whatever_their_size(factor):
+    """The operator need not know the scale: the first step finds it."""
+    function, hessian = problem()
+    near = factor * np.linalg.inv(hessian + 0.5 * np.diag(np.diag(hessian)) / 10)
+    start = np.zeros(len(hessian))
+    plain = descend(function, start, lambda gradient: factor * gradient, **SETTINGS)
+    found = descend(function, start, lambda gradient: near @ gradient, **SETTINGS)
+    assert found.converged
+    assert found.value == pytest.approx(1.0, rel=1e-6)
+    assert found.n_iterations < plain.n_iterations / 2
+
+
+def test_steps_are_those_of_the_two_loops(monkeypatch):
+    """The products in place of vectors give the direction of the textbook."""
+    rng = np.random.default_rng(2)
+    monkeypatch.setattr(quasi_newton, "_MEMORY", 4)
+    root = rng.standard_normal((9, 9))
+    operator, hessian = root @ root.T + np.eye(9), np.diag(np.arange(1.0, 10.0))
+    memory, pairs = quasi_newton._Memory(9), []
+    for count in range(7):
+        step = rng.standard_normal(9)
+        change = hessian @ step
+        memory.add(step, change, operator @ change)
+        pairs = [*pairs, (step, change)][-4:]
+        gradient = rng.standard_normal(9)
+        q, alphas = gradient.copy(), []
+        for s, y in reversed(pairs):
+            alphas.append(s @ q / (s @ y))
+            q -= alphas[-1] * y
+        s, y = pairs[-1]
+        r = (s @ y) / (y @ operator @ y) * operator @ q
+        for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
+            r += (alpha - y @ r / (s @ y)) * s
+        direction = memory.direction(gradient, operator @ gradient)
+        np.testing.assert_allclose(direction, -r, rtol=1e-9, atol=1e-9, err_msg=str(count))
+
+
+def test_changes_of_negative_curvature_are_not_remembered():
+    memory = quasi_newton._Memory(2)
+    memory.add(np.ones(2), -np.ones(2), -np.ones(2))
+    np.testing.assert_array_equal(memory.direction(np.ones(2), 3.0 * np.ones(2)), [-3.0, -3.0])
+
+
+def test_values_never_rise_and_are_counted():
+    function, _ = problem()
+    seen, calls = [], []
+
+    def counted(x):
+        calls.append(x)
+        return function(x)
+
+    found = descend(
+        counted, np.zeros(60), lambda g: g / 1e3, callback=lambda *s: seen.append(s), **SETTINGS
+    )
+    assert np.all(np.diff(found.values) < 0)
+    assert found.n_evaluations == len(calls)
+    assert found.n_iterations == len(found.values) - 1 == len(seen)
+    for iteration, value, x in seen:
+        assert value == found.values[iteration] == function(x)[0]
+    assert found.value == function(found.x)[0]
+
+
+def test_the_domain_is_not_left():
+    """− log x + x, infinite below 0; the first step would leave it."""
+
+    def function(x):
+        if x[0] <= 0:
+            return np.inf, np.zeros(1)
+        return float(x[0] - np.log(x[0])), 1.0 - 1.0 / x
+
+    found = descend(function, np.array([40.0]), lambda g: 100.0 * g, **SETTINGS)
+    assert found.converged
+    assert found.x[0] == pytest.approx(1.0, abs=1e-4)
+
+
+def test_minima_at_zero_stop_at_the_floor():
+    def function(x):
+        return float(x @ x) ** 2, 4.0 * float(x @ x) * x
+
+    found = descend(function, np.ones(3), lambda g: g, floor=1e-20, **SETTINGS)
+    assert found.converged
+    assert found.value <= 1e-20
+    assert "rounding" in found.message
+    without = descend(function, np.ones(3), lambda g: g, **SETTINGS)
+    assert without.n_iterations > found.n_iterations
+
+
+@pytest.mark.parametrize("share", [0.96, 1.04])
+def test_tolerance_is_the_share_that_a_newton_step_would_gain(share):
+    def function(x):
+        return 1.0 + 0.5 * float(x @ x), x
+
+    start = np.array([0.3, 0.4])
+    found = descend(
+        function, start, lambda g: g, max_iter=9, expected_decrease=0.125 / 1.125 / share
+    )
+    assert found.converged
+    assert (found.n_iterations == 0) == (share < 1)
+
+
+def test_interruption_and_too_few_iterations():
+    function, _ = problem()
+
+    def interrupt(iteration, value, x):
+        if iteration == 3:
+            raise KeyboardInterrupt
+
+    found = descend(function, np.zeros(60), lambda g: g / 1e3, callback=interrupt, **SETTINGS)
+    assert found.interrupted
+    assert not found.converged
+    assert (found.n_iterations, found.value) == (3, function(found.x)[0])
+    few = descend(function, np.zeros(60), lambda g: g / 1e3, max_iter=2, expected_decrease=1e-9)
+    assert (few.n_iterations, few.converged) == (2, False)
+
+
+def test_no_step_lowers_a_value_with_a_wrong_gradient():
+    found = descend(lambda x: (float(x @ x), -x), np.ones(2), lambda g: g, **SETTINGS)
+    assert not found.converged
+    assert "no step" in found.message
+    assert found.n_iterations == 0
+
+
+def test_rounds_form_the_operator_anew(monkeypatch):
+    monkeypatch.setattr(quasi_newton, "_ROUND", 5)
+    function, _ = problem()
+    formed, seen = [], []
+
+    def operator_at(x):
+        formed.append(x)
+        return lambda g: g / 1e3
+
+    found = descend_in_rounds(
+        function,
+        np.zeros(60),
+        operator_at,
+        max_iter=12,
+        expected_decrease=1e-12,
+        callback=lambda *s: seen.append(s),
+    )
+    assert (len(formed), found.n_iterations, found.converged) == (3, 12, False)
+    assert [iteration for iteration, _, _ in seen] == list(range(1, 13))
+    np.testing.assert_array_equal(formed[1], seen[4][2])
+    np.testing.assert_allclose(found.values[1:], [value for _, value, _ in seen])
