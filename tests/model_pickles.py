@@ -140,11 +140,10 @@ def _binary(value):
     if isinstance(value, bool):
         return b"\x88" if value else b"\x89"
     if isinstance(value, int):
-        return (
-            b"J" + struct.pack("<i", value)
-            if value < 2**31
-            else b"\x8a\x09" + value.to_bytes(9, "little")
-        )
+        if -(2**31) <= value < 2**31:
+            return b"J" + struct.pack("<i", value)
+        size = value.bit_length() // 8 + 1
+        return b"\x8a" + bytes([size]) + value.to_bytes(size, "little", signed=True)
     if isinstance(value, float):
         return b"G" + struct.pack(">d", value)
     if isinstance(value, (str, bytes)):

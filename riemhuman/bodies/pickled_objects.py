@@ -20,6 +20,8 @@ from riemhuman.surfaces.array_files import check_text
 
 # Real numbers and text; not objects ("O") or structures ("V").
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
+# Layouts of the state of a type that NumPy has written.
+_DTYPE_VERSIONS = (0, 1, 2, 3, 4)
 _MOST_AXES = 8
 _DEEPEST_CHUMPY = 8
 # An array of text has room for its longest in every entry.
@@ -97,7 +99,8 @@ class DtypeRecord(Record):
         self.dtype = np.dtype(code)
 
     def _take(self, state: Any, budget: Budget) -> None:
-        if not isinstance(state, tuple) or len(state) < 5 or state[1] not in ("<", ">", "|", "="):
+        known = isinstance(state, tuple) and len(state) >= 5 and state[0] in _DTYPE_VERSIONS
+        if not known or state[1] not in ("<", ">", "|", "="):
             raise FileFormatError("holds a malformed NumPy data type")
         if any(part is not None for part in state[2:5]):
             raise FileFormatError("holds a structured array; arrays must hold numbers or text")

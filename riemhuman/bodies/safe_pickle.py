@@ -233,6 +233,8 @@ def _opcodes(content: bytes) -> Iterator[tuple[str, Any, int]]:
                     argument = codecs.escape_decode(text)[0].decode("latin-1")
             elif opcode.arg is not None:
                 argument = opcode.arg.reader(stream)
+                if opcode.name == "FRAME" and argument > len(content) - stream.tell():
+                    raise ValueError
         except (ArithmeticError, DeprecationWarning, ValueError) as error:
             raise FileFormatError(
                 f"is not a whole pickle: the argument of {opcode.name} at byte {position} "

@@ -118,10 +118,13 @@ class ArrayArchive:
         self._archive = archive
         self._left = self._most = room_of(size)
         self._members: dict[str, zipfile.ZipInfo] = {}
+        names: set[str] = set()
         for member in archive.infolist():
             name = member.filename.removesuffix(_ENDING)
-            if name in self._members:
+            # NumPy takes a member without the ending first.
+            if name in names:
                 raise FileFormatError(f"it holds {name[:60]} twice")
+            names.add(name)
             if name != member.filename:
                 self._members[name] = member
 
@@ -203,6 +206,9 @@ def opened_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
     size = check_file(file)
     try:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+            stream.seek(0)
+            if stream.read(2) != b"PK":
+                raise FileFormatError("something stands before the archive")
             yield ArrayArchive(archive, size)
     except OSError as error:
         raise FileError(f"{file} cannot be read: {brief(error)}") from error

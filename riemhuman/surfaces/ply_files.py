@@ -127,6 +127,10 @@ def _header(content: bytes) -> tuple[str, list[_Element], bytes]:
         if line == b"end_header":
             break
         keyword, *words = line.split() or [b""]
+        if keyword in (b"comment", b"obj_info"):
+            continue
+        if not line.isascii():
+            raise _meaningless(line)
         if keyword == b"format" and order is None and words[1:] == [b"1.0"]:
             order = _ENCODINGS.get(words[0])
         elif keyword == b"element" and len(words) == 2 and re.fullmatch(rb"\d{1,18}", words[1]):
@@ -135,8 +139,8 @@ def _header(content: bytes) -> tuple[str, list[_Element], bytes]:
             kinds = [_TYPES[_word(word)] for word in words[:-1] if word != b"list"]
             added = _Property(_word(words[-1]), kinds[-1], kinds[0] if len(kinds) > 1 else None)
             elements[-1].properties.append(added)
-        elif keyword not in (b"comment", b"obj_info"):
-            raise FileFormatError(f"the PLY header has a line that means nothing: {_shown(line)}")
+        else:
+            raise _meaningless(line)
     if order is None:
         raise FileFormatError(
             f"the PLY header must name one of the formats {b', '.join(_ENCODINGS).decode()}, "
@@ -349,6 +353,10 @@ def _truncated(element: _Element) -> FileFormatError:
         f"truncated: {element.n_rows} rows of {element.name[:_SHOWN]}, as the PLY header declares, "
         "take more bytes than there are"
     )
+
+
+def _meaningless(line: bytes) -> FileFormatError:
+    return FileFormatError(f"the PLY header has a line that means nothing: {_shown(line)}")
 
 
 def _word(word: bytes) -> str:

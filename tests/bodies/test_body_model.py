@@ -53,6 +53,9 @@ MODELS = {
     "children first": lambda: small_model(
         kintree_table=[[17, 12, 15, -1], [12, 10, 17, 15]], posedirs=None
     ),
+    # The pose feature leaves out the root, which is not joint 0.
+    "root last": lambda: small_model(kintree_table=[[3, 0, 3, -1], [0, 1, 2, 3]]),
+    "root between": lambda: small_model(kintree_table=[[1, -1, 1, 2], [0, 1, 2, 3]]),
 }
 
 

@@ -103,6 +103,19 @@ def test_noise_that_is_independent_averages_out(model):
     np.testing.assert_allclose(errors / sigma**2, n_parameters, atol=5 * np.sqrt(2 * n_parameters))
 
 
+def test_pose_dependent_displacements_where_the_root_is_the_last_joint():
+    fields = smpl_fields(n_vertices=120)
+    fields["faces"], regressor = fields.pop("f"), fields.pop("J_regressor")
+    fields |= {"joint_regressor": regressor[::-1], "weights": fields["weights"][:, ::-1]}
+    fields["kintree_table"] = fields["kintree_table"][:, ::-1]
+    model = BodyModel(**fields)
+    assert model.parents[-1] == -1
+    betas, pose, trans = parameters(model, 5, rng=6, turn=0.4)
+    fit = model.fit(model(betas, pose, trans))
+    assert fit.converged.all()
+    assert fit.mean_distance_mm.max() < 1e-3
+
+
 def test_pose_dependent_displacements(smpl):
     betas, pose, trans = parameters(smpl, 10, rng=6, turn=0.4)
     fit = smpl.fit(smpl(betas, pose, trans))

@@ -323,6 +323,25 @@ def test_every_cut_and_many_changed_bytes_are_refused_or_read(folder):
     assert refused >= 60
 
 
+def test_frames_and_types_that_pythons_own_reader_refuses(folder):
+    content = pickle.dumps({"v": np.arange(3.0)}, 4)
+    assert content[2:3] == b"\x95"
+    length = int.from_bytes(content[3:11], "little")
+    longer = content[:3] + (length + 1).to_bytes(8, "little") + content[11:]
+    state = (99, "<", None, None, None, -1, -1, 0)
+    dtype = Raw(pickled(Call("numpy dtype", ("f8", 0, 1)))[2:-1] + pickled(state)[2:-1] + b"b")
+    scalar = pickled({"v": Call("numpy.core.multiarray scalar", (dtype, b"\0" * 8))})
+    for broken, message in (
+        (longer, "malformed or cut off"),
+        (scalar, "malformed NumPy data type"),
+    ):
+        with pytest.raises((pickle.UnpicklingError, ValueError)):
+            pickle.loads(broken)
+        (folder / "m.pkl").write_bytes(broken)
+        with pytest.raises(FileFormatError, match=message):
+            load_pickled_arrays(folder / "m.pkl", ["v"])
+
+
 def test_arrays_share_nothing_that_can_be_written(folder):
     (folder / "model.pkl").write_bytes(
         pickled({"a": np.arange(3.0), "b": np.float32(2.5)}.copy() | {"b": np.arange(2)})

@@ -6,6 +6,7 @@ import struct
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.surfaces import save_glb
@@ -94,6 +95,23 @@ def test_normals_are_those_of_the_surfaces(path, tmp_path):
         known = surfaces[time] / radii**2
         known /= np.linalg.norm(known, axis=1, keepdims=True)
         assert np.sum(normals * known, axis=1).min() > 0.97
+
+
+def test_every_time_has_normals_of_its_own(path, tmp_path):
+    turns = Rotation.from_rotvec([[0, 0, 0], [1.5, 0, 0], [0, -2, 1], [0.3, 0.2, 3]]).as_matrix()
+    surfaces, faces = path[0] @ np.swapaxes(turns, 1, 2), path[1]
+    save_glb(tmp_path / "path.glb", surfaces, faces)
+    document, array = read(tmp_path / "path.glb")
+    primitive = document["meshes"][0]["primitives"][0]
+    rest = array(primitive["attributes"]["NORMAL"])
+    for time, target in enumerate([None, *primitive["targets"]]):
+        expected = np.zeros_like(surfaces[time])
+        for one, two, three in faces.tolist():
+            a, b, c = surfaces[time][[one, two, three]]
+            expected[[one, two, three]] += np.cross(b - a, c - a)
+        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+        normals = rest if target is None else rest + array(target["NORMAL"])
+        np.testing.assert_allclose(normals, expected, atol=1e-6)
 
 
 def test_trimesh_reads_the_first_surface(path, tmp_path):

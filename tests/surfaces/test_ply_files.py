@@ -144,6 +144,7 @@ def test_lines_that_are_not_declared(tmp_path):
         (b"format ascii", b"format text", "must name one of the formats"),
         (b"vertex 4", b"vertex 1_0", "means nothing: 'element vertex 1_0'"),
         (b"vertex 4", b"vertex -4", "means nothing: 'element vertex -4'"),
+        (b"float z", "float z\nproperty float é".encode(), "means nothing: 'property float"),
         (b"3 0 1 2", b"3 0 1 1_0", "an underscore among its numbers"),
         (b"3 0 1 2", b"3 0 1 2.0", "row 0 of face"),
         (b"3 0 1 2", b"3 0 1 2147483648", "vertex_indices holds numbers beyond its type"),

@@ -218,6 +218,25 @@ def test_a_name_that_is_there_twice(tmp_path):
         load_arrays(tmp_path / "a.npz", ["vectors"])
 
 
+@pytest.mark.parametrize("names", [("vectors", "vectors.npy"), ("vectors.npy", "vectors")])
+def test_a_name_with_and_without_its_ending(tmp_path, names):
+    # NumPy takes the one, and this library would take the other.
+    np.save(tmp_path / "a.npy", np.ones(3))
+    with zipfile.ZipFile(tmp_path / "a.npz", "w") as archive:
+        for name in names:
+            archive.write(tmp_path / "a.npy", name)
+    with pytest.raises(FileFormatError, match="holds vectors twice"):
+        load_arrays(tmp_path / "a.npz", ["vectors"])
+
+
+def test_nothing_stands_before_an_archive(tmp_path):
+    np.savez(tmp_path / "a.npz", a=np.ones(3))
+    content = (tmp_path / "a.npz").read_bytes()
+    (tmp_path / "a.npz").write_bytes(b"#!/bin/sh\n" + content)
+    with pytest.raises(FileFormatError, match="something stands before the archive"):
+        load_arrays(tmp_path / "a.npz", ["a"])
+
+
 @pytest.mark.parametrize("extra", [b"\0", b"\n", bytes(8), b"\x93NUMPY"])
 def test_bytes_behind_an_array_are_noticed(tmp_path, extra):
     np.save(tmp_path / "v.npy", np.ones((3, 2)))
