@@ -17,6 +17,8 @@ _ROOM_OF_NAME = {
     "AlignedSurfaces": "geometry.aligned_surfaces",
     "ElasticMetric": "geometry.elastic_metric",
     "GeneralElasticMetric": "geometry.general_elastic_metric",
+    "GaugeInvariantMetric": "geometry.gauge_invariant_metric",
+    "SobolevMetric": "geometry.sobolev_metric",
     "EbinMetric": "geometry.metric_fields",
     "MetricFields": "geometry.metric_fields",
     "NormalFieldMetric": "geometry.normal_fields",

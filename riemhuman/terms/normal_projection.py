@@ -1,0 +1,220 @@
+r"""The projection of deformations to the normals of a surface, P = n nᵀ at every vertex.
+
+Normals of vertices are those of the triangles around them, weighted by their areas. Vertices
+outside all triangles have none and are projected to 0.
+"""
+
+from __future__ import annotations
+
+import autograd.numpy as np
+import numpy as onp
+from numba import njit
+from numpy import ndarray
+from scipy.sparse import csr_array
+
+from riemhuman.checks import values_of
+from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.kernels import surface
+from riemhuman.kernels.linear import apply_operator
+from riemhuman.kernels.moving_frames import fill_edges, is_worth_threads, sums_in_chunks
+
+# Below this share of the areas around a vertex, the sum of the area vectors is rounding error.
+_CANCELLED = 1e-12
+
+
+def vertex_normals(f: ndarray, operator: csr_array, areas: ndarray, averages: csr_array) -> ndarray:
+    """Return unit normals at the vertices: the definition.
+
+    Parameters
+    ----------
+    f : array, shape (..., V, 3)
+        Surfaces.
+    operator : csr_array, shape (2F, V)
+        The template's differential operator.
+    areas : array, shape (F,)
+        Template areas w_t.
+    averages : csr_array, shape (F, V)
+        See `riemhuman.terms.zeroth_order.corner_averages`.
+
+    Returns
+    -------
+    array, shape (..., V, 3)
+
+    Raises
+    ------
+    DegenerateSurfaceError
+        If the area vectors around a vertex cancel.
+    """
+    area_vectors = areas[:, None] * surface.cross(*surface.partial_derivatives(f, operator))
+    sums = apply_operator(averages.T, area_vectors)
+    plain = values_of(area_vectors)
+    around = apply_operator(averages.T, onp.linalg.norm(plain, axis=-1, keepdims=True))[..., 0]
+    cancelled = onp.linalg.norm(values_of(sums), axis=-1) <= _CANCELLED * around
+    unused = around == 0.0
+    if onp.any(cancelled & ~unused):
+        vertex = int(onp.argwhere(cancelled & ~unused)[0][-1])
+        raise DegenerateSurfaceError(
+            f"the triangles around vertex {vertex} have normals that cancel, so that it has none; "
+            "are all triangles of the template oriented alike?"
+        )
+    sums = np.where(unused[..., None], 1.0, sums)
+    unit = sums / np.sqrt(surface.dot(sums, sums))[..., None]
+    return np.where(unused[..., None], 0.0, unit)
+
+
+def project(
+    h: ndarray, f: ndarray, operator: csr_array, areas: ndarray, averages: csr_array
+) -> ndarray:
+    """Return P_f h = ⟨h, n⟩ n: the definition.
+
+    Parameters
+    ----------
+    h : array, shape (..., V, 3)
+        Deformations.
+    f : array, shape (..., V, 3)
+        Surfaces.
+    operator : csr_array, shape (2F, V)
+        The template's differential operator.
+    areas : array, shape (F,)
+        Template areas w_t.
+    averages : csr_array, shape (F, V)
+        See `riemhuman.terms.zeroth_order.corner_averages`.
+
+    Returns
+    -------
+    array, shape (..., V, 3)
+    """
+    normals = vertex_normals(f, operator, areas, averages)
+    return surface.dot(h, normals)[..., None] * normals
+
+
+def matrix(normals: ndarray) -> csr_array:
+    """Return the matrix P of the projection.
+
+    Parameters
+    ----------
+    normals : array, shape (V, 3)
+        Unit normals.
+
+    Returns
+    -------
+    csr_array, shape (3V, 3V)
+    """
+    coordinates = onp.arange(normals.size).reshape(-1, 3)
+    blocks = normals[:, :, None] * normals[:, None, :]
+    columns = onp.broadcast_to(coordinates[:, None, :], blocks.shape)
+    ends = onp.arange(0, blocks.size + 1, 3)
+    return csr_array((blocks.ravel(), columns.ravel(), ends), shape=(normals.size,) * 2)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_area_vectors(
+    surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray
+) -> None:
+    edges = onp.empty((2, 3))
+    for t in range(first, last):
+        for i in range(surfaces.shape[1]):
+            fill_edges(surfaces, faces[t], i, edges)
+            for d in range(3):
+                e, g = (d + 1) % 3, (d + 2) % 3
+                entry = edges[0, e] * edges[1, g] - edges[0, g] * edges[1, e]
+                for corner in faces[t]:
+                    sums[corner, i, d] += entry
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_slopes(
+    surfaces: ndarray,
+    sum_slopes: ndarray,
+    faces: ndarray,
+    first: int,
+    last: int,
+    surface_slopes: ndarray,
+) -> None:
+    edges, slope = onp.empty((2, 3)), onp.empty(3)
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        for i in range(surfaces.shape[1]):
+            fill_edges(surfaces, faces[t], i, edges)
+            for d in range(3):
+                slope[d] = sum_slopes[one, i, d] + sum_slopes[two, i, d] + sum_slopes[three, i, d]
+            for d in range(3):
+                e, g = (d + 1) % 3, (d + 2) % 3
+                at_two = edges[1, e] * slope[g] - edges[1, g] * slope[e]
+                at_three = slope[e] * edges[0, g] - slope[g] * edges[0, e]
+                surface_slopes[two, i, d] += at_two
+                surface_slopes[three, i, d] += at_three
+                surface_slopes[one, i, d] -= at_two + at_three
+
+
+class NormalProjections:
+    """The projections at surfaces, and the way back for slopes, in compiled loops.
+
+    Parameters
+    ----------
+    surfaces : array, shape (V, n, 3)
+        Surfaces, vertex by vertex.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    """
+
+    def __init__(self, surfaces: ndarray, faces: ndarray) -> None:
+        self._surfaces, self._faces = surfaces, faces
+
+        def run(first: int, last: int) -> tuple[ndarray]:
+            sums = onp.zeros(surfaces.shape)
+            _add_area_vectors(surfaces, faces, first, last, sums)
+            return (sums,)
+
+        (sums,) = self._in_chunks(run)
+        lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
+        self._lengths = onp.where(lengths > 0.0, lengths, 1.0)
+        self._normals = sums / self._lengths
+
+    def project(self, vectors: ndarray) -> ndarray:
+        """Return P h.
+
+        Parameters
+        ----------
+        vectors : array, shape (V, n, 3)
+            Deformations h.
+
+        Returns
+        -------
+        array, shape (V, n, 3)
+        """
+        return self._along(vectors) * self._normals
+
+    def slopes(self, vectors: ndarray, slopes: ndarray) -> tuple[ndarray, ndarray]:
+        """Return slopes in h and in the surfaces from slopes in P h.
+
+        Parameters
+        ----------
+        vectors : array, shape (V, n, 3)
+            Deformations h.
+        slopes : array, shape (V, n, 3)
+            Slopes in P h.
+
+        Returns
+        -------
+        vector_slopes, surface_slopes : array, shape (V, n, 3)
+        """
+        along = self._along(slopes)
+        in_normals = self._along(vectors) * slopes + along * vectors
+        tangential = in_normals - self._along(in_normals) * self._normals
+        in_sums = tangential / self._lengths
+
+        def run(first: int, last: int) -> tuple[ndarray]:
+            surface_slopes = onp.zeros(slopes.shape)
+            _add_slopes(self._surfaces, in_sums, self._faces, first, last, surface_slopes)
+            return (surface_slopes,)
+
+        (surface_slopes,) = self._in_chunks(run)
+        return along * self._normals, surface_slopes
+
+    def _along(self, vectors: ndarray) -> ndarray:
+        return onp.einsum("vid,vid->vi", vectors, self._normals)[..., None]
+
+    def _in_chunks(self, task):
+        threaded = is_worth_threads(self._surfaces, self._faces)
+        return sums_in_chunks(task, len(self._faces), threaded=threaded)

@@ -1,0 +1,303 @@
+r"""The second-order term of deformations, :math:`\int \langle\Delta h, \Delta k\rangle\, dA`.
+
+Δ is the cotangent Laplacian of the moving surface with lumped masses, A Δh = −L h, where hᵀL h is
+the Dirichlet energy and A holds a third of the area of the triangles around each vertex (Pinkall
+and Polthier, "Computing Discrete Minimal Surfaces and Their Conjugates", Experimental Mathematics
+2(1), 1993). The integral runs over the vertices that triangles surround: along a border half of the
+cotangent formula is missing, and linear functions of a plane, whose Laplacian is 0, would cost
+something there.
+"""
+
+from __future__ import annotations
+
+import math
+
+import autograd.numpy as np
+import numpy as onp
+from numba import njit
+from numpy import ndarray
+from scipy.sparse import csr_array, diags_array, eye_array, kron
+
+from riemhuman.errors import ArgumentError
+from riemhuman.kernels import surface
+from riemhuman.kernels.linear import apply_operator
+from riemhuman.kernels.moving_frames import (
+    add_area_slope,
+    fill_edges,
+    is_worth_threads,
+    sums_in_chunks,
+)
+from riemhuman.terms.zeroth_order import vertex_areas
+
+
+def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
+    """Tell the vertices that triangles surround, neither on a border nor outside all triangles.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles.
+    n_vertices : int
+        Number of vertices V.
+
+    Returns
+    -------
+    array of bool, shape (V,)
+
+    Raises
+    ------
+    ArgumentError
+        If more than two triangles share an edge: functions have no Laplacian there.
+    """
+    sides = onp.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges, counts = onp.unique(sides, axis=0, return_counts=True)
+    if counts.max() > 2:
+        worst = int(onp.argmax(counts))
+        raise ArgumentError(
+            f"{counts[worst]} triangles share the edge between the vertices {edges[worst, 0]} and "
+            f"{edges[worst, 1]}; second derivatives (a2 > 0) need a manifold mesh, with at most two"
+        )
+    surrounded = onp.zeros(n_vertices, dtype=bool)
+    surrounded[faces] = True
+    surrounded[edges[counts == 1]] = False
+    return surrounded
+
+
+def inner_product(
+    h: ndarray,
+    k: ndarray,
+    f: ndarray,
+    operator: csr_array,
+    areas: ndarray,
+    averages: csr_array,
+    surrounded: ndarray,
+) -> ndarray:
+    """Return Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices surrounded: the definition.
+
+    Parameters
+    ----------
+    h, k : array, shape (..., V, 3)
+        Deformations.
+    f : array, shape (..., V, 3)
+        Surfaces whose triangles have an area.
+    operator : csr_array, shape (2F, V)
+        The template's differential operator.
+    areas : array, shape (F,)
+        Template areas w_t.
+    averages : csr_array, shape (F, V)
+        See `riemhuman.terms.zeroth_order.corner_averages`.
+    surrounded : array of bool, shape (V,)
+        See `surrounded_vertices`.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    f_u, f_v = surface.partial_derivatives(f, operator)
+    area_vectors = surface.cross(f_u, f_v)
+    ratio = np.sqrt(surface.dot(area_vectors, area_vectors))
+    # √det g times the inverse of g, as an integrand over the template.
+    e, m, g = (
+        (areas * surface.dot(one, other) / ratio)[..., None]
+        for one, other in ((f_u, f_u), (f_u, f_v), (f_v, f_v))
+    )
+
+    def laplacian(values: ndarray) -> ndarray:
+        v_u, v_v = surface.partial_derivatives(values, operator)
+        fluxes = np.concatenate([g * v_u - m * v_v, e * v_v - m * v_u], axis=-2)
+        return apply_operator(operator.T, fluxes)
+
+    image_h = laplacian(h)
+    image_k = image_h if k is h else laplacian(k)
+    masses = vertex_areas(f, operator, areas, averages)
+    shares = surrounded / np.where(surrounded, masses, 1.0)
+    return np.sum(shares * surface.dot(image_h, image_k), axis=-1)
+
+
+def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
+    """Return the matrix L of the Dirichlet energy hᵀL h of functions on a surface.
+
+    Parameters
+    ----------
+    f : array, shape (V, 3)
+        Surface whose triangles have an area.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    csr_array, shape (V, V)
+    """
+    corners = f[faces]
+    rows, columns, entries = [], [], []
+    for corner in range(3):
+        # The angle at a corner weighs the edge between the two others.
+        left, right = faces[:, (corner + 1) % 3], faces[:, (corner + 2) % 3]
+        one = corners[:, (corner + 1) % 3] - corners[:, corner]
+        other = corners[:, (corner + 2) % 3] - corners[:, corner]
+        sine = onp.linalg.norm(onp.cross(one, other), axis=1)
+        half_cotangent = 0.5 * onp.sum(one * other, axis=1) / sine
+        rows += [left, right, left, right]
+        columns += [left, right, right, left]
+        entries += [half_cotangent, half_cotangent, -half_cotangent, -half_cotangent]
+    places = onp.concatenate(rows), onp.concatenate(columns)
+    return csr_array((onp.concatenate(entries), places), shape=(len(f), len(f)))
+
+
+def matrix(f: ndarray, faces: ndarray, masses: ndarray, surrounded: ndarray) -> csr_array:
+    """Return the matrix of `inner_product` at a surface.
+
+    Parameters
+    ----------
+    f : array, shape (V, 3)
+        Surface whose triangles have an area.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    masses : array, shape (V,)
+        Vertex areas of the surface.
+    surrounded : array of bool, shape (V,)
+        See `surrounded_vertices`.
+
+    Returns
+    -------
+    csr_array, shape (3V, 3V)
+    """
+    laplacian = cotangent_laplacian(f, faces)
+    shares = surrounded / onp.where(surrounded, masses, 1.0)
+    return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
+
+
+@njit(cache=True, inline="always")
+def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
+    """Return half the cotangents of the angles at the three corners."""
+    xx = xy = yy = 0.0
+    for d in range(3):
+        xx += edges[0, d] * edges[0, d]
+        xy += edges[0, d] * edges[1, d]
+        yy += edges[1, d] * edges[1, d]
+    factor = 0.25 / area
+    return factor * xy, factor * (xx - xy), factor * (yy - xy)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _laplacians(
+    vectors: ndarray,
+    surfaces: ndarray,
+    faces: ndarray,
+    first: int,
+    last: int,
+    images: ndarray,
+    masses: ndarray,
+) -> float:
+    """Add L h to `images` and vertex areas to `masses`; return infinity if there is no area."""
+    edges = onp.empty((2, 3))
+    total = 0.0
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        for i in range(surfaces.shape[1]):
+            area = fill_edges(surfaces, faces[t], i, edges)
+            if area == 0.0:
+                total = math.inf
+                continue
+            at_one, at_two, at_three = _half_cotangents(edges, area)
+            for d in range(3):
+                toward_two = at_three * (vectors[two, i, d] - vectors[one, i, d])
+                toward_three = at_two * (vectors[three, i, d] - vectors[one, i, d])
+                between = at_one * (vectors[three, i, d] - vectors[two, i, d])
+                images[one, i, d] -= toward_two + toward_three
+                images[two, i, d] += toward_two - between
+                images[three, i, d] += toward_three + between
+            for corner in faces[t]:
+                masses[corner, i] += area / 3.0
+    return total
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_slopes(
+    vectors: ndarray,
+    surfaces: ndarray,
+    ratios: ndarray,
+    faces: ndarray,
+    first: int,
+    last: int,
+    vector_slopes: ndarray,
+    surface_slopes: ndarray,
+) -> None:
+    """Add the slopes of Σ |L h|²/A, with z = L h/A: those of 2 zᵀL h − Σ |z|² A with z held."""
+    edges = onp.empty((2, 3))
+    for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        for i in range(surfaces.shape[1]):
+            area = fill_edges(surfaces, faces[t], i, edges)
+            at_one, at_two, at_three = _half_cotangents(edges, area)
+            product12 = product13 = product23 = squared = 0.0
+            for d in range(3):
+                z1, z2, z3 = ratios[one, i, d], ratios[two, i, d], ratios[three, i, d]
+                h12 = vectors[two, i, d] - vectors[one, i, d]
+                h13 = vectors[three, i, d] - vectors[one, i, d]
+                product12 += (z2 - z1) * h12
+                product13 += (z3 - z1) * h13
+                product23 += (z3 - z2) * (h13 - h12)
+                squared += z1 * z1 + z2 * z2 + z3 * z3
+                toward_two = 2.0 * at_three * (z2 - z1)
+                toward_three = 2.0 * at_two * (z3 - z1)
+                between = 2.0 * at_one * (z3 - z2)
+                vector_slopes[one, i, d] -= toward_two + toward_three
+                vector_slopes[two, i, d] += toward_two - between
+                vector_slopes[three, i, d] += toward_three + between
+            energy = product23 * at_one + product13 * at_two + product12 * at_three
+            # The half cotangents are inner products of edges over 4 areas.
+            factor = 0.5 / area
+            mixed = product23 - product13 - product12
+            for d in range(3):
+                x, y = edges[0, d], edges[1, d]
+                step_two = factor * (mixed * y + 2.0 * product13 * x)
+                step_three = factor * (mixed * x + 2.0 * product12 * y)
+                surface_slopes[two, i, d] += step_two
+                surface_slopes[three, i, d] += step_three
+                surface_slopes[one, i, d] -= step_two + step_three
+            by_area = -2.0 * energy / area - squared / 3.0
+            add_area_slope(surface_slopes, faces[t], i, edges, area, by_area)
+
+
+def squared_norms_and_slopes(
+    vectors: ndarray, surfaces: ndarray, faces: ndarray, surrounded: ndarray
+) -> tuple[float, ndarray, ndarray]:
+    """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
+
+    Parameters
+    ----------
+    vectors, surfaces : array, shape (V, n, 3)
+        Deformations and surfaces, vertex by vertex.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    surrounded : array of bool, shape (V,)
+        See `surrounded_vertices`.
+
+    Returns
+    -------
+    value : float
+        Infinite where a triangle has no area.
+    vector_slopes, surface_slopes : array, shape (V, n, 3)
+        Slopes in the deformations and in the surfaces.
+    """
+    threaded = is_worth_threads(surfaces, faces)
+
+    def apply(first: int, last: int) -> tuple[float, ndarray, ndarray]:
+        images, masses = np.zeros(surfaces.shape), np.zeros(surfaces.shape[:2])
+        value = _laplacians(vectors, surfaces, faces, first, last, images, masses)
+        return value, images, masses
+
+    value, images, masses = sums_in_chunks(apply, len(faces), threaded=threaded)
+    if value > 0.0:
+        return value, np.zeros(surfaces.shape), np.zeros(surfaces.shape)
+    shares = surrounded[:, None] / onp.where(surrounded[:, None], masses, 1.0)
+    ratios = shares[..., None] * images
+    value = float(onp.sum(ratios * images))
+
+    def slopes(first: int, last: int) -> tuple[ndarray, ndarray]:
+        both = np.zeros(surfaces.shape), np.zeros(surfaces.shape)
+        _add_slopes(vectors, surfaces, ratios, faces, first, last, *both)
+        return both
+
+    return value, *sums_in_chunks(slopes, len(faces), threaded=threaded)
