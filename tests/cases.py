@@ -6,7 +6,7 @@ distances alone, is declared here; a test never finds it out by catching an erro
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import autograd.numpy as anp
@@ -15,6 +15,7 @@ import trimesh
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
 from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
@@ -22,6 +23,7 @@ from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels.scalars import square_root
@@ -166,11 +168,26 @@ class Case:
         return self.metric.space
 
 
-def surface_case(name, template, metric, *invariances):
+def surface_case(name, template, metric, *invariances, can=("dist",)):
     points = surfaces(template, N_POINTS, rng=1)
     tangent_vecs = deformations(template, N_POINTS, rng=2)
     invariant_under = frozenset({"translation", "common rotation", *invariances})
-    return Case(name, metric, points, tangent_vecs, invariant_under=invariant_under)
+    return Case(name, metric, points, tangent_vecs, frozenset(can), invariant_under)
+
+
+def sobolev_case(name, template_name, **weights):
+    template = TEMPLATES[template_name]()
+    metric = SobolevMetric(AlignedSurfaces(template, equip=False), **weights)
+    case = surface_case(f"sobolev {name} {template_name}", template, metric, "template", can=())
+    seen = {"translation"} if metric.a0 > 0 else set()
+    return replace(case, invariant_under=case.invariant_under - seen)
+
+
+def gauge_invariant_case(name, template_name, metric_class, *weights):
+    template = TEMPLATES[template_name]()
+    metric = GaugeInvariantMetric(metric_class(AlignedSurfaces(template, equip=False), *weights))
+    case = surface_case(f"gauge-invariant {name} {template_name}", template, metric, can=())
+    return replace(case, invariant_under=case.invariant_under - {"translation"})
 
 
 def ebin_case(template_name, lam):
@@ -255,6 +272,13 @@ def build_cases() -> list[Case]:
         template = TEMPLATES[template_name]()
         metric = GeneralElasticMetric(AlignedSurfaces(template), 1.0, 0.3, 0.7)
         cases.append(surface_case(f"general {template_name}", template, metric, "template"))
+    cases += [
+        sobolev_case("all", "sphere", a0=0.3, a1=0.7, b1=0.4, c1=1.1, d1=0.5, a2=0.02),
+        sobolev_case("second", "open", a1=0.5, a2=0.01),
+        sobolev_case("first", "triangle"),
+        gauge_invariant_case("elastic", "sphere", ElasticMetric, 1.0, 0.1, 0.3),
+        gauge_invariant_case("srnf", "open", SRNFMetric),
+    ]
     edges = edges_metric(AlignedSurfaces(sphere_template()))
     cases += [
         surface_case("edges", sphere_template(), edges, "template"),
@@ -275,9 +299,9 @@ def cases_that(*can: str) -> list[Case]:
     return [case for case in CASES.values() if case.can.issuperset(can)]
 
 
-def surface_cases() -> list[Case]:
-    """Return the cases on aligned surfaces."""
-    return [case for case in CASES.values() if isinstance(case.space, AlignedSurfaces)]
+def surface_cases(*can: str) -> list[Case]:
+    """Return the cases on aligned surfaces with these closed forms."""
+    return [case for case in cases_that(*can) if isinstance(case.space, AlignedSurfaces)]
 
 
 def name_of(case: Case) -> str:

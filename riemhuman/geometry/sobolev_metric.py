@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
@@ -168,7 +170,7 @@ class SobolevMetric(MidpointMetric):
             k = self.space.check_point(tangent_vec_b, "tangent_vec_b")
         template = self.space.template
         over = template.differential_operator, template.face_areas
-        total = 0.0
+        total: Any = 0.0
         if any(self._first):
             total = first_order.inner_product(h, k, f, self._first, *over)
         if self._a0 > 0:
@@ -239,7 +241,9 @@ class SobolevMetric(MidpointMetric):
         if self._a2 > 0:
             found = second_order.squared_norms_and_slopes(*arrays, self._surrounded)
             parts.append((self._a2, found))
-        return tuple(sum(w * part[k] for w, part in parts) for k in range(3))
+        value = sum(weight * part[0] for weight, part in parts)
+        in_vectors = np.add.reduce([weight * part[1] for weight, part in parts])
+        return value, in_vectors, np.add.reduce([weight * part[2] for weight, part in parts])
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Take translations out of a path that the metric does not see, where a0 = 0.

@@ -20,7 +20,7 @@ orthonormal frame e₁, e₂, n of a triangle, with M_kj = e_k·∂_j h, they ar
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
@@ -91,7 +91,7 @@ def inner_product(
     area_vectors = surface.cross(*derivatives)
     ratio = np.sqrt(surface.dot(area_vectors, area_vectors))
     a1, b1, c1, d1, bend = weights
-    density = 0.0
+    density: Any = 0.0
     factors = (a1 * ratio, b1 * ratio, c1 * ratio + bend, d1 * ratio)
     for factor, part_h, part_k in zip(factors, parts_h, parts_k, strict=True):
         density = density + factor * np.sum(part_h * part_k, axis=-1)

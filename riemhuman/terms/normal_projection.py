@@ -6,6 +6,9 @@ outside all triangles have none and are projected to 0.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import autograd.numpy as np
 import numpy as onp
 from numba import njit
@@ -215,6 +218,6 @@ class NormalProjections:
     def _along(self, vectors: ndarray) -> ndarray:
         return onp.einsum("vid,vid->vi", vectors, self._normals)[..., None]
 
-    def _in_chunks(self, task):
+    def _in_chunks(self, task: Callable[[int, int], tuple[ndarray]]) -> tuple[Any, ...]:
         threaded = is_worth_threads(self._surfaces, self._faces)
         return sums_in_chunks(task, len(self._faces), threaded=threaded)
