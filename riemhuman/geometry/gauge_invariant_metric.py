@@ -11,7 +11,7 @@ from scipy import sparse
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.midpoint_metric import MidpointMetric
-from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.terms import first_order, normal_projection
 from riemhuman.terms.first_order import FirstOrderWeights
 from riemhuman.terms.normal_projection import NormalProjections
@@ -166,7 +166,7 @@ class GaugeInvariantMetric(MidpointMetric):
         Returns
         -------
         value : float
-            Infinite where a triangle has no area.
+            Infinite where a triangle has no area, or the normals around a vertex cancel.
         vector_slopes, surface_slopes : array, shape (V, n, 3)
             Slopes in the deformations and in the surfaces.
         """
@@ -180,4 +180,4 @@ class GaugeInvariantMetric(MidpointMetric):
             self._weights,
         )
         in_vectors, through_normals = projections.slopes(vectors, in_normal_parts)
-        return value, in_vectors, in_surfaces + through_normals
+        return value if projections.exist else np.inf, in_vectors, in_surfaces + through_normals

@@ -8,12 +8,12 @@ import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import real_number
+from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.midpoint_metric import MidpointMetric
-from riemhuman.geometry.strategies import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.kernels.drift import still_path
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.terms import first_order, second_order, zeroth_order
 from riemhuman.terms.first_order import FirstOrderWeights
 
@@ -83,7 +83,7 @@ class SobolevMetric(MidpointMetric):
     ) -> None:
         super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
         given = {"a0": a0, "a1": a1, "b1": b1, "c1": c1, "d1": d1, "a2": a2}
-        values = {name: real_number(value, name, minimum=0.0) for name, value in given.items()}
+        values = {name: metric_weight(value, name) for name, value in given.items()}
         self._a0, *first, self._a2 = values.values()
         self._first = FirstOrderWeights(*first)
         template = space.template

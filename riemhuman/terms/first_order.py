@@ -24,11 +24,11 @@ from typing import Any, NamedTuple
 
 import autograd.numpy as np
 import numpy as onp
-from numba import njit
 from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.kernels import surface
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.moving_frames import (
     add_to_corners,
     derivatives_in_frame,
@@ -121,7 +121,7 @@ def _parts(
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _add_blocks(
     points: ndarray,
     faces: ndarray,
@@ -185,7 +185,7 @@ def add_blocks(
     in_chunks(run, len(faces), threaded=is_worth_threads(points, faces))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _squared_norms(
     vectors: ndarray,
     surfaces: ndarray,

@@ -11,13 +11,13 @@ from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
-from numba import njit
 from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.checks import values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import fill_edges, is_worth_threads, sums_in_chunks
 
@@ -110,14 +110,16 @@ def matrix(normals: ndarray) -> csr_array:
     return csr_array((blocks.ravel(), columns.ravel(), ends), shape=(normals.size,) * 2)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _add_area_vectors(
-    surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray
+    surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray, around: ndarray
 ) -> None:
     edges = onp.empty((2, 3))
     for t in range(first, last):
         for i in range(surfaces.shape[1]):
-            fill_edges(surfaces, faces[t], i, edges)
+            area = fill_edges(surfaces, faces[t], i, edges)
+            for corner in faces[t]:
+                around[corner, i] += 2.0 * area
             for d in range(3):
                 e, g = (d + 1) % 3, (d + 2) % 3
                 entry = edges[0, e] * edges[1, g] - edges[0, g] * edges[1, e]
@@ -125,7 +127,7 @@ def _add_area_vectors(
                     sums[corner, i, d] += entry
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _add_slopes(
     surfaces: ndarray,
     sum_slopes: ndarray,
@@ -159,18 +161,24 @@ class NormalProjections:
         Surfaces, vertex by vertex.
     faces : array of int, shape (F, 3)
         Triangles.
+
+    Attributes
+    ----------
+    exist : bool
+        Whether no normals around a vertex cancel.
     """
 
     def __init__(self, surfaces: ndarray, faces: ndarray) -> None:
         self._surfaces, self._faces = surfaces, faces
 
-        def run(first: int, last: int) -> tuple[ndarray]:
-            sums = onp.zeros(surfaces.shape)
-            _add_area_vectors(surfaces, faces, first, last, sums)
-            return (sums,)
+        def run(first: int, last: int) -> tuple[ndarray, ndarray]:
+            sums, around = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape[:2])
+            _add_area_vectors(surfaces, faces, first, last, sums, around)
+            return sums, around
 
-        (sums,) = self._in_chunks(run)
+        sums, around = self._in_chunks(run)
         lengths = onp.linalg.norm(sums, axis=-1, keepdims=True)
+        self.exist = not onp.any((lengths[..., 0] <= _CANCELLED * around) & (around > 0.0))
         self._lengths = onp.where(lengths > 0.0, lengths, 1.0)
         self._normals = sums / self._lengths
 
@@ -218,6 +226,6 @@ class NormalProjections:
     def _along(self, vectors: ndarray) -> ndarray:
         return onp.einsum("vid,vid->vi", vectors, self._normals)[..., None]
 
-    def _in_chunks(self, task: Callable[[int, int], tuple[ndarray]]) -> tuple[Any, ...]:
+    def _in_chunks(self, task: Callable[[int, int], tuple[ndarray, ...]]) -> tuple[Any, ...]:
         threaded = is_worth_threads(self._surfaces, self._faces)
         return sums_in_chunks(task, len(self._faces), threaded=threaded)

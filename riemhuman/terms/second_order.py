@@ -14,12 +14,12 @@ import math
 
 import autograd.numpy as np
 import numpy as onp
-from numba import njit
 from numpy import ndarray
 from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
@@ -167,7 +167,7 @@ def matrix(f: ndarray, faces: ndarray, masses: ndarray, surrounded: ndarray) -> 
     return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
 
 
-@njit(cache=True, inline="always")
+@njit(inline="always")
 def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
     """Return half the cotangents of the angles at the three corners."""
     xx = xy = yy = 0.0
@@ -179,7 +179,7 @@ def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
     return factor * xy, factor * (xx - xy), factor * (yy - xy)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _laplacians(
     vectors: ndarray,
     surfaces: ndarray,
@@ -212,7 +212,7 @@ def _laplacians(
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _add_slopes(
     vectors: ndarray,
     surfaces: ndarray,

@@ -9,11 +9,11 @@ import math
 
 import autograd.numpy as np
 import numpy as onp
-from numba import njit
 from numpy import ndarray
 from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.kernels import surface
+from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
@@ -107,7 +107,7 @@ def matrix(masses: ndarray) -> csr_array:
     return csr_array(kron(diags_array(masses), eye_array(3)))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(nogil=True, error_model="numpy")
 def _squared_norms(
     vectors: ndarray,
     surfaces: ndarray,

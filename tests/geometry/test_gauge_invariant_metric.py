@@ -1,0 +1,219 @@
+"""Gauge-invariant metrics against exact values on tori and spheres, and what they cannot do."""
+
+import numpy as np
+import pytest
+from cases import (
+    CASES,
+    HalfPlane,
+    HyperbolicDistance,
+    deformations,
+    open_template,
+    sphere_template,
+    surfaces,
+)
+from parametric_surfaces import sphere, torus
+
+from riemhuman.errors import ArgumentTypeError, DegenerateSurfaceError, NotDefinedError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers import BasisPath
+from riemhuman.surfaces import DeformationBasis, Template
+from riemhuman.terms import normal_projection
+from riemhuman.terms.zeroth_order import corner_averages
+
+MAJOR, MINOR = 1.0, 0.4
+
+
+def normal_part(u, v):
+    return 1.0 + 0.5 * np.cos(u) + 0.3 * np.sin(v)
+
+
+def normals(u, v):
+    return np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=-1)
+
+
+def exact_values():
+    """Return ∫2φ²(κ₁ − κ₂)², ∫4φ²(κ₁ + κ₂)² and ∫|∇φ|² on the torus, by quadrature."""
+    n = 200
+    u, v = np.meshgrid(*(2 * np.pi * (np.arange(n) + 0.5) / n,) * 2, indexing="ij")
+    reach = MAJOR + MINOR * np.cos(v)
+    one, other, phi = 1.0 / MINOR, np.cos(v) / reach, normal_part(u, v)
+    slope = (0.5 * np.sin(u) / reach) ** 2 + (0.3 * np.cos(v) / MINOR) ** 2
+    parts = (2 * phi**2 * (one - other) ** 2, 4 * phi**2 * (one + other) ** 2, slope)
+    areas = MINOR * reach * (2 * np.pi / n) ** 2
+    return np.array([np.sum(part * areas) for part in parts])
+
+
+def values(n, tangential):
+    """Return the same of a triangulated torus, for deformations with a tangential part."""
+    template, u, v = torus(n, MAJOR, MINOR)
+    h = normal_part(u, v)[:, None] * normals(u, v)
+    h += tangential * np.sin(3 * v)[:, None] * np.stack([-np.sin(u), np.cos(u), 0 * u], axis=-1)
+    space = AlignedSurfaces(template, equip=False)
+
+    def squared(a, b, c):
+        metric = GaugeInvariantMetric(SobolevMetric(space, a1=4 * a, b1=8 * b, c1=c))
+        return metric.squared_norm(h, template.vertices)
+
+    whole = squared(1.0, 1.0, 1.0)
+    parts = squared(2.0, 1.0, 1.0), squared(1.0, 2.0, 1.0), squared(1.0, 1.0, 2.0)
+    return np.array(parts) - whole
+
+
+@pytest.mark.parametrize("tangential", [0.0, 0.5])
+def test_closed_formula_on_tori(tangential):
+    exact = exact_values()
+    errors = np.array([values(n, tangential) / exact - 1 for n in (12, 24, 48)])
+    assert np.all(np.abs(errors[-1]) < 0.01)
+    assert np.all(np.log2(np.abs(errors[1] / errors[2])) > 1.8)
+
+
+def test_tangential_fields_cost_nothing_and_change_nothing():
+    template = sphere_template(2)
+    space = AlignedSurfaces(template)
+    metric = GaugeInvariantMetric(ElasticMetric(space, 1.0, 0.1, 0.3))
+    f, (h, k) = surfaces(template, 1)[0], deformations(template, 2)
+    over = template.differential_operator, template.face_areas
+    over += (corner_averages(template.faces, template.n_vertices),)
+    along = k - normal_projection.project(k, f, *over)
+    assert metric.norm(along, f) < 1e-14 * metric.norm(k, f)
+    np.testing.assert_allclose(metric.norm(h + along, f), metric.norm(h, f), rtol=1e-14)
+    assert metric.metric.norm(along, f) > 0.1 * metric.metric.norm(h, f)
+
+
+def test_growing_spheres():
+    """E = 16 λ · 4π (r₁ − r₀)², at any number of times."""
+    template, lam = sphere(4), 0.3
+    metric = GaugeInvariantMetric(ElasticMetric(AlignedSurfaces(template), 1.0, lam, 0.0))
+    for n_times in (2, 5):
+        path = template.vertices * np.linspace(0.8, 1.3, n_times)[:, None, None]
+        expected = 16 * lam * 4 * np.pi * 0.5**2
+        np.testing.assert_allclose(metric.energy(path), expected, rtol=3e-3)
+
+
+def registered_anew(subdivisions, turn, n_times=33):
+    """Return a path of ellipsoids, the parameters of which turn by an angle in unit time."""
+    template, path = sphere(subdivisions), []
+    for t in np.linspace(0.0, 1.0, n_times):
+        angle = turn * np.sin(np.pi * t)
+        turned = template.vertices @ np.array(
+            [
+                [np.cos(angle), np.sin(angle), 0.0],
+                [-np.sin(angle), np.cos(angle), 0.0],
+                [0.0, 0.0, 1.0],
+            ]
+        )
+        path.append(turned * [1.0 + 0.5 * t, 1.0 - 0.2 * t, 1.0 + 0.3 * t])
+    return template, np.array(path)
+
+
+@pytest.mark.parametrize(("name", "most"), [("elastic", 0.8), ("general", 0.4)])
+def test_energy_when_every_time_is_registered_anew(name, most):
+    changes = []
+    for subdivisions, n_times in ((2, 17), (3, 33), (4, 65)):
+        energies = []
+        for turn in (0.0, most):
+            template, path = registered_anew(subdivisions, turn, n_times)
+            space = AlignedSurfaces(template, equip=False)
+            base = ElasticMetric(space, 1.0, 0.2, 0.0)
+            if name == "general":
+                base = SobolevMetric(space, a1=2.0, b1=1.0, c1=0.7)
+            energies.append(GaugeInvariantMetric(base).energy(path))
+            if turn:
+                assert base.energy(path) > 1.3 * energies[0]
+        changes.append(abs(energies[1] / energies[0] - 1))
+    assert changes[-1] < 0.01
+    assert changes[0] > 1.9 * changes[1] > 1.9**2 * changes[2]
+
+
+def test_solvers_find_paths_over_smooth_deformations():
+    template = sphere_template(2)
+    space = AlignedSurfaces(template, equip=False)
+    metric = GaugeInvariantMetric(SRNFMetric(space))
+    start, end = surfaces(template, 2, rng=3, size=0.15)
+    basis = DeformationBasis.from_laplacian(template, n_components=20)
+    result = BasisPath(basis, n_nodes=6).solve(metric, start, end)
+    assert result.converged
+    assert result.energy < 0.995 * metric.energy(np.linspace(start, end, 6))
+
+
+def test_gram_matrix_is_semidefinite():
+    template = sphere_template()
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
+    f = surfaces(template, 1)[0]
+    values = np.linalg.eigvalsh(metric.metric_matrix(f).toarray())
+    assert np.sum(values < 1e-12 * values[-1]) == 2 * template.n_vertices
+    assert values[0] > -1e-12 * values[-1]
+
+
+def test_surfaces_are_free_to_slide_but_not_to_move():
+    template = sphere_template()
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
+    path = surfaces(template, 3)
+    np.testing.assert_array_equal(metric.remove_drift(path), path)
+
+
+# Refusals.
+
+
+def test_distances_are_refused_without_a_solver():
+    case = CASES["gauge-invariant srnf open"]
+    with pytest.raises(NotDefinedError, match="GaugeInvariantMetric has no closed form for sq"):
+        case.metric.dist(*case.points[:2])
+
+
+@pytest.mark.parametrize(
+    ("metric", "found"),
+    [
+        (CASES["sobolev all sphere"].metric, "SobolevMetric with other terms"),
+        (CASES["gauge-invariant srnf open"].metric, "GaugeInvariantMetric"),
+        (CASES["edges"].metric, "PullbackMetric"),
+        (HyperbolicDistance(HalfPlane()), "HyperbolicDistance"),
+        ("pose", "str"),
+    ],
+)
+def test_other_metrics_are_refused(metric, found):
+    with pytest.raises(ArgumentTypeError, match=f"must be a first-order metric.*; found {found}$"):
+        GaugeInvariantMetric(metric)
+
+
+def test_vertices_whose_normals_cancel_are_refused():
+    template = Template([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], [[0, 1, 2], [0, 2, 1]])
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
+    f, h = template.vertices, np.ones((3, 3))
+    for call in (
+        lambda: metric.norm(h, f),
+        lambda: metric.metric_matrix(f),
+        lambda: metric.energy(np.stack([f, f + h])),
+    ):
+        with pytest.raises(DegenerateSurfaceError, match="vertex 0 have normals that cancel"):
+            call()
+    assert metric.energy_and_gradient(np.stack([f, f + h]))[0] == np.inf
+
+
+def test_triangles_without_area_are_refused():
+    template = open_template()
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
+    f = surfaces(template, 1)[0]
+    flat = f.copy()
+    flat[template.faces[7, 1]] = flat[template.faces[7, 0]]
+    with pytest.raises(DegenerateSurfaceError, match="triangle .* must have an area"):
+        metric.norm(f, flat)
+    with pytest.raises(DegenerateSurfaceError, match="triangle .* must have an area"):
+        metric.energy(np.stack([flat, flat]))
+    assert metric.energy_and_gradient(np.stack([flat, flat]))[0] == np.inf
+
+
+def test_vertices_outside_all_triangles_are_not_seen():
+    template = sphere_template()
+    more = Template(np.concatenate([template.vertices, [[9.0, 9.0, 9.0]]]), template.faces)
+    f, h = surfaces(template, 1)[0], deformations(template, 1)[0]
+    wider = [np.concatenate([one, [[1.0, 2.0, 3.0]]]) for one in (f, h)]
+    here, there = (GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(t))) for t in (template, more))
+    np.testing.assert_allclose(there.norm(wider[1], wider[0]), here.norm(h, f), rtol=1e-13)
+    path = np.stack([f, f + 0.1 * h])
+    wide = np.stack([wider[0], wider[0] + 0.1 * wider[1]])
+    np.testing.assert_allclose(there.energy(wide), here.energy(path), rtol=1e-13)

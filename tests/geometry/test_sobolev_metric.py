@@ -1,0 +1,328 @@
+"""Sobolev metrics against exact values on spheres and tori, identities, scalings and refusals."""
+
+import numpy as np
+import pytest
+from autograd import grad
+from cases import deformations, open_template, sphere_template, surfaces, triangle_template
+from parametric_surfaces import sphere, torus
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers import (
+    BasisPath,
+    DiscreteExponential,
+    DiscreteLogarithm,
+    GradientDescentMean,
+    PathStraightening,
+)
+from riemhuman.surfaces import DeformationBasis, Template
+from riemhuman.surfaces.laplacian import cotangent_laplacian
+
+NAMES = ("a0", "a1", "b1", "c1", "d1", "a2")
+ALL = {"a0": 0.3, "a1": 0.7, "b1": 0.4, "c1": 1.1, "d1": 0.5, "a2": 0.02}
+
+
+def only(space, **weights):
+    """Return a metric with these weights and no others."""
+    return SobolevMetric(space, **dict.fromkeys(NAMES, 0.0) | weights)
+
+
+def part(name, h, f, template):
+    """Return what one weight costs, as a difference, for no metric need have it alone."""
+    space = AlignedSurfaces(template, equip=False)
+    both = dict.fromkeys(NAMES, 1.0)
+    return only(space, **both | {name: 2.0}).squared_norm(h, f) - only(space, **both).squared_norm(
+        h, f
+    )
+
+
+# Values.
+
+
+@pytest.mark.parametrize("template", [sphere_template(2), open_template(), triangle_template()])
+def test_equal_weights_are_the_dirichlet_energy(template):
+    """a1 = b1 = c1 = d1 = 1: G(h, k) = hᵀ(L ⊗ I)k with the cotangent Laplacian L of the surface."""
+    f = surfaces(template, 1, rng=3)[0]
+    h, k = deformations(template, 2, rng=4)
+    laplacian = cotangent_laplacian(Template(f, template.faces))
+    metric = only(AlignedSurfaces(template), a1=1.0, b1=1.0, c1=1.0, d1=1.0)
+    expected = np.sum(h * (laplacian @ k))
+    scale = metric.norm(h, f) * metric.norm(k, f)
+    assert abs(metric.inner_product(h, k, f) - expected) <= 1e-12 * scale
+    assert abs(h.ravel() @ (metric.metric_matrix(f) @ k.ravel()) - expected) <= 1e-12 * scale
+
+
+def test_laplacian_on_spheres():
+    """h = z e_x has Δh = −2h/r²: ∫|Δh|² = (4/r⁴)(4πr⁴/3), of second order in the edge length."""
+    errors = []
+    for subdivisions in (3, 4, 5):
+        template = sphere(subdivisions, radius=0.7)
+        h = np.zeros_like(template.vertices)
+        h[:, 0] = template.vertices[:, 2]
+        metric = only(AlignedSurfaces(template), a2=1.0)
+        errors.append(metric.squared_norm(h, template.vertices) / (16 * np.pi / 3) - 1)
+    np.testing.assert_allclose(errors, [-4.4e-3, -1.1e-3, -2.8e-4], rtol=0.02)
+
+
+def torus_values(template, u, v, h):
+    """Return the costs of a deformation of a torus by all six weights."""
+    return np.array([part(name, h, template.vertices, template) for name in NAMES])
+
+
+def exact_torus_values(major=1.0, minor=0.4):
+    """Return the same for h = cos(u) e_z, by quadrature from smooth formulas."""
+    n = 400
+    u, v = np.meshgrid(*(2 * np.pi * (np.arange(n) + 0.5) / n,) * 2, indexing="ij")
+    reach = major + minor * np.cos(v)
+    # h = φ e_z with φ = cos u: dh = e_z dφ, |dφ| = |sin u|/reach along the first direction.
+    slope = -np.sin(u) / reach
+    second, normal = np.cos(v), np.sin(v)  # e_z in the frame: e₁·e_z = 0
+    # M₂₁ = slope · cos v, M₃₁ = slope · sin v, the others 0.
+    laplacian = -np.cos(u) / reach**2
+    parts = [
+        np.cos(u) ** 2,
+        0.5 * (slope * second) ** 2,
+        0.0 * slope,
+        (slope * normal) ** 2,
+        0.5 * (slope * second) ** 2,
+        laplacian**2,
+    ]
+    areas = minor * reach * (2 * np.pi / n) ** 2
+    return np.array([np.sum(one * areas) for one in parts])
+
+
+def test_all_parts_on_tori():
+    exact = exact_torus_values()
+    errors = []
+    for n in (12, 24, 48):
+        template, u, v = torus(n)
+        h = np.zeros_like(template.vertices)
+        h[:, 2] = np.cos(u)
+        errors.append(np.abs(torus_values(template, u, v, h) - exact) / exact.max())
+    errors = np.array(errors)
+    assert np.all(errors[-1] < 2e-3)
+    seen = errors[0] > 1e-5
+    assert seen.sum() >= 5
+    assert np.all(np.log2(errors[1] / errors[2])[seen] > 1.8)
+
+
+def test_laplacian_is_symmetric_and_zero_on_linear_functions_of_a_plane():
+    bumpy = open_template()
+    template = Template(bumpy.vertices * [1.0, 1.0, 0.0], bumpy.faces)
+    metric = SobolevMetric(AlignedSurfaces(template), a2=1.0)
+    f = template.vertices
+    linear = f @ np.random.default_rng(5).uniform(-1, 1, (3, 3)) + [1.0, 2.0, 3.0]
+    assert part("a2", linear, f, template) < 1e-18
+    assert part("a2", deformations(template, 1)[0], f, template) > 1e-3
+    matrix = metric.metric_matrix(surfaces(template, 1)[0])
+    assert abs(matrix - matrix.T).max() <= 1e-15 * abs(matrix).max()
+
+
+@pytest.mark.parametrize(("name", "power"), list(zip(NAMES, (4, 2, 2, 2, 2, 0), strict=True)))
+def test_scaling_exponents(name, power):
+    template = sphere_template()
+    f, h = surfaces(template, 1, rng=6)[0], deformations(template, 1, rng=7)[0]
+    before, after = part(name, h, f, template), part(name, 2.5 * h, 2.5 * f, template)
+    np.testing.assert_allclose(after, 2.5**power * before, rtol=1e-9)
+
+
+def test_weights_enter_linearly():
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f, h = surfaces(template, 1, rng=8)[0], deformations(template, 1, rng=9)[0]
+    expected = sum(weight * part(name, h, f, template) for name, weight in ALL.items())
+    np.testing.assert_allclose(only(space, **ALL).squared_norm(h, f), expected, rtol=1e-9)
+
+
+def test_first_order_is_that_of_ebin_and_square_root_normals():
+    """a1 = 4a, b1 = 8b, c1 = c: a · Ebin_λ + c · SRNF with λ = (b − c/16)/a."""
+    a, b, c = 0.7, 0.4, 1.3
+    space = AlignedSurfaces(sphere_template())
+    f, h = surfaces(space.template, 1, rng=10)[0], deformations(space.template, 1, rng=11)[0]
+    ebin = ElasticMetric(space, a, (b - c / 16) / a, 0.0).squared_norm(h, f)
+    expected = ebin + c * SRNFMetric(space).squared_norm(h, f)
+    metric = SobolevMetric(space, a1=4 * a, b1=8 * b, c1=c)
+    np.testing.assert_allclose(metric.squared_norm(h, f), expected, rtol=1e-12)
+
+
+def test_the_template_has_no_effect():
+    template = sphere_template()
+    other = Template(template.vertices * [1.7, 0.6, 1.1], template.faces)
+    f, h = surfaces(template, 1, rng=12)[0], deformations(template, 1, rng=13)[0]
+    here, there = (only(AlignedSurfaces(t), **ALL).squared_norm(h, f) for t in (template, other))
+    np.testing.assert_allclose(there, here, rtol=1e-11)
+
+
+# Paths.
+
+
+def test_energy_is_that_of_midpoints():
+    template = sphere_template()
+    metric, path = only(AlignedSurfaces(template), **ALL), surfaces(template, 4, rng=14)
+    middles, steps = 0.5 * (path[1:] + path[:-1]), np.diff(path, axis=0)
+    expected = 3 * np.sum(metric.squared_norm(steps, middles))
+    np.testing.assert_allclose(metric.energy(path), expected, rtol=1e-12)
+    np.testing.assert_allclose(metric.energy(np.stack([path, path])), expected, rtol=1e-12)
+
+
+def test_energy_of_a_growing_sphere():
+    """h = x/|x|: tr A = 4/r, |dh_+|² = 2/r², |h|² = 1, |Δh|² = 4/r⁴ on radii from 1 to 1.5."""
+    template = sphere(3)
+    path = template.vertices * np.linspace(1.0, 1.5, 17)[:, None, None]
+    metric = SobolevMetric(AlignedSurfaces(template), a0=0.2, b1=0.6, a2=0.3)
+    rate, radii = 0.5, np.linspace(1.0, 1.5, 1001)
+    speeds = 4 * np.pi * rate**2 * (0.2 * radii**2 + 2 * 0.6 + 0.3 * 4 / radii**2)
+    expected = np.trapezoid(speeds, np.linspace(0.0, 1.0, 1001))
+    np.testing.assert_allclose(metric.energy(path), expected, rtol=6e-3)
+
+
+def path_problem(**weights):
+    template = sphere_template()
+    space = AlignedSurfaces(template, equip=False)
+    start, end = surfaces(template, 2, rng=15, size=0.2)
+    return space, only(space, **weights), start, end
+
+
+def test_geodesics_over_a_basis_and_over_all_vertices():
+    space, metric, start, end = path_problem(**ALL)
+    template = space.template
+    basis = DeformationBasis.from_laplacian(template, n_components=30)
+    over_basis = BasisPath(basis, n_nodes=7).solve(metric, start, end)
+    over_all = PathStraightening(n_nodes=7, tolerance=1e-8).solve(metric, start, end)
+    straight = metric.energy(np.linspace(start, end, 7))
+    assert over_basis.converged
+    assert over_all.converged
+    assert over_all.energy < over_basis.energy < straight
+    assert over_all.n_iterations <= 40
+    # A minimum: no direction leads further down.
+    _, gradient = metric.energy_and_gradient(over_all.path)
+    _, before = metric.energy_and_gradient(np.linspace(start, end, 7))
+    assert np.abs(gradient[1:-1]).max() < 0.02 * np.abs(before[1:-1]).max()
+
+
+def test_distances_by_a_solver_and_means_by_exp_and_log():
+    space, _, start, end = path_problem(**ALL)
+    basis = DeformationBasis.from_laplacian(space.template, n_components=12)
+    solvers = {
+        "geodesic_solver": BasisPath(basis, n_nodes=6),
+        "exp_solver": DiscreteExponential(basis=basis, n_steps=5),
+        "log_solver": DiscreteLogarithm(basis=basis, n_steps=5),
+    }
+    metric = SobolevMetric(space, **ALL, **solvers)
+    near = start + 0.3 * (basis.flat @ (end - start).ravel() @ basis.flat).reshape(start.shape)
+    velocity = metric.log(near, start)
+    np.testing.assert_allclose(metric.exp(velocity, start), near, atol=1e-6)
+    np.testing.assert_allclose(metric.norm(velocity, start), metric.dist(start, near), rtol=5e-3)
+    mean = GradientDescentMean().solve(
+        metric, np.stack([start, near]), initial_point=0.4 * start + 0.6 * near
+    )
+    assert mean.converged
+    halves = metric.dist(start, mean.point), metric.dist(mean.point, near)
+    np.testing.assert_allclose(halves, metric.dist(start, near) / 2, rtol=0.01)
+
+
+def test_translations_drift_where_they_cost_nothing():
+    template = sphere_template()
+    path = np.repeat(template.vertices[None], 3, axis=0)
+    path[1] += [0.4, -0.2, 0.1]
+    space = AlignedSurfaces(template)
+    blind, seeing = SobolevMetric(space, a2=0.1), SobolevMetric(space, a0=0.1)
+    assert blind.energy(path) < 1e-20
+    np.testing.assert_allclose(blind.remove_drift(path), path[[0, 0, 0]], atol=1e-9)
+    assert seeing.energy(path) > 0.01
+    np.testing.assert_array_equal(seeing.remove_drift(path), path)
+
+
+# Refusals.
+
+
+@pytest.mark.parametrize(
+    ("weights", "blind"),
+    [
+        ({}, "all deformations"),
+        ({"a1": 1.0}, "deformations that keep all angles"),
+        ({"b1": 1.0}, "deformations that keep all areas"),
+        ({"c1": 1.0}, "deformations that keep all normals"),
+        ({"d1": 1.0}, "deformations that do not turn within the tangent plane"),
+        ({"c1": 1.0, "d1": 2.0}, "keep all normals and do not turn within the tangent plane"),
+    ],
+)
+def test_degenerate_weights_are_refused_by_what_they_do_not_see(weights, blind):
+    with pytest.raises(ArgumentError, match=f"{blind} would cost nothing.*a0 = 0"):
+        only(AlignedSurfaces(sphere_template()), **weights)
+
+
+def test_the_laplacian_alone_needs_a_mesh_without_border():
+    only(AlignedSurfaces(sphere_template()), a2=1.0)
+    with pytest.raises(ArgumentError, match="deformations that are harmonic inside would cost"):
+        only(AlignedSurfaces(open_template()), a2=1.0)
+    only(AlignedSurfaces(open_template()), a0=1.0, a2=1.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_weights_are_checked(name):
+    space = AlignedSurfaces(triangle_template())
+    for wrong, error, found in (
+        (-1.0, ArgumentError, "finite number of at least 0; found -1"),
+        (np.nan, ArgumentError, "found nan"),
+        ("one", ArgumentTypeError, "real number; found"),
+    ):
+        with pytest.raises(error, match=f"{name} must be a.*{found}"):
+            SobolevMetric(space, **{name: wrong})
+
+
+def test_second_derivatives_need_a_manifold():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0.0]])
+    template = Template(vertices, [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    space = AlignedSurfaces(template)
+    with pytest.raises(ArgumentError, match="3 triangles share the edge between the vertices 0 an"):
+        SobolevMetric(space, a2=1.0)
+    metric = SobolevMetric(space)
+    assert metric.squared_norm(deformations(template, 1)[0], vertices) > 0
+
+
+def test_triangles_without_area_are_refused():
+    template = sphere_template()
+    metric = only(AlignedSurfaces(template), **ALL)
+    f = surfaces(template, 1)[0]
+    flat = f.copy()
+    flat[template.faces[7, 1]] = flat[template.faces[7, 0]]
+    for call in (
+        lambda: metric.norm(f, flat),
+        lambda: metric.metric_matrix(flat),
+        lambda: metric.energy(np.stack([flat, flat])),
+        lambda: grad(metric.energy)(np.stack([flat, flat])),
+    ):
+        with pytest.raises(DegenerateSurfaceError, match="triangle .* must have an area"):
+            call()
+    for weights in ({"a0": 1.0}, {"a2": 1.0}, {"a1": 1.0, "b1": 1.0}):
+        energy, gradient = only(AlignedSurfaces(template), **weights).energy_and_gradient(
+            np.stack([flat, flat])
+        )
+        assert energy == np.inf
+        assert np.all(np.isfinite(gradient))
+
+
+def test_vertices_outside_all_triangles_are_not_seen():
+    template = sphere_template()
+    more = Template(np.concatenate([template.vertices, [[9.0, 9.0, 9.0]]]), template.faces)
+    f, h = surfaces(template, 1)[0], deformations(template, 1)[0]
+    wider = [np.concatenate([one, [[1.0, 2.0, 3.0]]]) for one in (f, h)]
+    metric = only(AlignedSurfaces(more), **ALL)
+    expected = only(AlignedSurfaces(template), **ALL).squared_norm(h, f)
+    np.testing.assert_allclose(metric.squared_norm(wider[1], wider[0]), expected, rtol=1e-13)
+    assert np.isfinite(metric.energy_and_gradient(np.stack([wider[0], wider[0] + 0.1]))[0])
+
+
+def test_single_precision_and_integers_are_taken():
+    template = Template(
+        [[0, 0, 0], [2, 0, 0], [0, 3, 0], [0, 0, 4]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]
+    )
+    metric = only(AlignedSurfaces(template), **ALL)
+    f, h = np.array([[0, 0, 0], [2, 0, 1], [0, 3, 0], [1, 0, 4]]), np.arange(12).reshape(4, 3) ** 2
+    expected = metric.squared_norm(h.astype(float), f.astype(float))
+    assert metric.squared_norm(h, f) == expected
+    assert metric.squared_norm(h.astype(np.float32), f.astype(np.float32)) == expected
