@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Protocol, runtime_checkable
-
 import numpy as np
-from numpy import ndarray
-from scipy import sparse
 
 from riemhuman.errors import ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.midpoint_metric import MidpointMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.kernels.surface import derivatives
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
-from riemhuman.terms import first_order, normal_projection
-from riemhuman.terms.first_order import FirstOrderWeights
-from riemhuman.terms.normal_projection import NormalProjections
-
-
-@runtime_checkable
-class FirstOrderMetric(Protocol):
-    """A metric on surfaces that is a weighted sum of the parts of `riemhuman.terms.first_order`."""
-
-    space: AlignedSurfaces
-
-    @property
-    def first_order_weights(self) -> FirstOrderWeights | None:
-        """Weights of the parts; None where the metric has others besides."""
+from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
+from riemhuman.terms.normal_projection import NormalPartTerm
 
 
 class GaugeInvariantMetric(MidpointMetric):
@@ -49,7 +35,8 @@ class GaugeInvariantMetric(MidpointMetric):
     ----------
     metric : RiemannianMetric
         A first-order metric G on surfaces: `ElasticMetric`, `SRNFMetric`, `GeneralElasticMetric`,
-        or `SobolevMetric` with a0 = a2 = 0.
+        `SobolevMetric` with a0 = a2 = 0, or any sum of terms that treat all directions of a
+        surface alike.
     geodesic_solver : object, optional
         Strategy for geodesics.
     exp_solver, log_solver : object, optional
@@ -69,115 +56,49 @@ class GaugeInvariantMetric(MidpointMetric):
 
     def __init__(
         self,
-        metric: FirstOrderMetric,
+        metric: SurfaceMetric | SobolevMetric,
         geodesic_solver: GeodesicSolver | None = None,
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
     ) -> None:
-        weights = metric.first_order_weights if isinstance(metric, FirstOrderMetric) else None
+        weights = _first_order_weights(metric)
         if weights is None:
             raise ArgumentTypeError(
                 "metric must be a first-order metric on surfaces: ElasticMetric, SRNFMetric, "
-                "GeneralElasticMetric, or SobolevMetric with a0 = a2 = 0; found "
+                "GeneralElasticMetric, SobolevMetric with a0 = a2 = 0, or a sum of terms that "
+                "treat all directions of a surface alike; found another, of the type "
                 f"{type(metric).__name__}"
-                + (" with other terms" if isinstance(metric, FirstOrderMetric) else "")
             )
-        space = metric.space
-        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
-        self._metric, self._weights = metric, weights
+        template = metric.space.template
+        super().__init__(
+            metric.space,
+            [NormalPartTerm(template, FirstOrderTerm(template, weights))],
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+        )
+        self._metric = metric
 
     @property
-    def metric(self) -> FirstOrderMetric:
+    def metric(self) -> SurfaceMetric | SobolevMetric:
         """The metric G of the normal parts."""
         return self._metric
 
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        """Return the inner product of the normal parts of deformations.
 
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., V, 3)
-            Deformations h and k.
-        base_point : array, shape (..., V, 3)
-            Surfaces f.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area, or the normals around a vertex cancel.
-        """
-        f = self.space.check_immersed(base_point, "base_point")
-        h = self.space.check_point(tangent_vec_a, "tangent_vec_a")
-        over = self.space.template.differential_operator, self.space.template.face_areas
-        normal_h = normal_projection.project(h, f, *over, self._averages)
-        normal_k = normal_h
-        if tangent_vec_b is not tangent_vec_a:
-            k = self.space.check_point(tangent_vec_b, "tangent_vec_b")
-            normal_k = normal_projection.project(k, f, *over, self._averages)
-        return first_order.inner_product(normal_h, normal_k, f, self._weights, *over)
-
-    def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
-        """Return the sparse matrix P M P of the metric, vertices flattened.
-
-        Parameters
-        ----------
-        base_point : array, shape (V, 3) or (n, V, 3)
-            One surface f, or several to average over.
-
-        Returns
-        -------
-        csr_array, shape (3V, 3V)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area, or the normals around a vertex cancel.
-        """
-        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
-        template = self.space.template
-        over = template.differential_operator, template.face_areas
-        total = sparse.csr_array((self.space.dim, self.space.dim))
-        for f in surfaces:
-            self.space.check_immersed(f, "base_point")
-            blocks = np.zeros((template.n_faces, 9, 9))
-            first_order.add_blocks(blocks, f, template.faces, template.face_areas, self._weights)
-            normals = normal_projection.vertex_normals(f, *over, self._averages)
-            projection = normal_projection.matrix(normals)
-            total = total + projection @ template.assembler.assemble(blocks) @ projection
-        return total / len(surfaces)
-
-    def squared_norms_and_slopes(
-        self, vectors: ndarray, surfaces: ndarray
-    ) -> tuple[float, ndarray, ndarray]:
-        """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
-
-        Parameters
-        ----------
-        vectors, surfaces : array, shape (V, n, 3)
-            Deformations and surfaces, vertex by vertex.
-
-        Returns
-        -------
-        value : float
-            Infinite where a triangle has no area, or the normals around a vertex cancel.
-        vector_slopes, surface_slopes : array, shape (V, n, 3)
-            Slopes in the deformations and in the surfaces.
-        """
-        template = self.space.template
-        projections = NormalProjections(surfaces, template.faces)
-        value, in_normal_parts, in_surfaces = first_order.squared_norms_and_slopes(
-            projections.project(vectors),
-            surfaces,
-            template.faces,
-            template.face_areas,
-            self._weights,
-        )
-        in_vectors, through_normals = projections.slopes(vectors, in_normal_parts)
-        return value if projections.exist else np.inf, in_vectors, in_surfaces + through_normals
+def _first_order_weights(metric: object) -> FirstOrderWeights | None:
+    """Return the weights of a metric's first-order parts, or None if it has others."""
+    if isinstance(metric, SobolevMetric):
+        first, *others = metric.terms
+        return first.weights if isinstance(first, FirstOrderTerm) and not others else None
+    if not isinstance(metric, SurfaceMetric):
+        return None
+    template = metric.space.template
+    at_rest = derivatives(template.vertices, template.differential_operator)
+    forms = {1.0: np.zeros((6, 6)), 0.0: np.zeros((6, 6))}
+    for term in metric.terms:
+        form = term.form(at_rest)
+        if form.ndim > 2 or term.area_power not in forms:
+            return None
+        forms[term.area_power] += term.weight * form
+    return FirstOrderWeights.from_forms(forms[1.0], forms[0.0])

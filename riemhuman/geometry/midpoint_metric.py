@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Callable
-from functools import cached_property
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,26 +10,80 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.known_gradient import with_known_gradient
 from riemhuman.kernels.moving_frames import by_vertex
 from riemhuman.kernels.threads import quadratic_form
-from riemhuman.terms.zeroth_order import corner_averages
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.terms.quadratic import QuadraticTerm
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class MidpointMetric(RiemannianMetric):
-    r"""A metric on surfaces without closed-form distance.
+    r"""A sum of terms given by their inner products, without a closed-form distance.
 
     The energy of a path is :math:`n \sum_i G_{(f_i + f_{i+1})/2}(f_{i+1} - f_i, f_{i+1} - f_i)`, of
-    second order in the time step. Subclasses define `inner_product`, and in compiled form
-    `metric_matrix` and `squared_norms_and_slopes`.
+    second order in the time step.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        Surfaces over a template.
+    terms : sequence of QuadraticTerm
+        The terms, see `riemhuman.terms.quadratic`.
+    geodesic_solver : object, optional
+        Strategy for geodesics.
+    exp_solver, log_solver : object, optional
+        Strategies for `exp` and `log`.
     """
 
     space: AlignedSurfaces
 
-    @abstractmethod
+    def __init__(
+        self,
+        space: AlignedSurfaces,
+        terms: Sequence[QuadraticTerm],
+        geodesic_solver: GeodesicSolver | None = None,
+        *,
+        exp_solver: ExpSolver | None = None,
+        log_solver: LogSolver | None = None,
+    ) -> None:
+        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
+        self.terms = tuple(terms)
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return the inner product of deformations.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., V, 3)
+            Deformations h and k.
+        base_point : array, shape (..., V, 3)
+            Surfaces f.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle of a surface has no area.
+        """
+        f = self.space.check_immersed(base_point, "base_point")
+        h = self.space.check_point(tangent_vec_a, "tangent_vec_a")
+        k = h
+        if tangent_vec_b is not tangent_vec_a:
+            k = self.space.check_point(tangent_vec_b, "tangent_vec_b")
+        total: Any = 0.0
+        for term in self.terms:
+            total = total + term.inner_product(h, k, f)
+        return total
+
     def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
         """Return the sparse matrix M of the metric: ⟨h, k⟩_f = h·(M k), vertices flattened.
 
@@ -49,25 +101,13 @@ class MidpointMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
-
-    @abstractmethod
-    def squared_norms_and_slopes(
-        self, vectors: ndarray, surfaces: ndarray
-    ) -> tuple[float, ndarray, ndarray]:
-        """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
-
-        Parameters
-        ----------
-        vectors, surfaces : array, shape (V, n, 3)
-            Deformations and surfaces, vertex by vertex.
-
-        Returns
-        -------
-        value : float
-            Infinite where a triangle has no area.
-        vector_slopes, surface_slopes : array, shape (V, n, 3)
-            Slopes in the deformations and in the surfaces.
-        """
+        surfaces = self.space.check_immersed(base_point, "base_point")
+        surfaces = surfaces.reshape(-1, *self.space.shape)
+        total = sparse.csr_array((self.space.dim, self.space.dim))
+        for f in surfaces:
+            for term in self.terms:
+                total = total + term.matrix(f)
+        return total / len(surfaces)
 
     def energy(self, path: ndarray) -> ndarray:
         """Return the energy of paths.
@@ -95,7 +135,7 @@ class MidpointMetric(RiemannianMetric):
                 return energy
         return super().energy(path)
 
-    @cached_property
+    @property
     def _compiled_energy(self) -> Callable[[Any], Any]:
         return with_known_gradient(self.energy_and_gradient, super().energy)
 
@@ -117,14 +157,33 @@ class MidpointMetric(RiemannianMetric):
         path = self._check_path(self.check_points(path, "path"))
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
-        value, in_steps, in_surfaces = self.squared_norms_and_slopes(steps, surfaces)
+        parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
+        values, in_steps, in_surfaces = (np.add.reduce(part) for part in zip(*parts, strict=True))
         gradient = np.zeros(path.shape)
         gradient[:-1] = by_vertex(0.5 * in_surfaces - in_steps)
         gradient[1:] += by_vertex(0.5 * in_surfaces + in_steps)
-        return n_segments * value, n_segments * gradient
+        return n_segments * float(values), n_segments * gradient
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        """Take translations out of a path, where no term sees them.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, V, 3)
+            Path.
+
+        Returns
+        -------
+        array, shape (n_times, V, 3)
+            A path of the same energy with the same ends.
+        """
+        path = self.check_points(path, "path")
+        if any(term.sees_translations for term in self.terms):
+            return path
+        return still_path(path, self.space.template.vertex_areas, rotations=False)
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Lower the index of tangent vectors, by the sparse matrix where there is one surface.
+        """Lower the index of tangent vectors.
 
         Parameters
         ----------
@@ -137,12 +196,12 @@ class MidpointMetric(RiemannianMetric):
         -------
         array, shape (..., V, 3)
         """
-        base_point = self.space.check_point(base_point, "base_point")
-        if base_point.ndim > 2:
-            return super().covector(tangent_vec, base_point)
         vectors = self.space.check_point(tangent_vec, "tangent_vec")
-        columns = vectors.reshape(-1, self.space.dim).T
-        return (self.metric_matrix(base_point) @ columns).T.reshape(vectors.shape)
+        surfaces = self.space.check_point(base_point, "base_point")
+        if surfaces.ndim == 2:
+            columns = vectors.reshape(-1, self.space.dim).T
+            return (self.metric_matrix(surfaces) @ columns).T.reshape(vectors.shape)
+        return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
         """Return the inner products of all pairs of deformations, averaged over surfaces.
@@ -161,7 +220,3 @@ class MidpointMetric(RiemannianMetric):
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)
-
-    @cached_property
-    def _averages(self) -> sparse.csr_array:
-        return corner_averages(self.space.template.faces, self.space.template.n_vertices)

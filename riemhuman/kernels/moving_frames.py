@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compilation import njit
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.kernels.threads import in_chunks
 
@@ -22,7 +22,7 @@ from riemhuman.kernels.threads import in_chunks
 _WORTH_THREADS = 20_000
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
     """Return the frame of a triangle at time i.
 
@@ -65,7 +65,7 @@ def frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
     return area, over_p, over_r, skew, x0, x1, x2, z0, z1, z2, n0, n1, n2
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def derivatives_in_frame(
     vectors: ndarray, face: ndarray, i: int, frame: tuple[float, ...]
 ) -> tuple[float, ...]:
@@ -106,7 +106,7 @@ def derivatives_in_frame(
     )
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def add_to_corners(
     slopes: ndarray, face: ndarray, i: int, frame: tuple[float, ...], entries: tuple[float, ...]
 ) -> None:
@@ -150,7 +150,7 @@ def add_to_corners(
     slopes[three, i, 2] += y2
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def fill_edges(surfaces: ndarray, face: ndarray, i: int, edges: ndarray) -> float:
     """Fill the edges q₂ − q₁ and q₃ − q₁ of a triangle at time i; return its area.
 
@@ -184,7 +184,7 @@ def fill_edges(surfaces: ndarray, face: ndarray, i: int, edges: ndarray) -> floa
     return 0.5 * math.sqrt(squared) if squared > DEGENERATE * xx * yy else 0.0
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def add_area_slope(
     slopes: ndarray, face: ndarray, i: int, edges: ndarray, area: float, factor: float
 ) -> None:

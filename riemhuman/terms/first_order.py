@@ -27,8 +27,8 @@ import numpy as onp
 from numpy import ndarray
 from scipy.sparse import csr_array
 
-from riemhuman.kernels import surface
-from riemhuman.kernels.compilation import njit
+from riemhuman.kernels import surface, triangles
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.moving_frames import (
     add_to_corners,
     derivatives_in_frame,
@@ -36,8 +36,7 @@ from riemhuman.kernels.moving_frames import (
     is_worth_threads,
     sums_in_chunks,
 )
-from riemhuman.kernels.sums import integrate
-from riemhuman.kernels.threads import in_chunks
+from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 
 
 class FirstOrderWeights(NamedTuple):
@@ -57,135 +56,121 @@ class FirstOrderWeights(NamedTuple):
     d1: float = 0.0
     bend: float = 0.0
 
+    def forms(self) -> tuple[ndarray, ndarray]:
+        """Return the quadratic forms of `surface.frame_components`, by area of both surfaces.
 
-def inner_product(
-    h: ndarray,
-    k: ndarray,
-    f: ndarray,
-    weights: FirstOrderWeights,
-    operator: csr_array,
-    areas: ndarray,
-) -> ndarray:
-    """Return the weighted sum of the parts, integrated: the definition.
+        Returns
+        -------
+        moving, still : array, shape (6, 6)
+            Per area of the moving surface, and of the template.
+        """
+        a1, b1, c1, d1, bend = self
+        moving = onp.zeros((6, 6))
+        moving[[0, 3], [0, 3]], moving[[0, 3], [3, 0]] = 0.5 * (b1 + a1), 0.5 * (b1 - a1)
+        moving[[1, 2], [1, 2]], moving[[1, 2], [2, 1]] = 0.5 * (a1 + d1), 0.5 * (a1 - d1)
+        moving[[4, 5], [4, 5]] = c1
+        still = onp.zeros((6, 6))
+        still[[4, 5], [4, 5]] = bend
+        return moving, still
+
+    @classmethod
+    def from_forms(cls, moving: ndarray, still: ndarray) -> FirstOrderWeights | None:
+        """Return the weights that have these forms, or None if there are none.
+
+        Parameters
+        ----------
+        moving, still : array, shape (6, 6)
+            See `forms`.
+
+        Returns
+        -------
+        FirstOrderWeights or None
+        """
+        found = cls(
+            a1=moving[0, 0] - moving[0, 3],
+            b1=moving[0, 0] + moving[0, 3],
+            c1=moving[4, 4],
+            d1=moving[1, 1] - moving[1, 2],
+            bend=still[4, 4],
+        )
+        size = onp.abs(moving).max() + onp.abs(still).max()
+        for one, other in zip(found.forms(), (moving, still), strict=True):
+            if onp.abs(one - other).max() > 1e-12 * size:
+                return None
+        return found
+
+
+class FirstOrderTerm(QuadraticTerm):
+    """The weighted sum of the parts, integrated.
 
     Parameters
     ----------
-    h, k : array, shape (..., V, 3)
-        Deformations.
-    f : array, shape (..., V, 3)
-        Surfaces whose triangles have an area.
+    template : Template
+        The template.
     weights : FirstOrderWeights
         Weights of the parts.
-    operator : csr_array, shape (2F, V)
-        The template's differential operator.
-    areas : array, shape (F,)
-        Template areas w_t.
-
-    Returns
-    -------
-    array, shape (...)
     """
-    derivatives = surface.partial_derivatives(f, operator)
-    parts_h = _parts(derivatives, surface.partial_derivatives(h, operator))
-    parts_k = parts_h if k is h else _parts(derivatives, surface.partial_derivatives(k, operator))
-    area_vectors = surface.cross(*derivatives)
-    ratio = np.sqrt(surface.dot(area_vectors, area_vectors))
-    a1, b1, c1, d1, bend = weights
-    density: Any = 0.0
-    factors = (a1 * ratio, b1 * ratio, c1 * ratio + bend, d1 * ratio)
-    for factor, part_h, part_k in zip(factors, parts_h, parts_k, strict=True):
-        density = density + factor * np.sum(part_h * part_k, axis=-1)
-    return integrate(density, areas)
+
+    def __init__(self, template: Any, weights: FirstOrderWeights) -> None:
+        self.template, self.weights = template, weights
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations: the definition."""
+        operator = self.template.differential_operator
+        first = surface.derivatives(f, operator)
+        parts_h = _parts(first, h, operator)
+        parts_k = parts_h if k is h else _parts(first, k, operator)
+        a1, b1, c1, d1, bend = self.weights
+        costs = (
+            a1 * first.areas,
+            b1 * first.areas,
+            c1 * first.areas + bend,
+            d1 * first.areas,
+        )
+        density: Any = 0.0
+        for cost, one, other in zip(costs, parts_h, parts_k, strict=True):
+            density = density + cost * np.sum(one * other, axis=-1)
+        return np.sum(density * self.template.face_areas, axis=-1)
+
+    def matrix(self, f: ndarray) -> csr_array:
+        """Return the matrix of the inner product."""
+        template = self.template
+        first = surface.derivatives(f, template.differential_operator)
+        moving, still = template.face_areas * first.areas, template.face_areas
+        moving_form, still_form = self.weights.forms()
+        forms = moving[:, None, None] * moving_form + still[:, None, None] * still_form
+        blocks = onp.zeros((template.n_faces, 9, 9))
+        triangles.add_blocks(blocks, f, template.faces, template.frame_coefficients, forms)
+        return template.assembler.assemble(blocks)
+
+    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+        """Return the sum of the squared norms of deformations and its slopes, compiled."""
+        faces, areas = self.template.faces, self.template.face_areas
+
+        def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
+            slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
+            value = _squared_norms(
+                vectors, surfaces, faces, areas, first, last, tuple(self.weights), *slopes
+            )
+            return value, *slopes
+
+        return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
 
 
-def _parts(
-    derivatives: tuple[ndarray, ndarray], change: tuple[ndarray, ndarray]
-) -> tuple[ndarray, ...]:
+def _parts(first: surface.Derivatives, h: ndarray, operator: csr_array) -> tuple[ndarray, ...]:
     """Return dh_m, dh_+, dh_⊥ and dh_0, as vectors whose squared lengths are those of the parts."""
-    (f_u, f_v), (h_u, h_v) = derivatives, change
-    # e₁, e₂ from f_u = p e₁, f_v = q e₁ + r e₂.
-    p = np.sqrt(surface.dot(f_u, f_u))[..., None]
-    e1 = f_u / p
-    n = surface.unit_normals(f_u, f_v)
-    e2 = surface.cross(n, e1)
-    q, r = surface.dot(f_v, e1)[..., None], surface.dot(f_v, e2)[..., None]
-    along1 = h_u / p
-    along2 = (h_v - q * along1) / r
-    m11, m12, m21, m22 = (surface.dot(e, along) for e in (e1, e2) for along in (along1, along2))
+    m = surface.frame_components(first, *surface.partial_derivatives(h, operator))
+    m11, m12, m21, m22 = (m[..., k] for k in range(4))
     root = np.sqrt(0.5)
     return (
         root * np.stack([m11 - m22, m12 + m21], axis=-1),
         root * (m11 + m22)[..., None],
-        np.stack([surface.dot(n, along1), surface.dot(n, along2)], axis=-1),
+        m[..., 4:],
         root * (m12 - m21)[..., None],
     )
 
 
-@njit(nogil=True, error_model="numpy")
-def _add_blocks(
-    points: ndarray,
-    faces: ndarray,
-    areas: ndarray,
-    first: int,
-    last: int,
-    weights: tuple[float, ...],
-    blocks: ndarray,
-) -> None:
-    a1, b1, c1, d1, bend = weights
-    forms, costs = onp.empty((6, 9)), onp.empty(6)
-    along, across = onp.zeros(3), onp.empty(3)
-    for t in range(first, last):
-        frame = frame_of(points, faces[t], 0)
-        area, over_p, over_r, skew = frame[:4]
-        axes = (frame[4:7], frame[7:10], frame[10:])
-        # Gradients of the three barycentric coordinates along e₁ and e₂.
-        along[0], along[1] = -over_p, over_p
-        across[0], across[1], across[2] = skew - over_r, -skew, over_r
-        costs[0] = costs[1] = 0.5 * a1 * area
-        costs[2], costs[3] = 0.5 * b1 * area, 0.5 * d1 * area
-        costs[4] = costs[5] = c1 * area + bend * areas[t]
-        for corner in range(3):
-            one, two = along[corner], across[corner]
-            for d in range(3):
-                column = 3 * corner + d
-                e1, e2, n = axes[0][d], axes[1][d], axes[2][d]
-                forms[0, column], forms[1, column] = one * e1 - two * e2, two * e1 + one * e2
-                forms[2, column], forms[3, column] = one * e1 + two * e2, two * e1 - one * e2
-                forms[4, column], forms[5, column] = one * n, two * n
-        for row in range(6):
-            if costs[row] > 0.0:
-                for i in range(9):
-                    for j in range(9):
-                        blocks[t, i, j] += costs[row] * forms[row, i] * forms[row, j]
-
-
-def add_blocks(
-    blocks: ndarray, f: ndarray, faces: ndarray, areas: ndarray, weights: FirstOrderWeights
-) -> None:
-    """Add the 9 × 9 matrices of `inner_product` at a surface, one a triangle.
-
-    Parameters
-    ----------
-    blocks : array, shape (F, 9, 9)
-        Added to; rows and columns run over the coordinates of the first, second, third corner.
-    f : array, shape (V, 3)
-        Surface whose triangles have an area.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    areas : array, shape (F,)
-        Template areas w_t.
-    weights : FirstOrderWeights
-        Weights of the parts.
-    """
-    points = np.ascontiguousarray(f[:, None])
-
-    def run(first: int, last: int) -> None:
-        _add_blocks(points, faces, areas, first, last, tuple(weights), blocks)
-
-    in_chunks(run, len(faces), threaded=is_worth_threads(points, faces))
-
-
-@njit(nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _squared_norms(
     vectors: ndarray,
     surfaces: ndarray,
@@ -234,41 +219,3 @@ def _squared_norms(
             )
             add_to_corners(surface_slopes, faces[t], i, frame, slopes)
     return total
-
-
-def squared_norms_and_slopes(
-    vectors: ndarray,
-    surfaces: ndarray,
-    faces: ndarray,
-    areas: ndarray,
-    weights: FirstOrderWeights,
-) -> tuple[float, ndarray, ndarray]:
-    """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
-
-    Parameters
-    ----------
-    vectors, surfaces : array, shape (V, n, 3)
-        Deformations and surfaces, vertex by vertex.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    areas : array, shape (F,)
-        Template areas w_t.
-    weights : FirstOrderWeights
-        Weights of the parts.
-
-    Returns
-    -------
-    value : float
-        Infinite where a triangle has no area.
-    vector_slopes, surface_slopes : array, shape (V, n, 3)
-        Slopes in the deformations and in the surfaces.
-    """
-
-    def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-        slopes = np.zeros(surfaces.shape), np.zeros(surfaces.shape)
-        value = _squared_norms(
-            vectors, surfaces, faces, areas, first, last, tuple(weights), *slopes
-        )
-        return value, *slopes
-
-    return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))

@@ -17,25 +17,25 @@ from scipy.sparse import csr_array
 from riemhuman.checks import values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface
-from riemhuman.kernels.compilation import njit
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import fill_edges, is_worth_threads, sums_in_chunks
+from riemhuman.terms.quadratic import QuadraticTerm, Slopes
+from riemhuman.terms.zeroth_order import corner_averages
 
 # Below this share of the areas around a vertex, the sum of the area vectors is rounding error.
 _CANCELLED = 1e-12
 
 
-def vertex_normals(f: ndarray, operator: csr_array, areas: ndarray, averages: csr_array) -> ndarray:
+def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
     """Return unit normals at the vertices: the definition.
 
     Parameters
     ----------
     f : array, shape (..., V, 3)
         Surfaces.
-    operator : csr_array, shape (2F, V)
-        The template's differential operator.
-    areas : array, shape (F,)
-        Template areas w_t.
+    template : Template
+        The template.
     averages : csr_array, shape (F, V)
         See `riemhuman.terms.zeroth_order.corner_averages`.
 
@@ -48,7 +48,8 @@ def vertex_normals(f: ndarray, operator: csr_array, areas: ndarray, averages: cs
     DegenerateSurfaceError
         If the area vectors around a vertex cancel.
     """
-    area_vectors = areas[:, None] * surface.cross(*surface.partial_derivatives(f, operator))
+    first = surface.derivatives(f, template.differential_operator)
+    area_vectors = template.face_areas[:, None] * first.area_vectors
     sums = apply_operator(averages.T, area_vectors)
     plain = values_of(area_vectors)
     around = apply_operator(averages.T, onp.linalg.norm(plain, axis=-1, keepdims=True))[..., 0]
@@ -65,9 +66,7 @@ def vertex_normals(f: ndarray, operator: csr_array, areas: ndarray, averages: cs
     return np.where(unused[..., None], 0.0, unit)
 
 
-def project(
-    h: ndarray, f: ndarray, operator: csr_array, areas: ndarray, averages: csr_array
-) -> ndarray:
+def project(h: ndarray, f: ndarray, template: Any, averages: csr_array) -> ndarray:
     """Return P_f h = ⟨h, n⟩ n: the definition.
 
     Parameters
@@ -76,10 +75,8 @@ def project(
         Deformations.
     f : array, shape (..., V, 3)
         Surfaces.
-    operator : csr_array, shape (2F, V)
-        The template's differential operator.
-    areas : array, shape (F,)
-        Template areas w_t.
+    template : Template
+        The template.
     averages : csr_array, shape (F, V)
         See `riemhuman.terms.zeroth_order.corner_averages`.
 
@@ -87,7 +84,7 @@ def project(
     -------
     array, shape (..., V, 3)
     """
-    normals = vertex_normals(f, operator, areas, averages)
+    normals = vertex_normals(f, template, averages)
     return surface.dot(h, normals)[..., None] * normals
 
 
@@ -110,7 +107,7 @@ def matrix(normals: ndarray) -> csr_array:
     return csr_array((blocks.ravel(), columns.ravel(), ends), shape=(normals.size,) * 2)
 
 
-@njit(nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_area_vectors(
     surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray, around: ndarray
 ) -> None:
@@ -127,7 +124,7 @@ def _add_area_vectors(
                     sums[corner, i, d] += entry
 
 
-@njit(nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_slopes(
     surfaces: ndarray,
     sum_slopes: ndarray,
@@ -229,3 +226,40 @@ class NormalProjections:
     def _in_chunks(self, task: Callable[[int, int], tuple[ndarray, ...]]) -> tuple[Any, ...]:
         threaded = is_worth_threads(self._surfaces, self._faces)
         return sums_in_chunks(task, len(self._faces), threaded=threaded)
+
+
+class NormalPartTerm(QuadraticTerm):
+    """A term of the normal parts of deformations, ⟨P h, P k⟩.
+
+    Parameters
+    ----------
+    template : Template
+        The template.
+    term : QuadraticTerm
+        The term of the parts.
+    """
+
+    sees_translations = True
+
+    def __init__(self, template: Any, term: QuadraticTerm) -> None:
+        self.template, self.term = template, term
+        self._averages = corner_averages(template.faces, template.n_vertices)
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations: the definition."""
+        normal_h = project(h, f, self.template, self._averages)
+        normal_k = normal_h if k is h else project(k, f, self.template, self._averages)
+        return self.term.inner_product(normal_h, normal_k, f)
+
+    def matrix(self, f: ndarray) -> csr_array:
+        """Return the matrix P M P of the inner product."""
+        projection = matrix(vertex_normals(f, self.template, self._averages))
+        return projection @ self.term.matrix(f) @ projection
+
+    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+        """Return the sum of the squared norms and its slopes; infinite where normals cancel."""
+        projections = NormalProjections(surfaces, self.template.faces)
+        parts = projections.project(vectors)
+        value, in_parts, in_surfaces = self.term.squared_norms_and_slopes(parts, surfaces)
+        in_vectors, through_normals = projections.slopes(vectors, in_parts)
+        return value if projections.exist else onp.inf, in_vectors, in_surfaces + through_normals

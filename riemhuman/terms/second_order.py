@@ -11,6 +11,7 @@ something there.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -19,7 +20,7 @@ from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface
-from riemhuman.kernels.compilation import njit
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
@@ -27,7 +28,8 @@ from riemhuman.kernels.moving_frames import (
     is_worth_threads,
     sums_in_chunks,
 )
-from riemhuman.terms.zeroth_order import vertex_areas
+from riemhuman.terms.quadratic import QuadraticTerm, Slopes
+from riemhuman.terms.zeroth_order import corner_averages, vertex_areas
 
 
 def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
@@ -63,57 +65,6 @@ def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
     return surrounded
 
 
-def inner_product(
-    h: ndarray,
-    k: ndarray,
-    f: ndarray,
-    operator: csr_array,
-    areas: ndarray,
-    averages: csr_array,
-    surrounded: ndarray,
-) -> ndarray:
-    """Return Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices surrounded: the definition.
-
-    Parameters
-    ----------
-    h, k : array, shape (..., V, 3)
-        Deformations.
-    f : array, shape (..., V, 3)
-        Surfaces whose triangles have an area.
-    operator : csr_array, shape (2F, V)
-        The template's differential operator.
-    areas : array, shape (F,)
-        Template areas w_t.
-    averages : csr_array, shape (F, V)
-        See `riemhuman.terms.zeroth_order.corner_averages`.
-    surrounded : array of bool, shape (V,)
-        See `surrounded_vertices`.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    f_u, f_v = surface.partial_derivatives(f, operator)
-    area_vectors = surface.cross(f_u, f_v)
-    ratio = np.sqrt(surface.dot(area_vectors, area_vectors))
-    # √det g times the inverse of g, as an integrand over the template.
-    e, m, g = (
-        (areas * surface.dot(one, other) / ratio)[..., None]
-        for one, other in ((f_u, f_u), (f_u, f_v), (f_v, f_v))
-    )
-
-    def laplacian(values: ndarray) -> ndarray:
-        v_u, v_v = surface.partial_derivatives(values, operator)
-        fluxes = np.concatenate([g * v_u - m * v_v, e * v_v - m * v_u], axis=-2)
-        return apply_operator(operator.T, fluxes)
-
-    image_h = laplacian(h)
-    image_k = image_h if k is h else laplacian(k)
-    masses = vertex_areas(f, operator, areas, averages)
-    shares = surrounded / np.where(surrounded, masses, 1.0)
-    return np.sum(shares * surface.dot(image_h, image_k), axis=-1)
-
-
 def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
     """Return the matrix L of the Dirichlet energy hᵀL h of functions on a surface.
 
@@ -144,30 +95,86 @@ def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
     return csr_array((onp.concatenate(entries), places), shape=(len(f), len(f)))
 
 
-def matrix(f: ndarray, faces: ndarray, masses: ndarray, surrounded: ndarray) -> csr_array:
-    """Return the matrix of `inner_product` at a surface.
+class SecondOrderTerm(QuadraticTerm):
+    """w Σ_v ⟨(L h)_v, (L k)_v⟩/A_v over the vertices that triangles surround.
 
     Parameters
     ----------
-    f : array, shape (V, 3)
-        Surface whose triangles have an area.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    masses : array, shape (V,)
-        Vertex areas of the surface.
+    template : Template
+        The template.
+    weight : float
+        w > 0.
+
+    Attributes
+    ----------
     surrounded : array of bool, shape (V,)
         See `surrounded_vertices`.
 
-    Returns
-    -------
-    csr_array, shape (3V, 3V)
+    Raises
+    ------
+    ArgumentError
+        If more than two triangles share an edge.
     """
-    laplacian = cotangent_laplacian(f, faces)
-    shares = surrounded / onp.where(surrounded, masses, 1.0)
-    return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
+
+    def __init__(self, template: Any, weight: float) -> None:
+        self.template, self.weight = template, weight
+        self.surrounded = surrounded_vertices(template.faces, template.n_vertices)
+        self._averages = corner_averages(template.faces, template.n_vertices)
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations: the definition."""
+        operator = self.template.differential_operator
+        first = surface.derivatives(f, operator)
+        # √det g times the inverse of g, as an integrand over the template.
+        squared_v = surface.dot(first.f_v, first.f_v)
+        scale = self.template.face_areas / first.areas
+        e, m, g = ((scale * value)[..., None] for value in (first.e, first.m, squared_v))
+
+        def laplacian(values: ndarray) -> ndarray:
+            v_u, v_v = surface.partial_derivatives(values, operator)
+            fluxes = np.concatenate([g * v_u - m * v_v, e * v_v - m * v_u], axis=-2)
+            return apply_operator(operator.T, fluxes)
+
+        image_h = laplacian(h)
+        image_k = image_h if k is h else laplacian(k)
+        shares = self._shares(vertex_areas(f, self.template, self._averages))
+        return np.sum(shares * surface.dot(image_h, image_k), axis=-1)
+
+    def matrix(self, f: ndarray) -> csr_array:
+        """Return the matrix of the inner product."""
+        laplacian = cotangent_laplacian(f, self.template.faces)
+        shares = self._shares(vertex_areas(f, self.template, self._averages))
+        return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
+
+    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+        """Return the sum of the squared norms of deformations and its slopes, compiled."""
+        faces = self.template.faces
+        threaded = is_worth_threads(surfaces, faces)
+
+        def apply(first: int, last: int) -> tuple[float, ndarray, ndarray]:
+            images, masses = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape[:2])
+            value = _add_laplacians(vectors, surfaces, faces, first, last, images, masses)
+            return value, images, masses
+
+        value, images, masses = sums_in_chunks(apply, len(faces), threaded=threaded)
+        if value > 0.0:
+            return value, onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
+        ratios = self._shares(masses.T).T[..., None] * images
+
+        def slopes(first: int, last: int) -> tuple[ndarray, ndarray]:
+            both = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
+            _add_slopes(vectors, surfaces, ratios, faces, self.weight, first, last, *both)
+            return both
+
+        value = float(onp.sum(ratios * images))
+        return value, *sums_in_chunks(slopes, len(faces), threaded=threaded)
+
+    def _shares(self, masses: ndarray) -> ndarray:
+        """Return w/A at the vertices surrounded, 0 at the others."""
+        return self.weight * self.surrounded / np.where(self.surrounded, masses, 1.0)
 
 
-@njit(inline="always")
+@compiled(inline="always")
 def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
     """Return half the cotangents of the angles at the three corners."""
     xx = xy = yy = 0.0
@@ -179,8 +186,8 @@ def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
     return factor * xy, factor * (xx - xy), factor * (yy - xy)
 
 
-@njit(nogil=True, error_model="numpy")
-def _laplacians(
+@compiled(error_model="numpy")
+def _add_laplacians(
     vectors: ndarray,
     surfaces: ndarray,
     faces: ndarray,
@@ -212,18 +219,19 @@ def _laplacians(
     return total
 
 
-@njit(nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _add_slopes(
     vectors: ndarray,
     surfaces: ndarray,
     ratios: ndarray,
     faces: ndarray,
+    weight: float,
     first: int,
     last: int,
     vector_slopes: ndarray,
     surface_slopes: ndarray,
 ) -> None:
-    """Add the slopes of Σ |L h|²/A, with z = L h/A: those of 2 zᵀL h − Σ |z|² A with z held."""
+    """Add the slopes of w Σ |L h|²/A: those of 2 zᵀL h − Σ |z|² A/w with z = w L h/A held."""
     edges = onp.empty((2, 3))
     for t in range(first, last):
         one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
@@ -256,48 +264,5 @@ def _add_slopes(
                 surface_slopes[two, i, d] += step_two
                 surface_slopes[three, i, d] += step_three
                 surface_slopes[one, i, d] -= step_two + step_three
-            by_area = -2.0 * energy / area - squared / 3.0
+            by_area = -2.0 * energy / area - squared / (3.0 * weight)
             add_area_slope(surface_slopes, faces[t], i, edges, area, by_area)
-
-
-def squared_norms_and_slopes(
-    vectors: ndarray, surfaces: ndarray, faces: ndarray, surrounded: ndarray
-) -> tuple[float, ndarray, ndarray]:
-    """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
-
-    Parameters
-    ----------
-    vectors, surfaces : array, shape (V, n, 3)
-        Deformations and surfaces, vertex by vertex.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    surrounded : array of bool, shape (V,)
-        See `surrounded_vertices`.
-
-    Returns
-    -------
-    value : float
-        Infinite where a triangle has no area.
-    vector_slopes, surface_slopes : array, shape (V, n, 3)
-        Slopes in the deformations and in the surfaces.
-    """
-    threaded = is_worth_threads(surfaces, faces)
-
-    def apply(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-        images, masses = np.zeros(surfaces.shape), np.zeros(surfaces.shape[:2])
-        value = _laplacians(vectors, surfaces, faces, first, last, images, masses)
-        return value, images, masses
-
-    value, images, masses = sums_in_chunks(apply, len(faces), threaded=threaded)
-    if value > 0.0:
-        return value, np.zeros(surfaces.shape), np.zeros(surfaces.shape)
-    shares = surrounded[:, None] / onp.where(surrounded[:, None], masses, 1.0)
-    ratios = shares[..., None] * images
-    value = float(onp.sum(ratios * images))
-
-    def slopes(first: int, last: int) -> tuple[ndarray, ndarray]:
-        both = np.zeros(surfaces.shape), np.zeros(surfaces.shape)
-        _add_slopes(vectors, surfaces, ratios, faces, first, last, *both)
-        return both
-
-    return value, *sums_in_chunks(slopes, len(faces), threaded=threaded)

@@ -6,6 +6,7 @@ Masses are lumped: every vertex carries a third of the area of the triangles aro
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -13,7 +14,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.kernels import surface
-from riemhuman.kernels.compilation import njit
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
@@ -21,6 +22,7 @@ from riemhuman.kernels.moving_frames import (
     is_worth_threads,
     sums_in_chunks,
 )
+from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 
 
 def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
@@ -43,17 +45,15 @@ def corner_averages(faces: ndarray, n_vertices: int) -> csr_array:
     )
 
 
-def vertex_areas(f: ndarray, operator: csr_array, areas: ndarray, averages: csr_array) -> ndarray:
+def vertex_areas(f: ndarray, template: Any, averages: csr_array) -> ndarray:
     """Return a third of the area of the triangles around each vertex, differentiably.
 
     Parameters
     ----------
     f : array, shape (..., V, 3)
         Surfaces whose triangles have an area.
-    operator : csr_array, shape (2F, V)
-        The template's differential operator.
-    areas : array, shape (F,)
-        Template areas w_t.
+    template : Template
+        The template.
     averages : csr_array, shape (F, V)
         See `corner_averages`.
 
@@ -61,57 +61,55 @@ def vertex_areas(f: ndarray, operator: csr_array, areas: ndarray, averages: csr_
     -------
     array, shape (..., V)
     """
-    area_vectors = surface.cross(*surface.partial_derivatives(f, operator))
-    own = areas * np.sqrt(surface.dot(area_vectors, area_vectors))
-    return apply_operator(averages.T, own[..., None])[..., 0]
+    first = surface.derivatives(f, template.differential_operator)
+    return apply_operator(averages.T, (template.face_areas * first.areas)[..., None])[..., 0]
 
 
-def inner_product(
-    h: ndarray, k: ndarray, f: ndarray, operator: csr_array, areas: ndarray, averages: csr_array
-) -> ndarray:
-    """Return Σ_v A_v ⟨h_v, k_v⟩ with the vertex areas A of the surface: the definition.
+class ZerothOrderTerm(QuadraticTerm):
+    """w Σ_v A_v ⟨h_v, k_v⟩ with the vertex areas A of the surface.
 
     Parameters
     ----------
-    h, k : array, shape (..., V, 3)
-        Deformations.
-    f : array, shape (..., V, 3)
-        Surfaces whose triangles have an area.
-    operator : csr_array, shape (2F, V)
-        The template's differential operator.
-    areas : array, shape (F,)
-        Template areas w_t.
-    averages : csr_array, shape (F, V)
-        See `corner_averages`.
-
-    Returns
-    -------
-    array, shape (...)
+    template : Template
+        The template.
+    weight : float
+        w > 0.
     """
-    masses = vertex_areas(f, operator, areas, averages)
-    return np.sum(masses * surface.dot(h, k), axis=-1)
+
+    sees_translations = True
+
+    def __init__(self, template: Any, weight: float) -> None:
+        self.template, self.weight = template, weight
+        self._averages = corner_averages(template.faces, template.n_vertices)
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations: the definition."""
+        masses = vertex_areas(f, self.template, self._averages)
+        return self.weight * np.sum(masses * surface.dot(h, k), axis=-1)
+
+    def matrix(self, f: ndarray) -> csr_array:
+        """Return the diagonal matrix of the inner product."""
+        masses = vertex_areas(f, self.template, self._averages)
+        return csr_array(kron(diags_array(self.weight * masses), eye_array(3)))
+
+    def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
+        """Return the sum of the squared norms of deformations and its slopes, compiled."""
+        faces = self.template.faces
+
+        def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
+            slopes = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
+            value = _squared_norms(vectors, surfaces, faces, self.weight, first, last, *slopes)
+            return value, *slopes
+
+        return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
 
 
-def matrix(masses: ndarray) -> csr_array:
-    """Return the diagonal matrix of `inner_product` at a surface.
-
-    Parameters
-    ----------
-    masses : array, shape (V,)
-        Vertex areas of the surface.
-
-    Returns
-    -------
-    csr_array, shape (3V, 3V)
-    """
-    return csr_array(kron(diags_array(masses), eye_array(3)))
-
-
-@njit(nogil=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _squared_norms(
     vectors: ndarray,
     surfaces: ndarray,
     faces: ndarray,
+    weight: float,
     first: int,
     last: int,
     vector_slopes: ndarray,
@@ -125,39 +123,11 @@ def _squared_norms(
             if area == 0.0:
                 total = math.inf
                 continue
-            squared = 0.0
+            factor, squared = 2.0 / 3.0 * weight * area, 0.0
             for corner in faces[t]:
                 for d in range(3):
                     squared += vectors[corner, i, d] ** 2
-                    vector_slopes[corner, i, d] += 2.0 / 3.0 * area * vectors[corner, i, d]
-            total += area * squared / 3.0
-            add_area_slope(surface_slopes, faces[t], i, edges, area, squared / 3.0)
+                    vector_slopes[corner, i, d] += factor * vectors[corner, i, d]
+            total += 0.5 * factor * squared
+            add_area_slope(surface_slopes, faces[t], i, edges, area, weight * squared / 3.0)
     return total
-
-
-def squared_norms_and_slopes(
-    vectors: ndarray, surfaces: ndarray, faces: ndarray
-) -> tuple[float, ndarray, ndarray]:
-    """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
-
-    Parameters
-    ----------
-    vectors, surfaces : array, shape (V, n, 3)
-        Deformations and surfaces, vertex by vertex.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    value : float
-        Infinite where a triangle has no area.
-    vector_slopes, surface_slopes : array, shape (V, n, 3)
-        Slopes in the deformations and in the surfaces.
-    """
-
-    def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-        slopes = np.zeros(surfaces.shape), np.zeros(surfaces.shape)
-        value = _squared_norms(vectors, surfaces, faces, first, last, *slopes)
-        return value, *slopes
-
-    return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))

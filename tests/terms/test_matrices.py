@@ -82,7 +82,9 @@ def test_distances_of_near_surfaces_are_norms(template, weights):
 
 
 @pytest.mark.parametrize(
-    "case", [case for case in surface_cases("dist") if case.name != "edges"], ids=lambda case: case.name
+    "case",
+    [case for case in surface_cases("dist") if case.name != "edges"],
+    ids=lambda case: case.name,
 )
 def test_matrices_agree_with_the_squared_norm(case):
     template = case.space.template

@@ -8,128 +8,101 @@ from oracles import taylor_slope
 
 from riemhuman.kernels import moving_frames
 from riemhuman.kernels.moving_frames import by_vertex
-from riemhuman.terms import first_order, normal_projection, second_order, zeroth_order
-from riemhuman.terms.first_order import FirstOrderWeights
+from riemhuman.terms import normal_projection, second_order
+from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
+from riemhuman.terms.normal_projection import NormalPartTerm
+from riemhuman.terms.second_order import SecondOrderTerm
+from riemhuman.terms.zeroth_order import ZerothOrderTerm, corner_averages
 
-WEIGHTS = [
-    FirstOrderWeights(0.7, 0.3, 1.1, 0.9, 0.4),
-    *(FirstOrderWeights(**{name: 1.0}) for name in FirstOrderWeights._fields),
-]
-
-
-class Terms:
-    """Definitions and compiled forms over one template."""
-
-    def __init__(self, template):
-        self.template = template
-        self.over = template.differential_operator, template.face_areas
-        self.averages = zeroth_order.corner_averages(template.faces, template.n_vertices)
-        self.surrounded = second_order.surrounded_vertices(template.faces, template.n_vertices)
-
-    def definition(self, name, h, k, f):
-        if name == "zeroth":
-            return zeroth_order.inner_product(h, k, f, *self.over, self.averages)
-        if name == "second":
-            return second_order.inner_product(h, k, f, *self.over, self.averages, self.surrounded)
-        return first_order.inner_product(h, k, f, name, *self.over)
-
-    def compiled(self, name, h, f):
-        faces, arrays = self.template.faces, (by_vertex(h), by_vertex(f))
-        if name == "zeroth":
-            found = zeroth_order.squared_norms_and_slopes(*arrays, faces)
-        elif name == "second":
-            found = second_order.squared_norms_and_slopes(*arrays, faces, self.surrounded)
-        else:
-            areas = self.template.face_areas
-            found = first_order.squared_norms_and_slopes(*arrays, faces, areas, name)
-        return found[0], by_vertex(found[1]), by_vertex(found[2])
-
-    def matrix(self, name, f):
-        masses = zeroth_order.vertex_areas(f, *self.over, self.averages)
-        if name == "zeroth":
-            return zeroth_order.matrix(masses)
-        if name == "second":
-            return second_order.matrix(f, self.template.faces, masses, self.surrounded)
-        blocks = np.zeros((self.template.n_faces, 9, 9))
-        areas = self.template.face_areas
-        first_order.add_blocks(blocks, f, self.template.faces, areas, name)
-        return self.template.assembler.assemble(blocks)
+WEIGHTS = {
+    "all": FirstOrderWeights(0.7, 0.3, 1.1, 0.9, 0.4),
+    **{name: FirstOrderWeights(**{name: 1.0}) for name in FirstOrderWeights._fields},
+}
 
 
-every_term = pytest.mark.parametrize("name", ["zeroth", "second", *WEIGHTS], ids=str)
+def terms_over(template):
+    """Return every kind of term over a template, with weights that are not 1."""
+    terms = {
+        "zeroth": ZerothOrderTerm(template, 0.7),
+        "second": SecondOrderTerm(template, 1.3),
+        "normal part": NormalPartTerm(template, FirstOrderTerm(template, WEIGHTS["all"])),
+    }
+    return terms | {name: FirstOrderTerm(template, one) for name, one in WEIGHTS.items()}
+
+
+def compiled(term, h, f):
+    value, in_vectors, in_surfaces = term.squared_norms_and_slopes(by_vertex(h), by_vertex(f))
+    return value, by_vertex(in_vectors), by_vertex(in_surfaces)
+
+
+every_term = pytest.mark.parametrize("name", ["zeroth", "second", "normal part", *WEIGHTS])
 
 
 @every_term
-@pytest.mark.parametrize("template", ["sphere", "open"])
-def test_values_slopes_and_matrices(name, template):
-    terms = Terms(TEMPLATES[template]())
-    f, h = surfaces(terms.template, 3, rng=1), deformations(terms.template, 3, rng=2)
-    value, in_vectors, in_surfaces = terms.compiled(name, h, f)
-    np.testing.assert_allclose(value, terms.definition(name, h, h, f).sum(), rtol=1e-12)
+@pytest.mark.parametrize("shape", ["sphere", "open"])
+def test_values_slopes_and_matrices(name, shape):
+    template = TEMPLATES[shape]()
+    term = terms_over(template)[name]
+    f, h = surfaces(template, 3, rng=1), deformations(template, 3, rng=2)
+    value, in_vectors, in_surfaces = compiled(term, h, f)
+    np.testing.assert_allclose(value, term.inner_product(h, h, f).sum(), rtol=1e-12)
     for found, argument in ((in_vectors, 0), (in_surfaces, 1)):
-        expected = grad(lambda h, f: np.sum(terms.definition(name, h, h, f)), argument)(h, f)
-        error = np.abs(found - expected).max()
-        assert error <= 1e-11 * np.abs(expected).max()
-    products = terms.definition(name, h[:, None], h, f[0])
+        expected = grad(lambda h, f: np.sum(term.inner_product(h, h, f)), argument)(h, f)
+        assert np.abs(found - expected).max() <= 1e-11 * np.abs(expected).max()
+    products = term.inner_product(h[:, None], h, f[0])
     flat = h.reshape(3, -1)
-    np.testing.assert_allclose(
-        flat @ (terms.matrix(name, f[0]) @ flat.T), products, atol=1e-11 * np.abs(products).max()
-    )
+    found = flat @ (term.matrix(f[0]) @ flat.T)
+    np.testing.assert_allclose(found, products, rtol=0, atol=1e-11 * np.abs(products).max())
 
 
 @every_term
 def test_slopes_are_derivatives(name):
-    terms = Terms(sphere_template())
-    f, h = surfaces(terms.template, 2, rng=3), deformations(terms.template, 2, rng=4)
-    direction = deformations(terms.template, 2, rng=5)
-    _, in_vectors, in_surfaces = terms.compiled(name, h, f)
-    for slopes, function in (
-        (in_vectors, lambda x: terms.compiled(name, x, f)[0]),
-        (in_surfaces, lambda x: terms.compiled(name, h, x)[0]),
-    ):
-        at = h if slopes is in_vectors else f
-        assert taylor_slope(function, at, direction, slopes) >= 1.9
-
-
-def test_wrong_slopes_are_seen():
-    terms = Terms(sphere_template())
-    f, h = surfaces(terms.template, 2, rng=3), deformations(terms.template, 2, rng=4)
-    _, _, slopes = terms.compiled("second", h, f)
-    direction = deformations(terms.template, 2, rng=5)
-    function = lambda x: terms.compiled("second", h, x)[0]  # noqa: E731
-    assert taylor_slope(function, f, direction, 1.01 * slopes) < 1.5
+    template = sphere_template()
+    term = terms_over(template)[name]
+    f, h = surfaces(template, 2, rng=3), deformations(template, 2, rng=4)
+    direction = deformations(template, 2, rng=5)
+    _, in_vectors, in_surfaces = compiled(term, h, f)
+    assert taylor_slope(lambda x: compiled(term, x, f)[0], h, direction, in_vectors) >= 1.9
+    assert taylor_slope(lambda x: compiled(term, h, x)[0], f, direction, in_surfaces) >= 1.9
+    assert taylor_slope(lambda x: compiled(term, h, x)[0], f, direction, 1.01 * in_surfaces) < 1.5
 
 
 @every_term
 def test_threads_give_the_same_bits(name, monkeypatch):
-    terms = Terms(sphere_template(2))
-    f, h = surfaces(terms.template, 4, rng=6), deformations(terms.template, 4, rng=7)
-    alone = terms.compiled(name, h, f)
+    template = sphere_template(2)
+    term = terms_over(template)[name]
+    f, h = surfaces(template, 4, rng=6), deformations(template, 4, rng=7)
+    alone = compiled(term, h, f)
     monkeypatch.setattr(moving_frames, "_WORTH_THREADS", 0)
-    for one, other in zip(alone, terms.compiled(name, h, f), strict=True):
+    for one, other in zip(alone, compiled(term, h, f), strict=True):
         np.testing.assert_array_equal(one, other)
 
 
-def test_slopes_through_projections():
+def test_forms_say_the_weights():
+    for weights in WEIGHTS.values():
+        found = FirstOrderWeights.from_forms(*weights.forms())
+        np.testing.assert_allclose(found, weights, atol=1e-15)
+    along_u = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert FirstOrderWeights.from_forms(along_u, np.zeros((6, 6))) is None
+    assert FirstOrderWeights.from_forms(np.zeros((6, 6)), along_u) is None
+
+
+def test_projections_to_normals():
     template = sphere_template()
-    f, h = surfaces(template, 2, rng=8), deformations(template, 2, rng=9)
-    pull = deformations(template, 2, rng=10)
-    averages = zeroth_order.corner_averages(template.faces, template.n_vertices)
-    over = template.differential_operator, template.face_areas, averages
-
-    def pulled(h, f):
-        return np.sum(normal_projection.project(h, f, *over) * pull)
-
-    projections = normal_projection.NormalProjections(by_vertex(f), template.faces)
-    found = by_vertex(projections.project(by_vertex(h)))
-    np.testing.assert_allclose(found, normal_projection.project(h, f, *over), atol=1e-14)
-    for argument, slopes in enumerate(projections.slopes(by_vertex(h), by_vertex(pull))):
-        expected = grad(pulled, argument)(h, f)
-        np.testing.assert_allclose(by_vertex(slopes), expected, atol=1e-12 * np.abs(expected).max())
-    normals = normal_projection.vertex_normals(f[0], *over)
+    f, h = surfaces(template, 1, rng=8)[0], deformations(template, 1, rng=9)[0]
+    over = template, corner_averages(template.faces, template.n_vertices)
+    found = normal_projection.project(h, f, *over)
+    normals = normal_projection.vertex_normals(f, *over)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-14)
+    expected = [np.dot(one, n) * n for one, n in zip(h, normals, strict=True)]
+    np.testing.assert_allclose(found, expected, atol=1e-14)
     matrix = normal_projection.matrix(normals).toarray()
     np.testing.assert_allclose(matrix @ matrix, matrix, atol=1e-14)
-    np.testing.assert_allclose(matrix @ h[0].ravel(), found[0].ravel(), atol=1e-14)
+    np.testing.assert_allclose(matrix @ h.ravel(), found.ravel(), atol=1e-14)
+    corner = np.any(template.faces == 5, axis=1)
+    sides = np.diff(f[template.faces[corner]], axis=1)
+    around = np.cross(sides[:, 0], sides[:, 1]).sum(axis=0)
+    np.testing.assert_allclose(normals[5], around / np.linalg.norm(around), rtol=1e-12)
 
 
 def test_surrounded_vertices():
