@@ -158,7 +158,7 @@ class MidpointMetric(RiemannianMetric):
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
-        values, in_steps, in_surfaces = (np.add.reduce(part) for part in zip(*parts, strict=True))
+        values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
         gradient = np.zeros(path.shape)
         gradient[:-1] = by_vertex(0.5 * in_surfaces - in_steps)
         gradient[1:] += by_vertex(0.5 * in_surfaces + in_steps)

@@ -258,7 +258,7 @@ def sums_in_chunks(
     Parameters
     ----------
     task : callable
-        Called with the first and last + 1 index of each part, returns numbers and arrays.
+        Called with the first and last + 1 index of each part, returns numbers and new arrays.
     size : int
         Number of items.
     threaded : bool
@@ -268,5 +268,9 @@ def sums_in_chunks(
     -------
     tuple
     """
-    parts = in_chunks(task, size, threaded=threaded)
-    return tuple(sum(values[1:], start=values[0]) for values in zip(*parts, strict=True))
+    first, *others = in_chunks(task, size, threaded=threaded)
+    totals = list(first)
+    for part in others:
+        for k, value in enumerate(part):
+            totals[k] += value
+    return tuple(totals)
