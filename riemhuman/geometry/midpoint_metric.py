@@ -56,24 +56,6 @@ class MidpointMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
-        """Return the inner product of deformations.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., V, 3)
-            Deformations h and k.
-        base_point : array, shape (..., V, 3)
-            Surfaces f.
-
-        Returns
-        -------
-        array, shape (...)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
         f = self.space.check_immersed(base_point, "base_point")
         h = self.space.check_point(tangent_vec_a, "tangent_vec_a")
         k = h
@@ -183,19 +165,6 @@ class MidpointMetric(RiemannianMetric):
         return still_path(path, self.space.template.vertex_areas, rotations=False)
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Lower the index of tangent vectors.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., V, 3)
-            Deformations.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
-        """
         vectors = self.space.check_point(tangent_vec, "tangent_vec")
         surfaces = self.space.check_point(base_point, "base_point")
         if surfaces.ndim == 2:
@@ -204,19 +173,6 @@ class MidpointMetric(RiemannianMetric):
         return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        """Return the inner products of all pairs of deformations, averaged over surfaces.
-
-        Parameters
-        ----------
-        vectors : array, shape (K, V, 3)
-            Deformations.
-        base_point : array, shape (V, 3) or (n, V, 3)
-            One surface, or several to average over.
-
-        Returns
-        -------
-        array, shape (K, K)
-        """
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)

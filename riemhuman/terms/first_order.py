@@ -115,7 +115,6 @@ class FirstOrderTerm(QuadraticTerm):
         self.template, self.weights = template, weights
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of deformations: the definition."""
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
         parts_h = _parts(first, h, operator)
@@ -133,7 +132,6 @@ class FirstOrderTerm(QuadraticTerm):
         return np.sum(density * self.template.face_areas, axis=-1)
 
     def matrix(self, f: ndarray) -> csr_array:
-        """Return the matrix of the inner product."""
         template = self.template
         first = surface.derivatives(f, template.differential_operator)
         moving, still = template.face_areas * first.areas, template.face_areas
@@ -144,7 +142,6 @@ class FirstOrderTerm(QuadraticTerm):
         return template.assembler.assemble(blocks)
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        """Return the sum of the squared norms of deformations and its slopes, compiled."""
         faces, areas = self.template.faces, self.template.face_areas
 
         def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:

@@ -246,18 +246,15 @@ class NormalPartTerm(QuadraticTerm):
         self._averages = corner_averages(template.faces, template.n_vertices)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of deformations: the definition."""
         normal_h = project(h, f, self.template, self._averages)
         normal_k = normal_h if k is h else project(k, f, self.template, self._averages)
         return self.term.inner_product(normal_h, normal_k, f)
 
     def matrix(self, f: ndarray) -> csr_array:
-        """Return the matrix P M P of the inner product."""
         projection = matrix(vertex_normals(f, self.template, self._averages))
         return projection @ self.term.matrix(f) @ projection
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        """Return the sum of the squared norms and its slopes; infinite where normals cancel."""
         projections = NormalProjections(surfaces, self.template.faces)
         parts = projections.project(vectors)
         value, in_parts, in_surfaces = self.term.squared_norms_and_slopes(parts, surfaces)

@@ -122,7 +122,6 @@ class SecondOrderTerm(QuadraticTerm):
         self._averages = corner_averages(template.faces, template.n_vertices)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of deformations: the definition."""
         operator = self.template.differential_operator
         first = surface.derivatives(f, operator)
         # √det g times the inverse of g, as an integrand over the template.
@@ -141,13 +140,11 @@ class SecondOrderTerm(QuadraticTerm):
         return np.sum(shares * surface.dot(image_h, image_k), axis=-1)
 
     def matrix(self, f: ndarray) -> csr_array:
-        """Return the matrix of the inner product."""
         laplacian = cotangent_laplacian(f, self.template.faces)
         shares = self._shares(vertex_areas(f, self.template, self._averages))
         return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        """Return the sum of the squared norms of deformations and its slopes, compiled."""
         faces = self.template.faces
         threaded = is_worth_threads(surfaces, faces)
 

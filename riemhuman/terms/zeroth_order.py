@@ -83,17 +83,14 @@ class ZerothOrderTerm(QuadraticTerm):
         self._averages = corner_averages(template.faces, template.n_vertices)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
-        """Return the inner product of deformations: the definition."""
         masses = vertex_areas(f, self.template, self._averages)
         return self.weight * np.sum(masses * surface.dot(h, k), axis=-1)
 
     def matrix(self, f: ndarray) -> csr_array:
-        """Return the diagonal matrix of the inner product."""
         masses = vertex_areas(f, self.template, self._averages)
         return csr_array(kron(diags_array(self.weight * masses), eye_array(3)))
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
-        """Return the sum of the squared norms of deformations and its slopes, compiled."""
         faces = self.template.faces
 
         def run(first: int, last: int) -> tuple[float, ndarray, ndarray]:
