@@ -16,8 +16,9 @@ from riemhuman.cli.metrics import (
     metric_record,
 )
 from riemhuman.cli.outputs import check_file
-from riemhuman.cli.terminal import Reporter, convergence, say, say_json, stop_if_interrupted
+from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.protocols import uninterrupted
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -68,7 +69,7 @@ def _mean(options: argparse.Namespace) -> None:
     basis = chosen_basis(options, surfaces.template, reporter)
     with reporter.task(f"Mean of {len(files)}, {metric_name(metric)}"):
         result = BasisMean(basis, progress=reporter.bars).solve(metric, points)
-    stop_if_interrupted(result)
+    uninterrupted(result)
     save_mesh(options.output, result.point, surfaces.template.faces)
 
     if options.json:

@@ -27,9 +27,9 @@ from riemhuman.cli.terminal import (
     convergence,
     say,
     say_json,
-    stop_if_interrupted,
 )
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.protocols import uninterrupted
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -103,7 +103,7 @@ def _geodesic(options: argparse.Namespace) -> None:
     start = time.perf_counter()
     with reporter.task(f"Geodesic, {metric_name(metric)}"):
         result = solver.solve(metric, *surfaces[:])
-    stop_if_interrupted(result)
+    uninterrupted(result)
     seconds = time.perf_counter() - start
 
     record = _record(options, metric, result, seconds)

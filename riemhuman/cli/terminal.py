@@ -149,23 +149,6 @@ class Reporter:
             sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
-def stop_if_interrupted(result: Result) -> None:
-    """Raise the interruption that a solver has turned into a result.
-
-    Parameters
-    ----------
-    result : Result
-        What the solver returned.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If it was stopped from the keyboard.
-    """
-    if not result.converged and result.message.startswith("interrupted"):
-        raise KeyboardInterrupt
-
-
 def convergence(result: Result) -> str:
     """Return in words whether a solver has converged.
 

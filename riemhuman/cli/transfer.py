@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
 from riemhuman.cli.outputs import check_file, check_folder, whole_folder
-from riemhuman.cli.terminal import Reporter, convergence, say, say_json, stop_if_interrupted
+from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.protocols import uninterrupted
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -172,7 +173,7 @@ def _disentangle(options: argparse.Namespace) -> None:
             ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
             *surfaces[:],
         )
-    stop_if_interrupted(result)
+    uninterrupted(result)
     save_mesh(options.output, result.surface, surfaces.template.faces)
     if options.json:
         say_json(

@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldErro
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances
 from riemhuman.kernels.scalars import square_root
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, uninterrupted
 
 if TYPE_CHECKING:
     from riemhuman.geometry.manifold import Manifold
@@ -296,7 +296,9 @@ class RiemannianMetric:
         base_point = self.space.check_point(base_point, "base_point")
         point = self.space.check_point(point, "point")
         return self._one_by_one(
-            lambda start, end: solver.solve(self, end, start).tangent_vec, base_point, point
+            lambda start, end: uninterrupted(solver.solve(self, end, start)).tangent_vec,
+            base_point,
+            point,
         )
 
     def geodesic(
@@ -632,7 +634,8 @@ class RiemannianMetric:
                 f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
                 f"found {np.shape(start)} and {np.shape(end)}"
             )
-        return self.geodesic_solver.solve(self, start, end)
+        # Whoever interrupts one of many distances wants an end of them all.
+        return uninterrupted(self.geodesic_solver.solve(self, start, end))
 
     def _not_defined(self, name: str) -> NotDefinedError:
         return NotDefinedError(

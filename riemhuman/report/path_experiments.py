@@ -14,6 +14,7 @@ from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.protocols import uninterrupted
 from riemhuman.report.choices import Pair
 from riemhuman.report.contributions import contributions
 from riemhuman.report.plan import (
@@ -113,9 +114,9 @@ class PathExperiments:
             with warnings.catch_warnings():
                 # The record says so; nobody asked for a better path from this start.
                 warnings.simplefilter("ignore", ConvergenceWarning)
-                from_straight = finished(as_printed.solve(metric, start, end))
+                from_straight = uninterrupted(as_printed.solve(metric, start, end))
             began = time.perf_counter()
-            result = finished(self._solver().solve(metric, start, end))
+            result = uninterrupted(self._solver().solve(metric, start, end))
             seconds = time.perf_counter() - began
             energies = {
                 "energies": result.energies,
@@ -172,7 +173,7 @@ class PathExperiments:
             solvers[OURS] = (self._solver(), "ours")
             compared = compare_paths(metrics, start, end, solvers, reference)
             for one in compared:
-                finished(one.result)
+                uninterrupted(one.result)
             paths = {one.name: one.result.path for one in compared}
             return paths, {"pair": list(pair), "rows": [one.as_row() for one in compared]}
 
@@ -196,7 +197,7 @@ class PathExperiments:
         def compute() -> Computed:
             metric = elastic_metric(self._space, POSE_WEIGHTS)
             began = time.perf_counter()
-            result = finished(BasisMean(self._basis).solve(metric, points))
+            result = uninterrupted(BasisMean(self._basis).solve(metric, points))
             return {"mean": result.point, "variances": result.variances}, {
                 "group": group.tolist(),
                 "variance": result.variance,
@@ -279,26 +280,3 @@ def difference_step(
 
     inputs = {"bodies": digest, "pairs": pairs, "weights": weights}
     return store.step("differences", inputs, compute, "Where bodies differ")
-
-
-def finished(result: Result) -> Result:
-    """Return a result, unless it was cut short from the keyboard.
-
-    Parameters
-    ----------
-    result : PathResult or MeanResult
-        What a solver returned.
-
-    Returns
-    -------
-    PathResult or MeanResult
-        The same.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the solver was stopped from the keyboard: half a search is no result to keep.
-    """
-    if not result.converged and result.message.startswith("interrupted"):
-        raise KeyboardInterrupt
-    return result

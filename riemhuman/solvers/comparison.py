@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver, SurfaceSpace
+from riemhuman.protocols import GeodesicSolver, SurfaceSpace, was_interrupted
 from riemhuman.solvers.results import PathResult, whole_path_result
 from riemhuman.surfaces.distortion import (
     Distortion,
@@ -125,7 +125,7 @@ def compare_paths(
     Returns
     -------
     list of PathComparison
-        One a solver, in their order.
+        One a solver, in their order; those reached, if one was interrupted from the keyboard.
 
     Raises
     ------
@@ -146,6 +146,8 @@ def compare_paths(
         seconds = perf_counter() - began
         measures = measure_path(metrics, result.path, reference)
         compared.append(PathComparison(name, metric_name, result, measures, seconds))
+        if was_interrupted(result):
+            break
     return compared
 
 

@@ -11,6 +11,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -181,7 +182,7 @@ class DiscreteExponential:
                 else:
                     found = equation.next_point(points[-2], points[-1])
             except KeyboardInterrupt:
-                stop = f"{where}: interrupted from the keyboard"
+                stop = f"{where}: {INTERRUPTED}"
                 break
             n_iterations += found.n_iterations
             n_evaluations += found.n_evaluations

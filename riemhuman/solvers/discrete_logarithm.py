@@ -9,7 +9,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver
+from riemhuman.protocols import GeodesicSolver, was_interrupted
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration
@@ -157,6 +157,8 @@ class DiscreteLogarithm:
         # be followed by the exponential.
         solver = BasisPath(basis, n_nodes, remove_drift=False)
         first = solver.solve(metric, start, end)
+        if was_interrupted(first):
+            return first
         initial = start + basis.project(first.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
             initial = linear_path(start, end, n_nodes)

@@ -11,6 +11,7 @@ from numpy import ndarray
 from scipy import optimize
 
 from riemhuman.progress import ProgressBar
+from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers.results import Result
 
 # Iterations that together must gain more than `_STILL` times the expected decrease.
@@ -174,7 +175,7 @@ def minimize(
                     converged = bool(result.success)
                 message = str(result.message)
             except KeyboardInterrupt:
-                converged, interrupted, message = False, True, "interrupted from the keyboard"
+                converged, interrupted, message = False, True, INTERRUPTED
     if at_floor:
         message = "the value is no more than rounding errors"
     elif met_test:
@@ -269,7 +270,7 @@ def minimize_in_rounds(
                 n_iterations=len(values) - 1,
                 n_evaluations=n_evaluations,
                 converged=False,
-                message="interrupted from the keyboard",
+                message=INTERRUPTED,
             )
         n_before = max(len(values) - 1, 0)
 

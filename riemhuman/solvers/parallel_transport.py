@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver, MetricWithTransport
+from riemhuman.protocols import GeodesicSolver, MetricWithTransport, uninterrupted
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
@@ -158,7 +158,7 @@ class _Ladder:
                 f"{type(metric).__name__} has no closed form for geodesics; pass path=, or a "
                 f"strategy such as {type(self).__name__}(geodesic_solver=BasisPath(basis))"
             )
-        return np.asarray(solver.solve(metric, start, end).path)
+        return np.asarray(uninterrupted(solver.solve(metric, start, end)).path)
 
     def _climb(self, metric: RiemannianMetric, vector: ndarray, path: ndarray) -> TransportResult:
         geometry: _ClosedForms | _SingleSegments

@@ -15,7 +15,7 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import GeodesicSolver, PathEnergy, SurfaceSpace
+from riemhuman.protocols import INTERRUPTED, GeodesicSolver, PathEnergy, SurfaceSpace
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.poisson_path import turned_paths
@@ -185,7 +185,7 @@ class _Descent:
             self._path = self._better_start(solver.n_nodes - 1, is_first=False)
             value = _energy(metric, solver.energy, self._path)
             values, converged = np.array([value]), False
-            message = "interrupted from the keyboard"
+            message = INTERRUPTED
         else:
             value, values = found.value, found.values
             converged, message = found.converged, found.message

@@ -10,7 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import MeanSolver
+from riemhuman.protocols import INTERRUPTED, MeanSolver, was_interrupted
 from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
@@ -144,7 +144,8 @@ class GeometricMedian(FrechetMean):
         Warns
         -----
         ConvergenceWarning
-            If the sum of distances was still falling after the last round.
+            If the sum of distances was still falling after the last round, or the search was
+            interrupted from the keyboard; the point is then the best so far.
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
@@ -158,6 +159,9 @@ class GeometricMedian(FrechetMean):
             sums.append(float(dispersion.weights @ distances))
             if len(sums) > 1 and sums[-2] - sums[-1] <= self.tolerance * sums[-2]:
                 converged, message = True, "the sum of distances no longer falls"
+                break
+            if was_interrupted(mean):
+                message = INTERRUPTED
                 break
             # A sample that the median has reached keeps a large but finite weight.
             floor = max(1e-9 * distances.max(), np.finfo(float).tiny)

@@ -10,7 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PulledBackMetric
+from riemhuman.protocols import PulledBackMetric, uninterrupted
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.nearest_surface import NearestSurface
@@ -149,7 +149,7 @@ class Points:
         -------
         array, shape (\*shape,)
         """
-        return GradientDescentMean().solve(self.metric, points).point
+        return uninterrupted(GradientDescentMean().solve(self.metric, points)).point
 
 
 class Fields:
@@ -200,7 +200,8 @@ class Fields:
         array, shape (n, V, 3)
         """
         surfaces = [
-            self._nearest.solve(self._pullback, image[None], start).point for image in images
+            uninterrupted(self._nearest.solve(self._pullback, image[None], start)).point
+            for image in images
         ]
         return np.array(surfaces).reshape(-1, *self._pullback.space.shape)
 
@@ -233,7 +234,7 @@ class Fields:
         """
         distances = self._pullback.dist_pairwise(points, precision="double")
         medoid = points[np.argmin(np.sum(distances**2, axis=0))]
-        return self._nearest.solve(self._pullback, self.embed(points), medoid).point
+        return uninterrupted(self._nearest.solve(self._pullback, self.embed(points), medoid)).point
 
 
 def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> ImageSpace:

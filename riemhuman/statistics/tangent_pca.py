@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.protocols import uninterrupted
 from riemhuman.statistics.estimator import Estimator
 from riemhuman.statistics.image_spaces import ImageSpace, image_space
 from riemhuman.statistics.nearest_surface import NearestSurface
@@ -319,5 +320,5 @@ def mean_point(mean: Any, space: Manifold, image: ImageSpace, points: ndarray) -
     if mean is None:
         return image.mean(points)
     if hasattr(mean, "solve"):
-        return mean.solve(space.metric, points).point
+        return uninterrupted(mean.solve(space.metric, points)).point
     return space.check_point(real_array(mean, "mean", space.shape, batched=False), "mean")

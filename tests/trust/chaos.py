@@ -105,7 +105,9 @@ class Chaos:
             if code in (CRASHED, WRONG) or (code < 0 and code not in _KILLS):
                 self.faults.append(f"round {number}, {' and '.join(ways)}: a job ended with {code}")
         if self._of_others() != kept:
-            self.faults.append(f"round {number}, {' and '.join(ways)}: a file of others has changed")
+            self.faults.append(
+                f"round {number}, {' and '.join(ways)}: a file of others has changed"
+            )
         self._clear_away_links()
         # What the job is, somebody has taken away: nobody can go on with it.
         names = ("manifest.json", "digests.npy")
