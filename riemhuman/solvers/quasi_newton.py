@@ -10,6 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.progress import ProgressBar
+from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers.minimization import Minimum, stands_still
 
 # Steps that are remembered, and iterations after which the operator is formed anew.
@@ -103,7 +104,7 @@ def descend(
                 if callback is not None:
                     callback(len(values) - 1, value, x)
         except KeyboardInterrupt:
-            interrupted, message = True, "interrupted from the keyboard"
+            interrupted, message = True, INTERRUPTED
     return Minimum(
         x,
         value,
