@@ -18,6 +18,8 @@ from riemhuman.surfaces.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.html_pictures import vertices_html
 
 _CLASS = "result_class"
+# What the single values of a result may be in a file; all others are numbers.
+_KINDS = {"int": "iu", "bool": "b", "float": "fiu", "str": "U"}
 # Smaller arrays are points of other spaces.
 _FEWEST_VERTICES = 100
 
@@ -89,9 +91,16 @@ class Result:
         found = str(arrays.pop(_CLASS))
         if found != cls.__name__:
             raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {found[:60]}")
-        values: dict[str, Any] = {
-            name: value.item() if value.ndim == 0 else value for name, value in arrays.items()
-        }
+        values: dict[str, Any] = {}
+        for field in fields(cls):
+            if (array := arrays.get(field.name)) is not None:
+                single = field.type in _KINDS
+                kinds = _KINDS.get(str(field.type), "fiub")
+                if array.dtype.kind not in kinds or (single and array.ndim):
+                    raise FileFormatError(
+                        f"{path}: {field.name} cannot be {array.dtype} of shape {array.shape}"
+                    )
+                values[field.name] = array.item() if array.ndim == 0 else array
         return cls(**values)
 
     def __repr__(self) -> str:

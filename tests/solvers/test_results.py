@@ -193,6 +193,26 @@ def test_results_of_another_class_are_refused(tmp_path):
         PathResult.load(path)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("path", np.array("a path")),
+        ("energies", np.array(["1", "2"])),
+        ("energy", np.zeros(2)),
+        ("energy", np.array("low")),
+        ("converged", np.array(2)),
+        ("n_iterations", np.array(0.5)),
+        ("message", np.array(1)),
+    ],
+)
+def test_fields_of_another_kind_are_refused(tmp_path, name, value):
+    path = tmp_path / "result.npz"
+    PathResult(np.zeros((2, 2)), 0.0, np.zeros(1)).save(path)
+    save_arrays(path, load_arrays(path, []) | {name: value})
+    with pytest.raises(FileFormatError, match=f"{name} cannot be {value.dtype} of shape"):
+        PathResult.load(path)
+
+
 @pytest.mark.parametrize("result", RESULTS, ids=lambda result: type(result).__name__)
 def test_results_are_shown_in_a_line_and_a_table(result):
     assert "\n" not in repr(result)

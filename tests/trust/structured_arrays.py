@@ -188,7 +188,8 @@ def write_motion(rng, fields):
                 options["chunks"] = tuple(max(1, abs(fields.whole(length))) for length in chunks)
                 options["maxshape"] = (None,) * points.ndim
                 options["compression"] = fields.of(None, ["gzip", "lzf"])
-            options["fillvalue"] = fields.of(None, [7])
+            if points.dtype.kind in "fiub":
+                options["fillvalue"] = fields.of(None, [7])
             name = fields.of(f"5000{number}_hips", [*NAMES[1:], "50002_hips", "5_"])
             _put(file, name, points, options)
     return {"a.hdf5": stream.getvalue()}
