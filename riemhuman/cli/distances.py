@@ -26,6 +26,7 @@ from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, note, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
+from riemhuman.storage.cells import cell
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -211,8 +212,9 @@ def _as_table(distances: ndarray, names: list[str]) -> str:
     """Return a matrix as comma-separated text with names, numbers with all their digits."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(["file", *names])
-    writer.writerows([name, *row] for name, row in zip(names, distances.tolist(), strict=True))
+    cells = list(map(cell, names))
+    writer.writerow(["file", *cells])
+    writer.writerows([name, *row] for name, row in zip(cells, distances.tolist(), strict=True))
     return stream.getvalue()
 
 

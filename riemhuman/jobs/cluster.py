@@ -10,7 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 from numpy import ndarray
 
-from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError
+from riemhuman.errors import (
+    ArgumentTypeError,
+    ClusterError,
+    MissingDependencyError,
+    RiemhumanError,
+)
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.file_content import brief
@@ -69,7 +74,7 @@ def tiles_on_cluster(
         )
     if client.status == "closed":
         raise _lost("the client of the cluster is closed")
-    with _losses(distributed):
+    with _losses(distributed, client):
         _check_workers(client)
         yield from _in_turn(distributed, client, metric, reader, tiles)
 
@@ -105,16 +110,26 @@ def _in_turn(
             future.release()
             start_next()
     finally:
-        client.cancel([*running, sent])
+        # Of a client that was closed, there is nothing left to cancel.
+        if client.status == "running":
+            client.cancel([*running, sent])
 
 
 @contextmanager
-def _losses(distributed: Any) -> Iterator[None]:
+def _losses(distributed: Any, client: Any) -> Iterator[None]:
     """Say in one way, and typed, that there is no cluster to go on with."""
     try:
         yield
+    except RiemhumanError:
+        raise
     except (CancelledError, distributed.comm.CommClosedError, distributed.KilledWorker) as error:
         raise _lost(f"the cluster is lost ({' '.join(brief(error).split())})") from error
+    except Exception as error:
+        # Of a client that was closed, any part may be missing: errors have any type.
+        if client.status != "running":
+            said = " ".join(brief(error).split())
+            raise _lost(f"the client of the cluster was closed on the way ({said})") from error
+        raise
 
 
 def _lost(what: str) -> ClusterError:

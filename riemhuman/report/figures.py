@@ -36,6 +36,8 @@ _STYLE = {
     "lines.linewidth": 1.3,
     "lines.markersize": 4.0,
     "svg.fonttype": "path",
+    # Labels are names that others have chosen, and no formulas.
+    "text.parse_math": False,
     "svg.hashsalt": "riemhuman",
 }
 _DPI = 150

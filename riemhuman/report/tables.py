@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from riemhuman.storage.cells import cell
+
 
 @dataclass(frozen=True)
 class Column:
@@ -72,7 +74,7 @@ class Table:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(column.key for column in self.columns)
         for row in self.rows:
-            writer.writerow(written(row[column.key]) for column in self.columns)
+            writer.writerow(_in_file(row[column.key]) for column in self.columns)
         return stream.getvalue()
 
     def html(self) -> str:
@@ -175,6 +177,10 @@ def written(value: Any) -> str:
     if isinstance(value, (float, np.floating)):
         return repr(float(value))
     return str(value)
+
+
+def _in_file(value: Any) -> str:
+    return cell(value) if isinstance(value, str) else written(value)
 
 
 def _nothing(value: Any) -> str:

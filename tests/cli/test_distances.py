@@ -1,6 +1,8 @@
 """The verbs dist, matrix and retrieve agree with the library and with each other."""
 
 import json
+import os
+import shutil
 
 import numpy as np
 import pytest
@@ -93,6 +95,21 @@ def test_matrix_as_table_and_json(run, scans, tmp_path):
     record = json.loads(run("matrix", scans, "-o", tmp_path / "E.npz", "--json").out)
     assert record["distances"] == distances.tolist()
     assert record["names"] == NAMES
+
+
+@pytest.mark.skipif(os.name == "nt", reason="names of files are others there")
+def test_names_that_others_have_chosen(run, scans, tmp_path):
+    names = [b"=1+1.ply", b"\xff.ply", b"two\nlines.ply"]
+    folder = os.fsencode(tmp_path / "names")
+    os.mkdir(folder)
+    for number, name in enumerate(names):
+        shutil.copy(scans / f"body_{number}.ply", os.path.join(folder, name))
+    files = ("-o", tmp_path / "D.npz", "--csv", tmp_path / "D.csv")
+    assert run("matrix", tmp_path / "names", *files).code == 0
+    rows = (tmp_path / "D.csv").read_text(encoding="utf-8").splitlines()
+    assert rows[0] == r"file,'=1+1.ply,two lines.ply,\udcff.ply"
+    assert len(rows) == 4
+    assert np.load(tmp_path / "D.npz")["distances"].shape == (3, 3)
 
 
 def test_matrix_goes_on_after_an_interruption(run, scans, tmp_path, monkeypatch):

@@ -127,6 +127,43 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
     assert (folder / "D.npy").read_bytes() == local
 
 
+@pytest.mark.parametrize("moment", ["tiles", "waiting"])
+@pytest.mark.parametrize("closed", ["client", "cluster"])
+def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0"
+    ) as cluster:
+        client = distributed.Client(cluster)
+
+        def close():
+            # Closing again, at the end of the test, does nothing.
+            (client if closed == "client" else cluster).close()
+
+        def closing(*arguments):
+            for k, found in enumerate(in_turn(*arguments)):
+                if k == 2:
+                    close()
+                yield found
+
+        def closing_first(*arguments):
+            if calls.append(arguments) or len(calls) == 3:
+                close()
+            return first_finished(*arguments)
+
+        calls, in_turn = [], riemhuman.jobs.pairwise.tiles_on_cluster
+        first_finished = riemhuman.jobs.cluster._first_finished
+        if moment == "tiles":
+            monkeypatch.setattr(riemhuman.jobs.pairwise, "tiles_on_cluster", closing)
+        else:
+            monkeypatch.setattr(riemhuman.jobs.cluster, "_first_finished", closing_first)
+        with pytest.raises(ClusterError, match="the same call goes on with it"):
+            pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
+        monkeypatch.undo()
+        client.close()
+    distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
+    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
+
+
 def test_begun_here_and_finished_there(client, local, tmp_path, monkeypatch):
     class Stop(Exception):
         pass

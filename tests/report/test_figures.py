@@ -3,6 +3,7 @@
 import io
 import xml.etree.ElementTree as ElementTree
 
+import pytest
 from matplotlib.image import imread
 
 from riemhuman.report.figures import drawn, figure_style, new_figure
@@ -16,6 +17,17 @@ def small_figure():
         ax.plot([0, 1], [1, 0], color="#4e82b4")
         ax.set_title("Title")
         return drawn(figure)
+
+
+@pytest.mark.parametrize("label", [r"$\frac$", "a $ b", "two\nlines", r"\alpha_1^2", "=1+1"])
+def test_labels_are_no_formulas(label):
+    with figure_style():
+        figure = new_figure(2.0, 1.5)
+        ax = figure.subplots()
+        ax.set_title(label)
+        ax.set_yscale("log")
+        svg, _ = drawn(figure)
+    ElementTree.fromstring(svg)
 
 
 def test_ink_follows_the_theme():

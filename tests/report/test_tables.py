@@ -37,6 +37,11 @@ def test_the_file_keeps_all_digits():
     assert [row[4] for row in rest] == ["x", "", "y, z"]
 
 
+def test_the_file_is_no_program():
+    table = Table("made-up", "", (Column("name", "Name"),), [{"name": "=1+1"}, {"name": -1.5}])
+    assert table.csv() == "name\n'=1+1\n-1.5\n"
+
+
 def test_numbers_of_the_page_carry_those_of_the_file():
     rows = list(csv.DictReader(io.StringIO(TABLE.csv())))
     found = re.findall(
