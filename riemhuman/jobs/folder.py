@@ -18,10 +18,10 @@ from typing import IO, Any
 
 import numpy as np
 
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.storage.own_files import make_own, open_lock, open_own
 from riemhuman.surfaces.array_files import map_array
-from riemhuman.surfaces.file_content import brief, file_content
+from riemhuman.surfaces.file_content import brief, file_content, file_path
 from riemhuman.surfaces.file_locks import lock
 
 MANIFEST = "manifest.json"
@@ -54,12 +54,7 @@ class JobFolder:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        try:
-            self.path = Path(path).expanduser().absolute()
-        except TypeError as error:
-            raise ArgumentTypeError(f"folder must be the path of a folder; found {path!r}") from (
-                error
-            )
+        self.path = file_path(path, "folder", "folder").absolute()
         with self._system_errors("cannot be used as the folder of a job"):
             self.path.mkdir(parents=True, exist_ok=True)
             names = {entry.name for entry in self.path.iterdir()}

@@ -9,8 +9,9 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
-from riemhuman.errors import ArgumentTypeError, FileError
+from riemhuman.errors import FileError
 from riemhuman.report.text_files import write_text
+from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.file_locks import only_one
 
 MARKER = "provenance.json"
@@ -40,10 +41,7 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     FileError
         If it is a file or holds something else than a report.
     """
-    try:
-        folder = Path(path).expanduser()
-    except TypeError as error:
-        raise ArgumentTypeError(f"output must be the path of a folder; found {path!r}") from error
+    folder = file_path(path, "output", "folder")
     if folder.exists() and not folder.is_dir():
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
     if folder.is_dir() and not _is_new(folder) and not _is_report(folder):

@@ -12,6 +12,8 @@ from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14, read_classes
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.jobs.folder import JobFolder
+from riemhuman.report.output_folder import check_folder
 from riemhuman.surfaces.array_files import load_array, load_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
@@ -36,6 +38,10 @@ READERS = {
 }
 
 
+def job_folder(name):
+    return JobFolder(name).path
+
+
 @pytest.mark.parametrize("name", READERS)
 @pytest.mark.parametrize("prefix", ["a\0b", "n" * 300, "~anna", "~", "Körper", "\udcff"], ids=ascii)
 def test_no_name_breaks_a_reader(tmp_path, monkeypatch, prefix, name):
@@ -43,6 +49,21 @@ def test_no_name_breaks_a_reader(tmp_path, monkeypatch, prefix, name):
     with pytest.raises(FileError) as caught:
         READERS[name](prefix + name)
     assert len(str(caught.value)) < 700
+
+
+@pytest.mark.parametrize("name", ["a\0b", "n" * 300])
+def test_folders_that_cannot_be(tmp_path, monkeypatch, name):
+    monkeypatch.chdir(tmp_path)
+    for make in (job_folder, check_folder):
+        with pytest.raises(FileError, match="no folder can be called"):
+            make(name)
+    assert os.listdir() == []
+
+
+@pytest.mark.parametrize("make", [job_folder, check_folder])
+def test_folders_with_a_tilde(tmp_path, monkeypatch, make):
+    monkeypatch.chdir(tmp_path)
+    assert make("~anna.results").absolute() == tmp_path / "~anna.results"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux alone")
