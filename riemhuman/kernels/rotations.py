@@ -42,7 +42,7 @@ def rotation_matrix(axis_angle: Any) -> Any:
     sine_quotient = np.where(
         small, 1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0)), np.sin(angle) / angle
     )
-    cross = _cross_product_matrix(vector)
+    cross = cross_product_matrix(vector)
     second = _cosine_quotient(x, angle, small) * np.matmul(cross, cross)
     return np.eye(3) + sine_quotient * cross + second
 
@@ -79,7 +79,7 @@ def rotation_derivative(axis_angle: Any) -> Any:
         1.0 / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0))),
         (angle - np.sin(angle)) / angle**3,
     )
-    cross = _cross_product_matrix(vector)
+    cross = cross_product_matrix(vector)
     return (
         np.eye(3)
         + _cosine_quotient(x, angle, small) * cross
@@ -96,7 +96,18 @@ def _cosine_quotient(x: Any, angle: Any, small: Any) -> Any:
     )
 
 
-def _cross_product_matrix(vector: Any) -> Any:
+def cross_product_matrix(vector: Any) -> Any:
+    """Return the matrices of the cross products with vectors, shape (..., 3, 3).
+
+    Parameters
+    ----------
+    vector : array, shape (..., 3)
+        Vectors.
+
+    Returns
+    -------
+    array, shape (..., 3, 3)
+    """
     x, y, z = vector[..., 0], vector[..., 1], vector[..., 2]
     zero = np.zeros(np.shape(x))
     entries = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=-1)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
+import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.surface import partial_derivatives, unit_normals
+from riemhuman.kernels.surface import cross, dot, partial_derivatives, unit_normals
 
 
 def triangle_frames(points: ndarray, operator: object) -> ndarray:
@@ -24,6 +24,30 @@ def triangle_frames(points: ndarray, operator: object) -> ndarray:
     """
     f_u, f_v = partial_derivatives(points, operator)
     return np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
+
+
+def polar_frames(f_u: ndarray, f_v: ndarray) -> ndarray:
+    r"""Return the orthonormal frames of polar decompositions, and the normal as third column.
+
+    The differential of a surface is df = Q √g with Q isometric. In the plane of the triangle, Q is
+    df plus its cofactors, divided by :math:`\mathrm{tr}\sqrt g`:
+
+    .. math:: Q = (f_u + f_v \times n, \; f_v + n \times f_u) / \mathrm{tr}\sqrt g
+
+    Parameters
+    ----------
+    f_u, f_v : array, shape (..., F, 3)
+        Partial derivatives of surfaces whose triangles have an area.
+
+    Returns
+    -------
+    array, shape (..., F, 3, 3)
+        Rotations of the axes to the frames.
+    """
+    n = unit_normals(f_u, f_v)
+    q_u, q_v = f_u + cross(f_v, n), f_v + cross(n, f_u)
+    trace = np.sqrt(dot(q_u, q_u))[..., None]
+    return np.stack([q_u / trace, q_v / trace, n], axis=-1)
 
 
 def deformation_gradients(before: ndarray, after: ndarray) -> ndarray:

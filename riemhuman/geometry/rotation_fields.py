@@ -1,0 +1,291 @@
+"""Fields of rotations on a template, with the metric of a product of rotation groups."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
+from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels import special_orthogonal
+from riemhuman.kernels.rotations import cross_product_matrix
+from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, transpose
+from riemhuman.kernels.sums import integrate
+from riemhuman.kernels.surface import dot
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.template import Template
+
+
+class RotationFields(Manifold):
+    """C^∞(T, SO(3)): a rotation on every triangle of a template.
+
+    Tangent vectors at R are fields of matrices R A with A skew.
+
+    Parameters
+    ----------
+    template : Template
+        The template T.
+    equip : bool
+        Whether to equip the manifold with `RotationFieldMetric`.
+    """
+
+    def __init__(self, template: Template, equip: bool = True) -> None:
+        self.template = template
+        super().__init__(3 * template.n_faces, (template.n_faces, 3, 3), equip)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        """Return `RotationFieldMetric`."""
+        return RotationFieldMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        """Tell whether all matrices are rotations.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 3, 3)
+            Candidate fields.
+        atol : float
+            Absolute tolerance for the entries of RᵀR − I.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        point, finite = self._candidates(point, "point")
+        return finite & np.all(_is_rotation(point, atol), axis=-1)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+        """Keep the skew part of Rᵀ V.
+
+        Parameters
+        ----------
+        vector : array, shape (..., F, 3, 3)
+            Fields of matrices V.
+        base_point : array, shape (..., F, 3, 3)
+            Fields of rotations R.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+        """
+        base_point = self.needed_base_point(base_point)
+        return _tangent_vec(_angular_velocity(vector, base_point), base_point)
+
+    def projection(self, point: ndarray) -> ndarray:
+        """Return the nearest rotations, by polar decomposition.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 3, 3)
+            Fields of matrices.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+        """
+        return nearest_rotations(point)
+
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+        """Draw independent uniform rotations.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of fields.
+        bound : float
+            Not used: the rotations are compact.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
+
+        Returns
+        -------
+        array, shape (n_samples, F, 3, 3), or (F, 3, 3) for one sample
+        """
+        noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
+        return stack_samples(self.projection(noise), n_samples)
+
+    def check_point(self, point: ndarray, name: str = "point") -> ndarray:
+        """Return fields of rotations as float64 arrays, or say what is wrong with them.
+
+        Parameters
+        ----------
+        point : array_like, shape (..., F, 3, 3)
+            Fields of rotations.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong, or an entry is not finite, or a matrix is no rotation to 1e-6.
+        """
+        point = real_array(point, name, self.shape)
+        refuse_triangles(
+            ~_is_rotation(values_of(point), 2e-6), f"{name} must hold rotations", ArgumentError
+        )
+        return point
+
+
+class RotationFieldMetric(RiemannianMetric):
+    r"""The metric :math:`\tfrac12 \int_T \mathrm{tr}(\delta R^T \delta R)\, dx`.
+
+    On every triangle the distance is the angle θ of the rotation R₁ᵀ R₂, in [0, π], and
+    exponential, logarithm, geodesics and parallel transport are those of the rotation group with
+    its two-sided invariant metric. The cut locus of a rotation is that of half turns from it,
+    θ = π: there are two shortest geodesics to them, and no logarithm.
+    """
+
+    space: RotationFields
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return the inner product of tangent vectors.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3, 3)
+            Tangent fields.
+        base_point : array, shape (..., F, 3, 3)
+            Field of rotations; the inner product is the same at all of them.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+        base_point = self.space.check_point(base_point, "base_point")
+        products = 0.5 * np.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1))
+        product = integrate(products, self.space.template.face_areas)
+        return product + np.zeros(base_point.shape[:-3])
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return Σ_t w_t θ_t², θ_t the angle of the rotation between the two.
+
+        Parameters
+        ----------
+        point_a, point_b : array, shape (..., F, 3, 3)
+            Fields of rotations.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        squared_angles = special_orthogonal.squared_dist(point_a, point_b)
+        return integrate(squared_angles, self.space.template.face_areas)
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Turn about constant axes for unit time.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., F, 3, 3)
+            Tangent fields.
+        base_point : array, shape (..., F, 3, 3)
+            Fields of rotations.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        return special_orthogonal.exp(_angular_velocity(tangent_vec, base_point), base_point)
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        """Return the initial velocity of the shortest rotations.
+
+        Parameters
+        ----------
+        point : array, shape (..., F, 3, 3)
+            End points.
+        base_point : array, shape (..., F, 3, 3)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+
+        Raises
+        ------
+        OutsideManifoldError
+            If two rotations differ by a half turn: there is no unique shortest path.
+        """
+        point = self.space.check_point(point, "point")
+        base_point = self.space.check_point(base_point, "base_point")
+        omega = special_orthogonal.log(base_point, point)
+        values = values_of(omega)
+        refuse_triangles(
+            np.sqrt(dot(values, values)) >= special_orthogonal.HALF_TURN,
+            "point must hold no rotation half a turn from that of base_point, or there is no "
+            "unique logarithm",
+            OutsideManifoldError,
+        )
+        return _tangent_vec(omega, base_point)
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        """Transport tangent vectors in parallel along geodesics.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., F, 3, 3)
+            Tangent fields at `base_point`.
+        base_point : array, shape (..., F, 3, 3)
+            Fields of rotations.
+        direction : array, shape (..., F, 3, 3), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., F, 3, 3), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+        """
+        if (direction is None) == (end_point is None):
+            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        if end_point is not None:
+            direction = self.log(end_point, base_point)
+        direction = real_array(direction, "direction", self.space.shape)
+        omega = _angular_velocity(direction, base_point)
+        moved = special_orthogonal.parallel_transport(
+            _angular_velocity(tangent_vec, base_point), omega
+        )
+        return _tangent_vec(moved, special_orthogonal.exp(omega, base_point))
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        return self.geodesic(start, initial_tangent_vec=self.log(end, start))
+
+
+def _angular_velocity(tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+    """Return v of tangent vectors R [v]×, in the axes that R turns."""
+    return axial(np.matmul(transpose(base_point), tangent_vec))
+
+
+def _tangent_vec(angular_velocity: ndarray, base_point: ndarray) -> ndarray:
+    return np.matmul(base_point, cross_product_matrix(angular_velocity))
+
+
+def _is_rotation(matrices: ndarray, atol: float) -> ndarray:
+    gaps = transpose(matrices) @ matrices - np.eye(3)
+    return np.all(np.abs(gaps) <= atol, axis=(-2, -1)) & (np.linalg.det(matrices) > 0)
