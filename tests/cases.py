@@ -23,6 +23,8 @@ from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry.rotation_fields import RotationFields
+from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
@@ -152,7 +154,7 @@ class Case:
         What has a closed form: "dist", "geodesic", "exp", "log".
     invariant_under : set of str
         For surfaces: "translation" and "rotation" of one of two surfaces alone, "common rotation",
-        "template" (another template with the same faces).
+        "common reflection", "template" (another template with the same faces).
     """
 
     name: str
@@ -172,6 +174,8 @@ def surface_case(name, template, metric, *invariances, can=("dist",)):
     points = surfaces(template, N_POINTS, rng=1)
     tangent_vecs = deformations(template, N_POINTS, rng=2)
     invariant_under = frozenset({"translation", "common rotation", *invariances})
+    if not (isinstance(metric, RotationMetric) and metric.time > 0):  # mirror images are inside out
+        invariant_under |= {"common reflection"}
     return Case(name, metric, points, tangent_vecs, frozenset(can), invariant_under)
 
 
@@ -247,6 +251,8 @@ def build_cases() -> list[Case]:
         ebin_case("triangle", 0.5),
         field_case("normals sphere", NormalFields(sphere_template())),
         field_case("normals triangle", NormalFields(triangle_template())),
+        field_case("rotations sphere", RotationFields(sphere_template())),
+        field_case("rotations triangle", RotationFields(triangle_template())),
         field_case("flat", weighted_vectors),
         product_case("product", [2.0, 0.3]),
         product_case("product of one", [0.0, 1.5]),
@@ -279,6 +285,11 @@ def build_cases() -> list[Case]:
         gauge_invariant_case("elastic", "sphere", ElasticMetric, 1.0, 0.1, 0.3),
         gauge_invariant_case("srnf", "open", SRNFMetric),
     ]
+    for template_name, time in (("sphere", 0.0), ("triangle", 0.0), ("open", 0.02)):
+        template = TEMPLATES[template_name]()
+        metric = RotationMetric(AlignedSurfaces(template, equip=False), time)
+        diffused = ", diffused" if time > 0 else ""
+        cases.append(surface_case(f"rotation {template_name}{diffused}", template, metric))
     edges = edges_metric(AlignedSurfaces(sphere_template()))
     cases += [
         surface_case("edges", sphere_template(), edges, "template"),

@@ -19,6 +19,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
+from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.surfaces.template import Template
 
@@ -43,6 +44,8 @@ def over(metric, template):
         return ElasticMetric(space, metric.a, metric.lam, metric.c)
     if isinstance(metric, GeneralElasticMetric):
         return GeneralElasticMetric(space, metric.a, metric.b, metric.c)
+    if isinstance(metric, RotationMetric):
+        return RotationMetric(space, metric.time)
     return SRNFMetric(space)
 
 
@@ -140,7 +143,8 @@ def test_rotations(case):
 def test_reflections(case):
     f1, f2 = case.points[:2]
     mirror = np.diag([-1.0, 1.0, 1.0])
-    assert is_unchanged(case.metric, (f1, f2), (f1 @ mirror, f2 @ mirror))
+    both = is_unchanged(case.metric, (f1, f2), (f1 @ mirror, f2 @ mirror))
+    assert both == ("common reflection" in case.invariant_under)
     seen_alone = "rotation" not in case.invariant_under
     assert is_unchanged(case.metric, (f1, f2), (f1 @ mirror, f2)) != seen_alone
 
@@ -202,13 +206,15 @@ def test_choice_of_the_template(case):
 
 @every_metric
 def test_scaling_of_both(case):
-    """The Ebin part and SRNF scale with lengths, the normals part not at all."""
+    """The Ebin part and SRNF scale with lengths, normals and rotations not at all."""
     f1, f2 = case.points[:2]
     before, after = case.metric.squared_dist(f1, f2), case.metric.squared_dist(3 * f1, 3 * f2)
     normals = 0.0
     if isinstance(case.metric, ElasticMetric) and case.metric.c > 0:
         turn = ElasticMetric(case.space, 0.0, 0.0, 1.0).squared_dist(f1, f2)
         normals = case.metric.c * turn
+    if isinstance(case.metric, RotationMetric):
+        normals = before
     np.testing.assert_allclose(after - normals, 9 * (before - normals), rtol=1e-10, atol=1e-12)
 
 

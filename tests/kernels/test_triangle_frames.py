@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from cases import sphere_template
+from cases import TEMPLATES, sphere_template, surfaces
 from scipy.spatial.transform import Rotation
 
+from riemhuman.kernels.surface import partial_derivatives
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
     nearest_rotations,
+    polar_frames,
     stacked_derivatives,
     triangle_frames,
 )
@@ -43,3 +45,13 @@ def test_rotations_of_polar_decompositions(seed):
     roots = np.eye(3) + 0.3 * rng.standard_normal((20, 3, 3))
     stretches = roots @ np.swapaxes(roots, -1, -2) + 0.1 * np.eye(3)
     np.testing.assert_allclose(nearest_rotations(rotations @ stretches), rotations, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", TEMPLATES)
+def test_polar_frames_are_those_of_the_polar_decomposition(name):
+    template = TEMPLATES[name]()
+    f_u, f_v = partial_derivatives(surfaces(template, 2), template.differential_operator)
+    frames = polar_frames(f_u, f_v)
+    left, _, right = np.linalg.svd(np.stack([f_u, f_v], axis=-1), full_matrices=False)
+    np.testing.assert_allclose(frames[..., :2], left @ right, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(frames), 1.0, rtol=1e-12)

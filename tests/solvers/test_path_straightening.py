@@ -299,7 +299,7 @@ def test_equal_ends(case):
     assert result.converged
     assert (result.n_iterations, result.n_evaluations) == (0, 1)
     np.testing.assert_array_equal(result.energies, [result.energy])
-    np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], rtol=1e-14)
+    np.testing.assert_allclose(result.path, case.points[[0, 0, 0, 0]], rtol=1e-14, atol=1e-15)
 
 
 def test_ends_that_the_metric_does_not_tell_apart():
