@@ -59,7 +59,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from riemhuman import retrieval
-    from riemhuman.retrieval.benchmark import paper_metrics
+    from riemhuman.retrieval.benchmark import table_metrics
 
     check_body_sets(options)
     watch = Reporter(options.quiet).task if options.json or options.quiet else _timed
@@ -78,7 +78,7 @@ def _run(options: argparse.Namespace) -> None:
 
     n_pairs = len(bodies) * (len(bodies) - 1) // 2
     distances = {}
-    for name, metric in paper_metrics(bodies).items():
+    for name, metric in table_metrics(bodies).items():
         with watch(f"{name}: {n_pairs:,} distances"):
             distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
 

@@ -199,9 +199,34 @@ def nearest_rotations(matrices: ndarray) -> ndarray:
     -------
     array, shape (..., 3, 3)
     """
-    left, _, right = onp.linalg.svd(matrices)
+    matrices = onp.asarray(matrices, dtype=onp.float64)
+    flat = matrices.reshape(-1, 3, 3)
+    found, near = _by_newton(flat)
+    left, _, right = onp.linalg.svd(flat[~near])
     left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]
-    return left @ right
+    found[~near] = left @ right
+    return found.reshape(matrices.shape)
+
+
+def _by_newton(matrices: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it.
+
+    An order of magnitude faster than singular values, and as exact, for means of rotations that
+    differ by less than a right angle (Higham, "Computing the polar decomposition", SIAM Journal on
+    Scientific and Statistical Computing 7(4), 1986).
+    """
+    found = matrices.copy()
+    near = onp.linalg.det(matrices) > 0.2
+    near &= onp.sum(matrices**2, axis=(-2, -1)) < 6.0
+    found[~near] = onp.eye(3)
+    for _ in range(10):
+        x, y, z = (onp.ascontiguousarray(found[:, i]) for i in range(3))
+        cofactors = onp.stack([cross(y, z), cross(z, x), cross(x, y)], axis=1)
+        determinants = dot(x, cofactors[:, 0])
+        previous, found = found, 0.5 * (found + cofactors / determinants[:, None, None])
+        if onp.abs(found - previous).max(initial=0.0) < 1e-9:  # quadratic: the rest is rounding
+            break
+    return found, near
 
 
 def _turned_back(answer: ndarray, matrices: ndarray, upstream: ndarray) -> ndarray:

@@ -23,7 +23,7 @@ from riemhuman.report.representations import available
 from riemhuman.report.results import compute_results
 from riemhuman.report.store import Progress, ResultStore, fingerprint
 from riemhuman.report.text_files import write_text
-from riemhuman.retrieval.benchmark import paper_metrics
+from riemhuman.retrieval.benchmark import table_metrics
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
@@ -116,7 +116,7 @@ def _make(
     figures = ResultStore(folder / "results" / "figures", identity)
     if representations is None:
         representations = {} if quick else available(bodies)
-    compared = {**paper_metrics(bodies), **representations}
+    compared = {**table_metrics(bodies), **representations}
     results = compute_results(store, digest, bodies, space, plan, basis, compared)
 
     with watch("Page and figures"), figure_style():

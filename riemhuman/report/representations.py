@@ -12,7 +12,7 @@ from riemhuman.descriptors import (
     ShapeDNA,
     WaveKernelSignature,
 )
-from riemhuman.retrieval.benchmark import paper_metrics
+from riemhuman.retrieval.benchmark import table_metrics
 
 
 def available(bodies: Any) -> dict[str, Any]:
@@ -33,7 +33,7 @@ def available(bodies: Any) -> dict[str, Any]:
         Metrics and descriptors by name, in the order of a table.
     """
     registered = hasattr(bodies, "points") and hasattr(bodies, "template")
-    found: dict[str, Any] = dict(paper_metrics(bodies)) if registered else {}
+    found: dict[str, Any] = dict(table_metrics(bodies)) if registered else {}
     model = getattr(bodies, "model", None)
     if registered and callable(getattr(model, "fit", None)):
         found["model shape vector"] = ModelShapeVectors(model)

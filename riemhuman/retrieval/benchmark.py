@@ -13,6 +13,7 @@ import numpy as np
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval.scores import RetrievalScores, scores
@@ -22,6 +23,9 @@ SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
 
 POSE_METRIC = "pose metric (0, 0, 1)"
 """Name of the paper's metric that tells how they stand."""
+
+ROTATION_METRIC = "rotation metric"
+"""Name of the metric of diffused rotations, which tells how they stand whoever they are."""
 
 _LABELS = {"shape": "subject", "pose": "pose"}
 
@@ -73,8 +77,8 @@ def benchmark(
         None, or no two surfaces share one.
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
-        ``describe`` and ``distances``). By default the paper's two metrics and that of square root
-        normal fields; `riemhuman.report.representations.available` lists all there are.
+        ``describe`` and ``distances``). By default those of `table_metrics`;
+        `riemhuman.report.representations.available` lists all there are.
     n_jobs : int, optional
         Number of threads, -1 for one a core; by default one.
     progress : bool
@@ -93,7 +97,7 @@ def benchmark(
         If there is nothing to retrieve: fewer than two surfaces, or none share a label.
     """
     if representations is None:
-        representations = paper_metrics(bodies)
+        representations = table_metrics(bodies)
     for name, representation in representations.items():
         _refuse_unknown(name, representation)
     labels = _labels(bodies)
@@ -119,8 +123,8 @@ def benchmark(
     return records
 
 
-def paper_metrics(bodies: Any) -> dict[str, Any]:
-    """Return the paper's metrics on registered bodies, by name.
+def table_metrics(bodies: Any) -> dict[str, Any]:
+    """Return the metrics of all tables on registered bodies, by name.
 
     Parameters
     ----------
@@ -130,7 +134,8 @@ def paper_metrics(bodies: Any) -> dict[str, Any]:
     Returns
     -------
     dict of str to RiemannianMetric
-        The shape metric, the pose metric, and that of square root normal fields.
+        The paper's shape metric and pose metric, that of square root normal fields, and that of
+        diffused rotations.
 
     Raises
     ------
@@ -147,6 +152,7 @@ def paper_metrics(bodies: Any) -> dict[str, Any]:
         SHAPE_METRIC: ElasticMetric(space, a=1.0, lam=1e-4, c=0.0),
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
         "SRNF": SRNFMetric(space),
+        ROTATION_METRIC: RotationMetric(space),
     }
 
 
