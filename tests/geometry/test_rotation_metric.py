@@ -11,6 +11,7 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.rotation_metric import RotationMetric
+from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.retrieval import scores
 from riemhuman.solvers import BasisPath
@@ -57,6 +58,18 @@ def test_normals_and_first_fundamental_form_do_not():
     assert ElasticMetric(space, 1.0, 1.0, 1.0).dist(f, spun) < 1e-7
     expected = np.sqrt(flat.face_areas.sum())
     assert RotationMetric(space, time=0.0).dist(f, spun) == pytest.approx(expected)
+
+
+def test_the_reflection_in_a_point_is_seen_by_rotations_alone():
+    """−f has the same g and n as f: no metric that is pulled back by Φ tells them apart."""
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    f = surfaces(template, 1)[0]
+    for metric in (ElasticMetric(space, 1.0, 1e-4, 1.0), SRNFMetric(space)):
+        assert metric.dist(f, -f) == 0
+    half_turns = np.pi * np.sqrt(template.face_areas.sum())
+    assert RotationMetric(space, time=0.0).dist(f, -f) == pytest.approx(half_turns)
+    assert RotationMetric(space).dist(f, -f) > 0.9 * half_turns
 
 
 def test_default_time_follows_the_size_of_the_template():
