@@ -65,22 +65,6 @@ def deformation_gradients(before: ndarray, after: ndarray) -> ndarray:
     return after @ np.linalg.inv(before)
 
 
-def nearest_rotations(matrices: ndarray) -> ndarray:
-    """Return the rotations of polar decompositions, those nearest to the matrices.
-
-    Parameters
-    ----------
-    matrices : array, shape (..., 3, 3)
-        Matrices of positive determinant.
-
-    Returns
-    -------
-    array, shape (..., 3, 3)
-    """
-    left, _, right = np.linalg.svd(matrices)
-    return left @ right
-
-
 def stacked_derivatives(frames: ndarray) -> ndarray:
     """Return f_u of all triangles, then f_v, as the template's operator does.
 

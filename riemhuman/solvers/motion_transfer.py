@@ -17,9 +17,9 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.special_orthogonal import nearest_rotations
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
-    nearest_rotations,
     stacked_derivatives,
     triangle_frames,
 )

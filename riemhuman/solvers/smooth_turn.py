@@ -14,9 +14,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
+from riemhuman.kernels.special_orthogonal import nearest_rotations
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
-    nearest_rotations,
     stacked_derivatives,
     triangle_frames,
 )

@@ -1,14 +1,12 @@
-"""Frames of triangles, what takes one to another, and the rotation in it."""
+"""Frames of triangles, and what takes one to another."""
 
 import numpy as np
 import pytest
 from cases import TEMPLATES, sphere_template, surfaces
-from scipy.spatial.transform import Rotation
 
 from riemhuman.kernels.surface import partial_derivatives
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
-    nearest_rotations,
     polar_frames,
     stacked_derivatives,
     triangle_frames,
@@ -36,15 +34,6 @@ def test_gradients_of_a_linear_map_are_the_map_along_the_surface():
     gradients = deformation_gradients(before, after)
     np.testing.assert_allclose((gradients @ before)[..., :2], (matrix @ before)[..., :2])
     np.testing.assert_allclose(gradients @ before, after, atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_rotations_of_polar_decompositions(seed):
-    rng = np.random.default_rng(seed)
-    rotations = Rotation.random(20, rng=rng).as_matrix()
-    roots = np.eye(3) + 0.3 * rng.standard_normal((20, 3, 3))
-    stretches = roots @ np.swapaxes(roots, -1, -2) + 0.1 * np.eye(3)
-    np.testing.assert_allclose(nearest_rotations(rotations @ stretches), rotations, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
