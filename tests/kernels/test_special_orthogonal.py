@@ -20,7 +20,7 @@ def turns(angle, n=50):
 
 
 def random_rotations(n=40, seed=0):
-    return Rotation.random(n, random_state=seed).as_matrix()
+    return Rotation.random(n, rng=np.random.default_rng(seed)).as_matrix()
 
 
 @pytest.mark.parametrize("angle", ANGLES)
