@@ -10,13 +10,19 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
+from riemhuman.geometry.bulk import Bulk, SumOfTerms
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
-from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, transpose
-from riemhuman.kernels.sums import integrate
+from riemhuman.kernels.special_orthogonal import (
+    axial,
+    nearest_rotations,
+    quaternions,
+    transpose,
+)
 from riemhuman.kernels.surface import dot
+from riemhuman.terms.rotations import RotationTerm
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -166,8 +172,8 @@ class RotationFieldMetric(RiemannianMetric):
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         base_point = self.space.check_point(base_point, "base_point")
-        products = 0.5 * np.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1))
-        product = integrate(products, self.space.template.face_areas)
+        values = 0.5 * np.sum(tangent_vec_a * tangent_vec_b, axis=(-2, -1))
+        product = np.sum(values * self.space.template.face_areas, axis=-1)
         return product + np.zeros(base_point.shape[:-3])
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
@@ -184,8 +190,17 @@ class RotationFieldMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        squared_angles = special_orthogonal.squared_dist(point_a, point_b)
-        return integrate(squared_angles, self.space.template.face_areas)
+        values = RotationTerm().squared_dist((quaternions(point_a),), (quaternions(point_b),))
+        return np.sum(values * self.space.template.face_areas, axis=-1)
+
+    @property
+    def bulk(self) -> Bulk:
+        """Features are the components of quaternions, in compiled loops."""
+        return SumOfTerms.of_fields(
+            RotationTerm(),
+            self.space.template.face_areas,
+            lambda points: (quaternions(self.space.check_point(points, "points")),),
+        )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Turn about constant axes for unit time.

@@ -8,14 +8,16 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, values_of
+from riemhuman.geometry.bulk import Bulk, SumOfTerms
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.rotation_fields import RotationFields
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.linear import apply_operator
-from riemhuman.kernels.special_orthogonal import nearest_rotations, transpose
+from riemhuman.kernels.special_orthogonal import nearest_rotations, quaternions, transpose
 from riemhuman.kernels.surface import is_degenerate
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.terms.rotations import RotationTerm
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -103,6 +105,16 @@ class RotationMetric(PullbackMetric):
         flat = np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
         diffused = apply_operator(self.space.template.heat.step(self.time), flat)
         return nearest_rotations(np.reshape(diffused, np.shape(rotations)))
+
+    @property
+    def bulk(self) -> Bulk:
+        """Features are the components of quaternions, one surface after the other."""
+
+        def fields(points: ndarray) -> tuple[ndarray]:
+            surfaces = self.space.check_point(points, "points")
+            return (np.stack([quaternions(self.rotations(f)) for f in surfaces]),)
+
+        return SumOfTerms.of_fields(RotationTerm(), self.space.template.face_areas, fields)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient.

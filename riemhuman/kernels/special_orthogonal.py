@@ -1,4 +1,4 @@
-r"""The rotations SO(3), point by point: distances, exponential, logarithm, transport, projection.
+r"""The rotations SO(3), point by point: exponential, logarithm, transport, projection.
 
 With the metric :math:`\langle RA, RB\rangle = \tfrac12 \mathrm{tr}(A^T B)` of skew A and B, the
 distance of two rotations is the angle of the rotation between them. A rotation is ± a unit
@@ -15,7 +15,6 @@ from numpy import ndarray
 from riemhuman.checks import values_of
 from riemhuman.kernels.rotations import cross_product_matrix, rotation_matrix
 from riemhuman.kernels.scalars import square_root
-from riemhuman.kernels.sphere import squared_arc
 from riemhuman.kernels.surface import cross, dot
 
 HALF_TURN = np.pi - 8 * np.finfo(float).eps
@@ -91,38 +90,6 @@ def quaternions(rotations: ndarray) -> ndarray:
     chosen = [sum(np.where(largest == k, columns[k][i], 0.0) for k in range(4)) for i in range(4)]
     column = np.stack(chosen, axis=-1)
     return column / np.sqrt(dot(column, column))[..., None]
-
-
-def squared_dist(r1: ndarray, r2: ndarray) -> ndarray:
-    """Return the squared angle θ² of the rotation r₁ᵀ r₂, θ in [0, π].
-
-    Parameters
-    ----------
-    r1, r2 : array, shape (..., 3, 3)
-        Rotations.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    return squared_angle(quaternions(r1), quaternions(r2))
-
-
-def squared_angle(q1: ndarray, q2: ndarray) -> ndarray:
-    """Return the squared angle between the rotations of unit quaternions.
-
-    Parameters
-    ----------
-    q1, q2 : array, shape (..., 4)
-        Unit quaternions, of either sign.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    difference, total = q1 - q2, q1 + q2
-    p, q = dot(difference, difference), dot(total, total)
-    return 4.0 * squared_arc(np.minimum(p, q), np.maximum(p, q))
 
 
 def log(r1: ndarray, r2: ndarray) -> ndarray:

@@ -5,6 +5,15 @@ from riemhuman.terms.ebin import EbinTerm
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.root_normals import RootNormalTerm
+from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.term import Term
 
-__all__ = ["EbinTerm", "FlatTerm", "NormalTerm", "RootNormalTerm", "Term", "compiled"]
+__all__ = [
+    "EbinTerm",
+    "FlatTerm",
+    "NormalTerm",
+    "RootNormalTerm",
+    "RotationTerm",
+    "Term",
+    "compiled",
+]

@@ -230,7 +230,7 @@ def _pack(normals: ndarray, areas: ndarray, kept: ndarray) -> float:
 
 
 # θ²/p for p in [0, 2]; the largest relative errors are 1e-8 and 1e-16.
-_arc = polynomial(
+arc = polynomial(
     (1.0, 0.0833329484, 0.0111162076, 0.00176024658, 0.000380191312, -2.4703817e-05)
     + (7.68320388e-05, -2.45728515e-05, 5.56007217e-06),
     (1.0, 0.0833333333333205, 0.011111111111878005, 0.0017857142675714339)
@@ -262,7 +262,7 @@ def squared_angle(x1: float, y1: float, z1: float, x2: float, y2: float, z2: flo
     sign = real(1.0) if acute else real(-1.0)
     x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
     chord = x * x + y * y + z * z
-    squared = chord * _arc(chord)
+    squared = chord * arc(chord)
     obtuse = real(math.pi) - onp.sqrt(squared)
     return squared if acute else obtuse * obtuse
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from cases import open_template, sphere_template, surfaces
+from cases import deformations, open_template, sphere_template, surfaces
 from scipy.linalg import sqrtm
 from scipy.spatial.transform import Rotation
 
@@ -113,13 +113,12 @@ def test_wrong_arguments_and_surfaces_without_area():
 def test_gram_matrix_holds_inner_products(time):
     template = sphere_template()
     metric = RotationMetric(AlignedSurfaces(template), time)
-    points, vectors = surfaces(template, 2), surfaces(template, 11, rng=3) - template.vertices
-    found = metric.gram_matrix(vectors, points)
-    expected = np.mean(
-        [[[metric.inner_product(v, w, f) for w in vectors] for v in vectors] for f in points],
-        axis=0,
-    )
-    np.testing.assert_allclose(found, expected, rtol=1e-9)
+    points, vectors = surfaces(template, 2), deformations(template, 9)  # more than one chunk
+    gram = metric.gram_matrix(vectors, points)
+    np.testing.assert_allclose(gram, gram.T)
+    for j, k in ((0, 0), (2, 5), (8, 1), (8, 8)):
+        expected = np.mean(metric.inner_product(vectors[j], vectors[k], points))
+        assert gram[j, k] == pytest.approx(expected, rel=1e-9)
 
 
 def test_geodesics_over_a_basis():

@@ -38,7 +38,7 @@ def polynomial(evaluate):
 
 @each_precision
 def test_arc_polynomial(precision):
-    arc = polynomial(normals._arc)
+    arc = polynomial(normals.arc)
     chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
     errors = relative_errors(
         arc, lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2 / p, chords, PRECISIONS[precision]

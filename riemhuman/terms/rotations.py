@@ -1,0 +1,155 @@
+"""The term of rotations: how far triangles turn, tangent planes within themselves included."""
+
+from __future__ import annotations
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import FUSED, SUM, compiled
+from riemhuman.kernels.special_orthogonal import quaternions
+from riemhuman.kernels.surface import Derivatives, dot, follow_up
+from riemhuman.kernels.tiles import CHUNK, in_tiles
+from riemhuman.kernels.triangle_frames import polar_frames
+from riemhuman.terms.normals import arc, squared_arc
+from riemhuman.terms.term import Fields, Term
+
+
+class RotationTerm(Term):
+    r"""w ∫ θ² dx, with θ ∈ [0, π] the angle of the rotation from R₁ to R₂, where df = R √g.
+
+    Rotations are kept as unit quaternions, of either sign: θ is twice the angle between two of
+    them, or one and minus the other.
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    """
+
+    needs_area = True
+    single = True
+
+    def fields(self, first: Derivatives) -> Fields:
+        """Return the unit quaternions of polar frames.
+
+        Parameters
+        ----------
+        first : Derivatives
+            First derivatives of surfaces whose triangles have an area.
+
+        Returns
+        -------
+        q : array, shape (..., F, 4)
+        """
+        return (quaternions(polar_frames(first.f_u, first.f_v)),)
+
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        """Return θ².
+
+        Parameters
+        ----------
+        fields_a, fields_b : tuple of array, shape (..., F, 4)
+            Unit quaternions.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+        difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
+        p, q = dot(difference, difference), dot(total, total)
+        return 4.0 * squared_arc(np.minimum(p, q), np.maximum(p, q))
+
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        """Return ½ tr(δRᵀ δR') = 4 ⟨δq, δq'⟩.
+
+        Parameters
+        ----------
+        changes_a, changes_b : tuple of array, shape (..., F, 4)
+            Changes of the quaternions.
+        fields : tuple of array
+            Not used: the inner product is the same at all rotations.
+
+        Returns
+        -------
+        array, shape (..., F)
+        """
+        return 4.0 * dot(changes_a[0], changes_b[0])
+
+    def fields_of_records(self, records: ndarray) -> Fields:
+        # Triangles without area count as not turned: they are refused afterwards.
+        both = np.where(records[:, 9:10] == 0.0, _NOT_TURNED, records[:, :6])
+        return self.fields(follow_up(both[:, :3], both[:, 3:]))
+
+    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
+        # Return (4, F): rows of components.
+        return (4, n_faces)
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        # Write components; return the squared distance to what is written.
+        return _pack(np.ascontiguousarray(fields[0]), areas, kept)
+
+    def squared_distances(
+        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
+    ) -> ndarray:
+        # Return all Σ_t w_t θ_t² between two sets, from polynomials in the shorter chord.
+        largest = areas.max()
+        relative = np.zeros(a.shape[2], dtype=a.dtype)
+        relative[: len(areas)] = areas / largest
+        squared = in_tiles(_tile, a, b, (relative,), n_threads)
+        squared *= 4.0 * largest
+        return squared
+
+    def underflow(self, areas: ndarray) -> float:
+        # Return the number of triangles times the largest weight.
+        return float(4.0 * areas.max() * len(areas))
+
+
+_NOT_TURNED = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+
+
+@compiled
+def _pack(q: ndarray, areas: ndarray, kept: ndarray) -> float:
+    gap = 0.0
+    for t in range(len(q)):
+        chord = 0.0
+        for k in range(4):
+            kept[k, t] = q[t, k]
+            chord += (q[t, k] - kept[k, t]) ** 2
+        # The angle is twice that of the quaternions, which is at most √2 times their chord.
+        gap += 8.0 * areas[t] * chord
+    return gap
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _squared_half_angle(
+    w1: float, x1: float, y1: float, z1: float, w2: float, x2: float, y2: float, z2: float
+) -> float:
+    real = type(x1)
+    near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
+    sign = real(1.0) if near else real(-1.0)
+    w, x, y, z = w1 - sign * w2, x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
+    chord = w * w + x * x + y * y + z * z
+    return chord * arc(chord)
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _chunk(a: ndarray, b: ndarray, weights: ndarray, first: int, last: int) -> float:
+    w1, x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
+    w2, x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
+    weight = weights[first:last]
+    total = weights.dtype.type(0.0)
+    for t in range(last - first):
+        total += weight[t] * _squared_half_angle(
+            w1[t], x1[t], y1[t], z1[t], w2[t], x2[t], y2[t], z2[t]
+        )
+    return total
+
+
+@compiled
+def _tile(a: ndarray, b: ndarray, weights: ndarray, within: bool, squared: ndarray) -> None:
+    n_values = a.shape[2]
+    for first in range(0, n_values, CHUNK):
+        last = min(first + CHUNK, n_values)
+        for i in range(len(a)):
+            for j in range(i + 1 if within else 0, len(b)):
+                squared[i, j] += _chunk(a[i], b[j], weights, first, last)

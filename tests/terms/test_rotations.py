@@ -1,0 +1,87 @@
+"""The term of rotations: its loops over pairs, and how it does in sums of terms."""
+
+import itertools
+
+import numpy as np
+import pytest
+from cases import deformations, open_template, sphere_template, surfaces
+from oracles import taylor_slope
+
+from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.rotation_metric import RotationMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.terms import NormalTerm, RotationTerm
+from riemhuman.terms.sum import field_features
+
+AREAS = np.random.default_rng(0).uniform(0.1, 2.0, 1290)  # two chunks and a piece
+
+
+def quaternions_at_angles():
+    """Return fields whose rotations differ by angles of all sizes, up to sign."""
+    rng = np.random.default_rng(1)
+    first, across = rng.standard_normal((2, len(AREAS), 4))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    across -= np.sum(first * across, axis=1, keepdims=True) * first
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    small = np.logspace(-6, -1, 215)
+    angles = np.concatenate([small, np.pi - small, rng.uniform(0, np.pi, 860)])[:, None]
+    second = np.cos(0.5 * angles) * first + np.sin(0.5 * angles) * across
+    second *= rng.choice([-1.0, 1.0], (len(AREAS), 1))
+    return np.stack([first, second, -first, np.roll(first, 1, axis=0)]), angles[:, 0]
+
+
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_compiled_pairs_are_those_of_the_definition(precision):
+    term, (fields, angles) = RotationTerm(), quaternions_at_angles()
+    features, rounding = field_features(term, (fields,), AREAS, precision)
+    found = term.squared_distances(features, features, AREAS)
+    exact = term.squared_dist((fields[:, None],), (fields[None],)) @ AREAS
+    assert exact[0, 1] == pytest.approx(np.sum(AREAS * angles**2), rel=1e-12)
+    assert exact[0, 2] == 0
+    tolerance = {"single": 1e-6, "double": 1e-14}[precision]
+    np.testing.assert_allclose(found, exact, rtol=tolerance, atol=tolerance)
+    np.testing.assert_array_equal(found, term.squared_distances(features, features, AREAS, 2))
+    assert rounding.any() == (precision == "single")
+
+
+def test_rounding_bounds_what_single_precision_loses():
+    term, (fields, _) = RotationTerm(), quaternions_at_angles()
+    single, rounding = field_features(term, (fields,), AREAS, "single")
+    kept = np.moveaxis(single[:, :, : len(AREAS)].astype(np.float64), 1, -1)
+    kept /= np.linalg.norm(kept, axis=-1, keepdims=True)
+    lost = np.sqrt(term.squared_dist((fields,), (kept,)) @ AREAS)
+    assert np.all(lost <= rounding)
+    assert np.all(rounding < 1e-5)
+
+
+@pytest.mark.parametrize("template", [sphere_template(), open_template()], ids=["sphere", "open"])
+def test_in_a_sum_of_terms(template):
+    space = AlignedSurfaces(template)
+    points, vectors = surfaces(template, 3), deformations(template, 2)
+    alone, rotations = SurfaceMetric(space, [RotationTerm(2.0)]), RotationMetric(space, time=0.0)
+    expected = 2.0 * rotations.squared_dist(points[0], points[1])
+    assert alone.squared_dist(points[0], points[1]) == pytest.approx(expected, rel=1e-12)
+    matrix = alone.dist_pairwise(points, precision="double")
+    assert matrix[0, 1] ** 2 == pytest.approx(expected, rel=1e-12)
+    for f in points[:2]:
+        found = alone.inner_product(*vectors, f)
+        assert found == pytest.approx(2.0 * rotations.inner_product(*vectors, f), rel=1e-10)
+        covector = alone.metric_matrix(f) @ vectors[0].ravel()
+        assert covector @ vectors[1].ravel() == pytest.approx(found, rel=1e-9)
+
+    both = SurfaceMetric(space, [NormalTerm(0.5), RotationTerm(0.3)])
+    energy, gradient = both.energy_and_gradient(points)
+    squares = [both.squared_dist(*pair) for pair in itertools.pairwise(points)]
+    assert energy == pytest.approx(2 * np.sum(squares), rel=1e-12)
+    slope = taylor_slope(both.energy, points, deformations(template, 3, rng=5), gradient)
+    assert slope == pytest.approx(2, abs=0.1)
+
+
+def test_surfaces_without_area_are_refused():
+    template = sphere_template()
+    metric = SurfaceMetric(AlignedSurfaces(template), [RotationTerm()])
+    points = surfaces(template, 2)
+    points[1, template.faces[3]] = points[1, template.faces[3, 0]]
+    with pytest.raises(DegenerateSurfaceError, match="every triangle"):
+        metric.dist_pairwise(points)
