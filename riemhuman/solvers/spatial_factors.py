@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.linalg import splu, spsolve_triangular
+from scipy.sparse.linalg import SuperLU, splu
 
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
@@ -54,13 +54,16 @@ class SparseCholeskyFactor(CholeskyFactor):
         self._place = self._elimination.perm_r
 
     @cached_property
-    def _lower(self) -> sparse.csr_array:
+    def _lower(self) -> SuperLU:
         roots = np.sqrt(self._elimination.U.diagonal())
-        return sparse.csr_array(self._elimination.L @ sparse.diags_array(roots))
-
-    @cached_property
-    def _upper(self) -> sparse.csr_array:
-        return sparse.csr_array(self._lower.T)
+        # The factor of a triangular matrix is itself; SuperLU keeps it ready, where
+        # `spsolve_triangular` would convert it at every call.
+        return splu(
+            sparse.csc_array(self._elimination.L @ sparse.diags_array(roots)),
+            permc_spec="NATURAL",
+            diag_pivot_thresh=0.0,
+            options={"Equil": False},
+        )
 
     def inverse(self, columns: ndarray) -> ndarray:
         """Return A⁻¹ X, by the elimination itself: much faster than by its triangles.
@@ -88,7 +91,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return spsolve_triangular(self._lower, columns[self._order], lower=True)
+        return self._lower.solve(columns[self._order])
 
     def solve_transposed(self, columns: ndarray) -> ndarray:
         """Return L⁻ᵀ X.
@@ -102,7 +105,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return spsolve_triangular(self._upper, columns, lower=False)[self._place]
+        return self._lower.solve(columns, trans="T")[self._place]
 
 
 class BlockCholeskyFactor(CholeskyFactor):
