@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-import autograd.numpy as np
-from autograd import value_and_grad
+import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.protocols import PulledBackMetric
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.solvers.dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor, spatial_factor
+from riemhuman.statistics.image_distances import image_distances
 
 # λ of the metric field's share of a companion.
 _COMPANION_LAM = 1.0
 
+# Steps after which the matrix is factored anew, and steps that are remembered.
+_ROUND, _DAMPED_ROUND, _MEMORY = 20, 5, 20
+
 # Steps that bring less, or more, than these shares of their promise raise, or lower, the damping.
 _POOR, _GOOD = 0.25, 0.6
 _LEAST_DAMPING = 1e-3
+
+# Share of the start's value below which a guess is one: where it is not, limbs may lie across.
+_NEARBY = 0.25
 
 
 @dataclass(frozen=True)
@@ -32,8 +39,8 @@ class NearestSurface:
 
     With one target y, a point of the image space that need not come from a surface, it is the
     projection of y to surfaces; with the images of several surfaces it is their Karcher mean, the
-    functional of section 4 of the paper with no basis. The minimisation is that of Levenberg and
-    Marquardt: the metric's matrix at f stands for half the Hessian.
+    functional of section 4 of the paper with no basis. The minimisation is a quasi-Newton method
+    that starts from the metric's matrix at f, which is about half the Hessian.
 
     A metric of metric fields alone (c = 0) hardly sees how a surface bends, and one of normals
     alone (a = 0) not how large its triangles are. A companion metric, of small weight, keeps what
@@ -108,76 +115,118 @@ class NearestSurface:
         if not self.companion_weight:
             companion = None
 
-        def variance(f: ndarray) -> Any:
-            return np.dot(weights, target.squared_dist(metric.map(f), images))
+        distances = image_distances(metric, images, weights)
 
-        def functional(f: ndarray) -> Any:
+        def slope(f: ndarray) -> tuple[float, ndarray]:
+            value, gradient = distances.value_and_gradient(f)
             if companion is None:
-                return variance(f)
-            return variance(f) + self.companion_weight * companion.squared_dist(start, f)
+                return value, gradient
+            squared, slopes = companion.energy_and_gradient(np.stack([start, f]))
+            weight = self.companion_weight
+            return value + weight * squared, gradient + weight * slopes[1]
 
-        result = self._descend(metric, companion, functional, start)
+        def factor(f: ndarray, damping: float) -> CholeskyFactor:
+            # Damped where the metric sees little.
+            if companion is None:
+                return spatial_factor(metric, f[np.newaxis], 1.0 / (1.0 + damping))
+            unseen = (self.companion_weight + damping) * companion.metric_matrix(f)
+            return SparseCholeskyFactor(metric.metric_matrix(f) + unseen)
+
+        with single_threaded_libraries():
+            least_damping = max(self.companion_weight, _LEAST_DAMPING)
+            result = _descend(
+                slope,
+                factor,
+                start,
+                distances.nearby(start),
+                self.tolerance,
+                self.max_iter,
+                least_damping,
+            )
         found = MeanResult(
             result.point,
-            float(variance(result.point)),
+            distances.value_and_gradient(result.point)[0],
             result.variances,
             **result.outcome,
         )
         warn_unless_converged(self, found)
         return found
 
-    def _descend(
-        self, metric: PulledBackMetric, companion: ElasticMetric | None, functional: Any, f: ndarray
-    ) -> MeanResult:
-        slope = value_and_grad(functional)
-        value, gradient = slope(f)
-        values, n_evaluations, damping = [float(value)], 1, 0.0
-        converged, message = False, "the most steps were tried"
-        while n_evaluations <= self.max_iter:
-            step = self._step(metric, companion, f, gradient, damping)
-            promise = -0.5 * float(np.sum(gradient * step))
-            if promise <= self.tolerance * values[0]:
-                converged, message = True, "a step promises less than the tolerance"
-                break
-            n_evaluations += 1
-            try:
-                value, new_gradient = slope(f + step)
-            except DegenerateSurfaceError:
-                value = np.inf
-            share = (values[-1] - value) / promise
-            if share > 0.0:
-                f, gradient = f + step, new_gradient
-                values.append(float(value))
-            if share < _POOR:
-                damping = max(4.0 * damping, self.companion_weight, _LEAST_DAMPING)
-            elif share > _GOOD:
-                damping *= 0.25
-        return MeanResult(
-            f,
-            values[-1],
-            np.array(values),
-            n_iterations=len(values) - 1,
-            n_evaluations=n_evaluations,
-            converged=converged,
-            message=message,
-        )
 
-    def _step(
-        self,
-        metric: Any,
-        companion: ElasticMetric | None,
-        f: ndarray,
-        gradient: ndarray,
-        damping: float,
-    ) -> ndarray:
-        """Return the step of Levenberg and Marquardt, damped where the metric sees little."""
-        if companion is None:
-            factor: CholeskyFactor = spatial_factor(metric, f[np.newaxis], 1.0 / (1.0 + damping))
-        else:
-            unseen = (self.companion_weight + damping) * companion.metric_matrix(f)
-            factor = SparseCholeskyFactor(metric.metric_matrix(f) + unseen)
-        column = -0.5 * gradient.reshape(-1, 1)
-        return factor.solve_transposed(factor.solve(column)).reshape(f.shape)
+def _descend(
+    slope: Callable[[ndarray], tuple[float, ndarray]],
+    factor: Callable[[ndarray, float], CholeskyFactor],
+    f: ndarray,
+    guess: ndarray,
+    tolerance: float,
+    max_iter: int,
+    least_damping: float,
+) -> MeanResult:
+    """Return the minimiser near f.
+
+    By L-BFGS, with factors of half the Hessian to start from; where steps bring less than they
+    promise, by the method of Levenberg and Marquardt, with a new factor for every step.
+    """
+    value, gradient = slope(f)
+    if not np.isfinite(value):
+        raise DegenerateSurfaceError("every triangle of start must have an area")
+    values, n_evaluations = [value], 1
+    guess_value, guess_gradient = slope(guess)
+    if guess_value < _NEARBY * value:
+        f, gradient = guess, guess_gradient
+        values.append(guess_value)
+        n_evaluations += 1
+    converged, message = False, "the most steps were tried"
+    memory: list[tuple[ndarray, ndarray]] = []
+    damping, half_hessian, age = 0.0, factor(f, 0.0), 0
+    while n_evaluations <= max_iter:
+        step = -_inverse_hessian_times(half_hessian, memory, gradient)
+        promise = -0.5 * float(np.sum(gradient * step))
+        if promise <= tolerance * values[0]:
+            converged, message = True, "a step promises less than the tolerance"
+            break
+        n_evaluations += 1
+        new_value, new_gradient = slope(f + step)
+        share = (values[-1] - new_value) / promise
+        if share > 0.0:
+            memory = [*memory[1 - _MEMORY :], (step, new_gradient - gradient)]
+            f, gradient = f + step, new_gradient
+            values.append(new_value)
+        age += 1
+        if share < _POOR:
+            damping = max(4.0 * damping, least_damping)
+        elif share > _GOOD:
+            damping = 0.25 * damping if damping > _LEAST_DAMPING else 0.0
+        if share < _POOR or age >= (_DAMPED_ROUND if damping > 0.0 else _ROUND):
+            half_hessian, age, memory = factor(f, damping), 0, []
+    return MeanResult(
+        f,
+        values[-1],
+        np.array(values),
+        n_iterations=len(values) - 1,
+        n_evaluations=n_evaluations,
+        converged=converged,
+        message=message,
+    )
+
+
+def _inverse_hessian_times(
+    half_hessian: CholeskyFactor, memory: list[tuple[ndarray, ndarray]], gradient: ndarray
+) -> ndarray:
+    """Return H g of the quasi-Newton method, by the recursion in two loops [1]_.
+
+    .. [1] Nocedal and Wright, "Numerical Optimization", 2006, algorithm 7.4.
+    """
+    rest, shares = gradient, []
+    curved = [(s, y, float(np.sum(s * y))) for s, y in memory]
+    curved = [pair for pair in curved if pair[2] > 0.0]
+    for s, y, curvature in reversed(curved):
+        shares.append(float(np.sum(s * rest)) / curvature)
+        rest = rest - shares[-1] * y
+    found = 0.5 * half_hessian.inverse(rest.reshape(-1, 1)).reshape(gradient.shape)
+    for (s, y, curvature), share in zip(curved, reversed(shares), strict=True):
+        found = found + (share - float(np.sum(y * found)) / curvature) * s
+    return found
 
 
 def _missing_part(metric: PulledBackMetric) -> ElasticMetric | None:

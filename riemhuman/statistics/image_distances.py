@@ -1,0 +1,171 @@
+"""Distances of a surface from points of the image space, with their slopes."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import autograd.numpy as np
+from autograd import value_and_grad
+from numpy import ndarray
+
+from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.protocols import PulledBackMetric
+from riemhuman.kernels.triangle_frames import stacked_derivatives, triangle_frames
+from riemhuman.surfaces.template import Template
+
+# How often triangles are turned within their planes as on the last surface.
+_N_ROUNDS = 5
+
+
+class ImageDistances(Protocol):
+    """The weighted mean of squared distances from a few points of the image space."""
+
+    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+        """Return the mean and its gradient in the vertices.
+
+        Parameters
+        ----------
+        surface : array, shape (V, 3)
+            Surface.
+
+        Returns
+        -------
+        value : float
+            Infinite where the metric needs a normal of a triangle without area.
+        gradient : array, shape (V, 3)
+        """
+
+    def nearby(self, surface: ndarray) -> ndarray:
+        """Return a surface that may be nearer to the points, or the same.
+
+        Parameters
+        ----------
+        surface : array, shape (V, 3)
+            Surface.
+
+        Returns
+        -------
+        array, shape (V, 3)
+        """
+
+
+class _ByDefinition:
+    """The mean for any pull-back, by autograd."""
+
+    def __init__(self, metric: PulledBackMetric, images: ndarray, weights: ndarray) -> None:
+        def mean(surface: ndarray) -> Any:
+            return np.dot(weights, metric.target_metric.squared_dist(metric.map(surface), images))
+
+        self._slope = value_and_grad(mean)
+
+    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+        try:
+            value, gradient = self._slope(surface)
+        except DegenerateSurfaceError:
+            return np.inf, np.zeros_like(surface)
+        return float(value), gradient
+
+    def nearby(self, surface: ndarray) -> ndarray:
+        return surface
+
+
+class _OfElasticMetric:
+    """The mean for elastic metrics, in compiled loops.
+
+    Fields (g, n) that come from no surface come from a surface of separate triangles all the same:
+    the metric does not see how these lie. So distances from fields are those between surfaces over
+    a template whose triangles are separate.
+    """
+
+    def __init__(self, metric: ElasticMetric, images: ndarray, weights: ndarray) -> None:
+        template = metric.space.template
+        self._faces, n_corners = template.faces, 3 * template.n_faces
+        separate = Template(
+            template.vertices[self._faces].reshape(-1, 3), np.arange(n_corners).reshape(-1, 3)
+        )
+        space = AlignedSurfaces(separate, equip=False)
+        self._metric = ElasticMetric(space, metric.a, metric.lam, metric.c)
+        self._template, self._weights = template, weights
+        self._targets = [_separate_triangles(metric, separate, image) for image in images]
+        self._sees_all = metric.a > 0 and metric.c > 0
+
+    def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
+        corners = surface[self._faces].reshape(-1, 3)
+        value, slopes = 0.0, np.zeros_like(corners)
+        for weight, target in zip(self._weights, self._targets, strict=True):
+            if weight > 0:
+                squared, gradient = self._metric.energy_and_gradient(np.stack([target, corners]))
+                value += weight * squared
+                slopes += weight * gradient[1]
+        columns = [
+            np.bincount(self._faces.ravel(), column, minlength=len(surface)) for column in slopes.T
+        ]
+        return value, np.stack(columns, axis=1)
+
+    def nearby(self, surface: ndarray) -> ndarray:
+        """Return the surface whose derivatives are nearest to those of one target's triangles.
+
+        The metric does not see how a triangle is turned within its plane: it is as near as can be
+        to the surface before, a few times over.
+        """
+        if len(self._targets) > 1 or not self._sees_all:
+            return surface
+        frames = triangle_frames(
+            self._targets[0], self._metric.space.template.differential_operator
+        )
+        operator, assemble = self._template.differential_operator, self._template.interpolator
+        for _ in range(_N_ROUNDS):
+            there = triangle_frames(surface, operator)[..., :2]
+            normals = frames[..., 2]
+            # Σ (there · here) and Σ (there · n × here) over both columns: cos and sin of the turn.
+            across = np.cross(normals[..., None], frames[..., :2], axis=1)
+            cosine = np.sum(there * frames[..., :2], axis=(1, 2))
+            sine = np.sum(there * across, axis=(1, 2))
+            size = np.hypot(cosine, sine)
+            size = np.where(size > 0.0, size, 1.0)[:, None, None]
+            turned = (cosine[:, None, None] * frames[..., :2] + sine[:, None, None] * across) / size
+            surface = assemble.surface_of(stacked_derivatives(turned), surface)
+        return surface
+
+
+def image_distances(metric: PulledBackMetric, images: ndarray, weights: ndarray) -> ImageDistances:
+    r"""Return the weighted mean of squared distances from points of the image space.
+
+    Parameters
+    ----------
+    metric : PulledBackMetric
+        A metric on surfaces.
+    images : array, shape (n, \*target_shape)
+        Points of the space of its target.
+    weights : array, shape (n,)
+        Weights that sum to one.
+
+    Returns
+    -------
+    ImageDistances
+    """
+    if isinstance(metric, ElasticMetric):
+        return _OfElasticMetric(metric, images, weights)
+    return _ByDefinition(metric, images, weights)
+
+
+def _separate_triangles(metric: ElasticMetric, template: Template, image: ndarray) -> ndarray:
+    """Return corners of triangles with given fields, shape (3F, 3)."""
+    parts = list(metric.target_metric.space.project_from_product(image))
+    n_faces = template.n_faces
+    g = parts.pop(0) if metric.a > 0 else np.tile(np.eye(2), (n_faces, 1, 1))
+    normals = parts.pop(0) if metric.c > 0 else np.tile([0.0, 0.0, 1.0], (n_faces, 1))
+    # Any direction across the normal: the axis that is farthest from it leads to one.
+    axes = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, axes)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(normals, first)
+    lower = np.linalg.cholesky(g)
+    f_u = lower[:, :1, 0] * first
+    f_v = lower[:, 1:, 0] * first + lower[:, 1:, 1] * second
+    inverse_u2, inverse_v3, shear = template.frame_coefficients.T[..., None]
+    corner_2 = f_u / inverse_u2
+    corner_3 = (f_v + shear * corner_2) / inverse_v3
+    return np.stack([np.zeros_like(f_u), corner_2, corner_3], axis=1).reshape(-1, 3)
