@@ -11,8 +11,8 @@ from numpy import ndarray
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.protocols import PulledBackMetric
 from riemhuman.kernels.triangle_frames import stacked_derivatives, triangle_frames
+from riemhuman.protocols import PulledBackMetric
 from riemhuman.surfaces.template import Template
 
 # How often triangles are turned within their planes as on the last surface.
@@ -153,7 +153,8 @@ def image_distances(metric: PulledBackMetric, images: ndarray, weights: ndarray)
 
 def _separate_triangles(metric: ElasticMetric, template: Template, image: ndarray) -> ndarray:
     """Return corners of triangles with given fields, shape (3F, 3)."""
-    parts = list(metric.target_metric.space.project_from_product(image))
+    product: Any = metric.target_metric.space
+    parts = list(product.project_from_product(image))
     n_faces = template.n_faces
     g = parts.pop(0) if metric.a > 0 else np.tile(np.eye(2), (n_faces, 1, 1))
     normals = parts.pop(0) if metric.c > 0 else np.tile([0.0, 0.0, 1.0], (n_faces, 1))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -11,8 +12,8 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.protocols import PulledBackMetric
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.protocols import PulledBackMetric
 from riemhuman.solvers.dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
@@ -125,12 +126,14 @@ class NearestSurface:
             weight = self.companion_weight
             return value + weight * squared, gradient + weight * slopes[1]
 
+        measured: Any = metric
+
         def factor(f: ndarray, damping: float) -> CholeskyFactor:
             # Damped where the metric sees little.
             if companion is None:
-                return spatial_factor(metric, f[np.newaxis], 1.0 / (1.0 + damping))
+                return spatial_factor(measured, f[np.newaxis], 1.0 / (1.0 + damping))
             unseen = (self.companion_weight + damping) * companion.metric_matrix(f)
-            return SparseCholeskyFactor(metric.metric_matrix(f) + unseen)
+            return SparseCholeskyFactor(measured.metric_matrix(f) + unseen)
 
         with single_threaded_libraries():
             least_damping = max(self.companion_weight, _LEAST_DAMPING)
