@@ -46,6 +46,10 @@ def spin(file):
     raise FileFormatError
 
 
+def refuse(file):
+    raise FileFormatError("refused")
+
+
 def judged_wrongly(file):
     return {"array": np.zeros(0), "other": np.zeros(0)}
 
@@ -68,6 +72,14 @@ def test_every_fault_is_noticed(fault, monkeypatch):
     counts, wrong = structured_run.run(2, kinds=["npy"])
     assert counts["npy", fault] == 2
     assert [number for _, number, _ in wrong] == [0, 1]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="forks")
+def test_files_without_a_change_must_not_be_refused(monkeypatch):
+    monkeypatch.setitem(JUDGES, "npy", (refuse, lambda file: {}))
+    counts, _ = structured_run.run(30, kinds=["npy"])
+    assert counts["npy", "refused, though nothing is changed"] >= 3
+    assert counts["npy", "refused"] >= 3
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="forks")
