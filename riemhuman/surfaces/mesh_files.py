@@ -175,8 +175,8 @@ def _read_off(content: bytes) -> _Mesh:
                 if not 0 <= lengths[-1] < len(words):
                     raise ValueError
                 corners.extend(map(whole_field, words[1 : 1 + lengths[-1]]))
-                # What follows is a colour.
-                _ = [real_field(word) for word in words[1 + lengths[-1] :]]
+                for word in words[1 + lengths[-1] :]:
+                    real_field(word)  # a colour
         except (OverflowError, ValueError) as error:
             kind = "face" if row >= n_vertices else "vertex"
             raise FileFormatError(f"not a valid {kind} line: {_shown(words)}") from error
