@@ -1,0 +1,121 @@
+"""What the metrics of the family cost: energies, geodesics, matrices, and a term of one's own.
+
+    pytest tests/benchmarks/test_metric_family.py --benchmark-enable -s
+
+prints the time of an energy with its gradient and of a geodesic between two poses over 100
+deformations at full resolution, by wall clock and by the processor's time of all threads, and the
+time of a distance with a term that a user wrote beside those of the library. Where benchmarks are
+disabled, the same code runs briefly at coarse resolution.
+"""
+
+import time
+
+import autograd.numpy as np
+import pytest
+from performances import basis, bodies, timed
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
+from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.solvers import BasisPath, LinearPath
+from riemhuman.terms import FlatTerm
+
+METRICS = {
+    "elastic (1, 0.1, 0.1)": lambda space: ElasticMetric(space, 1.0, 0.1, 0.1),
+    "general elastic (1, 1, 1)": GeneralElasticMetric,
+    "Sobolev, first order": SobolevMetric,
+    "Sobolev, d1 and a2": lambda space: SobolevMetric(space, d1=0.5, a2=1e-3),
+    "Sobolev, all six": lambda space: SobolevMetric(space, a0=100.0, d1=0.5, a2=1e-3),
+    "gauge-invariant SRNF": lambda space: GaugeInvariantMetric(SRNFMetric(space)),
+}
+PAIRS = [("t_like", "bent_elbows"), ("t_like", "leg_raised")]
+
+
+def pose_pair(resolution, poses):
+    names = bodies(resolution).pose_names
+    return bodies(resolution).points[[20 + names.index(pose) for pose in poses]]
+
+
+def clocked(function, repetitions):
+    """Return the least wall time and the least processor time of several calls."""
+    walls, processors = [], []
+    for _ in range(repetitions):
+        wall, processor = time.perf_counter(), time.process_time()
+        function()
+        walls.append(time.perf_counter() - wall)
+        processors.append(time.process_time() - processor)
+    return min(walls), min(processors)
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_energy_and_gradient(benchmark, name):
+    resolution, repetitions = ("coarse", 1) if benchmark.disabled else ("full", 20)
+    metric = METRICS[name](AlignedSurfaces(bodies(resolution).template, equip=False))
+    path = LinearPath(11).solve(metric, *pose_pair(resolution, PAIRS[0])).path
+    energy, _ = benchmark.pedantic(lambda: metric.energy_and_gradient(path), rounds=repetitions)
+    wall, processor = clocked(lambda: metric.energy_and_gradient(path), repetitions)
+    print(
+        f"\n{name}, {resolution}, 11 surfaces: energy {energy:.4g} with gradient in "
+        f"{1e3 * wall:.0f} ms, {1e3 * processor:.0f} ms of the processor"
+    )
+    assert energy > 0
+
+
+@pytest.mark.parametrize("poses", PAIRS, ids="-".join)
+@pytest.mark.parametrize("name", [name for name in METRICS if "gauge" not in name])
+def test_geodesic(benchmark, name, poses):
+    resolution = "coarse" if benchmark.disabled else "full"
+    metric = METRICS[name](AlignedSurfaces(bodies(resolution).template, equip=False))
+    start, end = pose_pair(resolution, poses)
+    solver = BasisPath(basis(resolution))
+    if not benchmark.disabled:
+        solver.solve(metric, start, end)  # compiles, loads, keeps what can be kept
+    began = time.process_time()
+    result, wall = benchmark.pedantic(
+        lambda: timed(solver, metric, start, end), rounds=1, iterations=1
+    )
+    processor = time.process_time() - began
+    print(
+        f"\n{name}, {' to '.join(poses)}, {resolution}: {wall:.2f} s, {processor:.2f} s of the "
+        f"processor, {result.n_evaluations} evaluations, energy {result.energies[0]:.5g} to "
+        f"{result.energy:.5g}"
+    )
+    assert result.converged
+
+
+class LogAreas(FlatTerm):
+    """The term of the README."""
+
+    sees_rotations = False
+    needs_area = True
+
+    def field(self, first):
+        return np.log(first.areas)[..., None]
+
+
+def test_distances_with_a_term_of_ones_own(benchmark):
+    resolution = "coarse" if benchmark.disabled else "full"
+    data = bodies(resolution)
+    space = AlignedSurfaces(data.template, equip=False)
+    points = data.points[: 10 if benchmark.disabled else 100]
+    n_pairs = len(points) * (len(points) - 1) // 2
+    own, srnf = SurfaceMetric(space, [LogAreas(0.1)]), SRNFMetric(space)
+    times = {}
+    for name, metric in (("own term", own), ("SRNF", srnf)):
+        features = metric.bulk.features(points, "single")
+        metric.bulk.squared_distances(features, features, 1)
+        times[name], _ = clocked(
+            lambda: metric.bulk.squared_distances(features, features, 1),  # noqa: B023
+            1 if benchmark.disabled else 5,
+        )
+    benchmark.pedantic(lambda: own.dist_pairwise(points), rounds=1)
+    one, _ = clocked(lambda: own.dist(points[0], points[1]), 3)
+    shown = ", ".join(f"{name} {1e6 * t / n_pairs:.1f} µs a pair" for name, t in times.items())
+    print(f"\n{resolution}, {n_pairs} pairs: {shown}; by the definition {1e6 * one:.0f} µs")
+    np.testing.assert_allclose(
+        own.dist_pairwise(points[:2])[0, 1], own.dist(points[0], points[1]), rtol=1e-5
+    )
