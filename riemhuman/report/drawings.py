@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.report.body_plots import per_area, plot_body, plot_path
 from riemhuman.report.figures import new_figure
-from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SRNF_PATH
+from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH
 from riemhuman.report.plan import name_of, spoken
 from riemhuman.report.result_plots import (
     plot_confusion,
@@ -27,7 +27,13 @@ if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
     from riemhuman.report.store import Step
 
-PATH_TITLES = {LINEAR: "linear", SRNF_PATH: "SRNF", MODEL: "body model", OURS: "ours (1, 1, 0)"}
+PATH_TITLES = {
+    LINEAR: "linear",
+    SRNF_PATH: "SRNF",
+    SOBOLEV: "Sobolev, a2 = 0.001",
+    MODEL: "body model",
+    OURS: "ours (1, 1, 0)",
+}
 
 
 def draw_map(bodies: Bodies, positions: ndarray, labels: ndarray, names: Sequence[str]) -> Figure:

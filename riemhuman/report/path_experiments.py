@@ -13,6 +13,7 @@ from numpy import ndarray
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.protocols import uninterrupted
 from riemhuman.report.choices import Pair
@@ -40,7 +41,8 @@ VIEWED_METRICS = {
     "pose (0, 0, 1)": POSE_WEIGHTS,
     "both (1, 1, 0.1)": BOTH_WEIGHTS,
 }
-LINEAR, SRNF_PATH, MODEL, OURS = "linear", "SRNF", "body model", "ours"
+LINEAR, SRNF_PATH, SOBOLEV, MODEL, OURS = "linear", "SRNF", "Sobolev", "body model", "ours"
+SOBOLEV_WEIGHTS = {"a1": 1.0, "b1": 1.0, "c1": 1.0, "a2": 1e-3}
 
 
 class PathExperiments:
@@ -140,7 +142,7 @@ class PathExperiments:
         )
 
     def comparison(self, pair: Pair) -> Step:
-        """Find four paths between two bodies (figure 5 of the paper), and measure them alike.
+        """Find paths between two bodies by several methods, and measure them alike (figure 5).
 
         Parameters
         ----------
@@ -159,11 +161,13 @@ class PathExperiments:
             metrics: dict[str, RiemannianMetric] = {
                 "ours": elastic_metric(self._space, PATH_WEIGHTS),
                 "srnf": SRNFMetric(self._space),
+                "sobolev": SobolevMetric(self._space, **SOBOLEV_WEIGHTS),
             }
             srnf = BasisPath(self._basis, n_nodes, initial=LinearPath(n_nodes), tolerance=1e-3)
             solvers: dict[str, tuple[Any, str]] = {
                 LINEAR: (LinearPath(n_nodes), "ours"),
                 SRNF_PATH: (srnf, "srnf"),
+                SOBOLEV: (self._solver(), "sobolev"),
             }
             reference = None
             model_path = self._model_path(pair)
@@ -177,7 +181,8 @@ class PathExperiments:
             paths = {one.name: one.result.path for one in compared}
             return paths, {"pair": list(pair), "rows": [one.as_row() for one in compared]}
 
-        return self._store.step("comparison", {**self._inputs, "pair": pair}, compute, "Four paths")
+        inputs = {**self._inputs, "pair": pair, "sobolev": SOBOLEV_WEIGHTS}
+        return self._store.step("comparison", inputs, compute, "Paths compared")
 
     def mean(self, group: ndarray) -> Step:
         """Find the Karcher mean of bodies with the normals alone, as the paper does.

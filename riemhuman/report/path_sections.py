@@ -171,7 +171,7 @@ def comparison_section(materials: Materials) -> Section | None:
         figure(picture, "The same as film strips.", wide=True),
         materials.table(table),
     ]
-    count = {3: "Three", 4: "Four"}[len(names)]
+    count = {4: "Four", 5: "Five"}[len(names)]
     heading_text = f"{count} ways from one pose to another"
     return Section("comparison", heading_text, f"{count} ways", parts)
 

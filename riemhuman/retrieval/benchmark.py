@@ -13,6 +13,7 @@ import numpy as np
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.progress import ProgressBar
@@ -25,6 +26,7 @@ POSE_METRIC = "pose metric (0, 0, 1)"
 """Name of the paper's metric that tells how they stand."""
 
 ROTATION_METRIC = "rotation metric"
+GENERAL_METRIC = "general elastic metric (1, 1, 1)"
 """Name of the metric of diffused rotations, which tells how they stand whoever they are."""
 
 _LABELS = {"shape": "subject", "pose": "pose"}
@@ -134,8 +136,9 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     Returns
     -------
     dict of str to RiemannianMetric
-        The paper's shape metric and pose metric, that of square root normal fields, and that of
-        diffused rotations.
+        The paper's shape metric and pose metric, that of square root normal fields, that of
+        diffused rotations, and the general elastic metric. Metrics without a closed-form distance
+        are no part of tables of all pairs.
 
     Raises
     ------
@@ -153,6 +156,7 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
         POSE_METRIC: ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
         "SRNF": SRNFMetric(space),
         ROTATION_METRIC: RotationMetric(space),
+        GENERAL_METRIC: GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
     }
 
 
