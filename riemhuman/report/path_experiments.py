@@ -42,7 +42,8 @@ VIEWED_METRICS = {
     "both (1, 1, 0.1)": BOTH_WEIGHTS,
 }
 LINEAR, SRNF_PATH, SOBOLEV, MODEL, OURS = "linear", "SRNF", "Sobolev", "body model", "ours"
-SOBOLEV_WEIGHTS = {"a1": 1.0, "b1": 1.0, "c1": 1.0, "a2": 1e-3}
+# Weights a0, a1, b1, c1, d1 and a2.
+SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
 
 
 class PathExperiments:
@@ -161,7 +162,7 @@ class PathExperiments:
             metrics: dict[str, RiemannianMetric] = {
                 "ours": elastic_metric(self._space, PATH_WEIGHTS),
                 "srnf": SRNFMetric(self._space),
-                "sobolev": SobolevMetric(self._space, **SOBOLEV_WEIGHTS),
+                "sobolev": SobolevMetric(self._space, *SOBOLEV_WEIGHTS),
             }
             srnf = BasisPath(self._basis, n_nodes, initial=LinearPath(n_nodes), tolerance=1e-3)
             solvers: dict[str, tuple[Any, str]] = {
