@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.errors import ArgumentError
 from riemhuman.surfaces.distortion import signed_volume, triangle_areas
 from riemhuman.surfaces.template import Template
-from riemhuman.surfaces.units import body_units
+from riemhuman.units import body_units
 
 
 def mesh_facts(vertices: np.ndarray, faces: np.ndarray) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
-from riemhuman.surfaces.units import SCALES, refuse_other_scale
+from riemhuman.units import SCALES, refuse_other_scale
 
 MESH_ENDINGS = (".ply", ".obj", ".off")
 

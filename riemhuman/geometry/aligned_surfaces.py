@@ -11,6 +11,7 @@ from riemhuman.checks import (
     Rng,
     generator,
     moderate_lengths,
+    one_of,
     real_array,
     refuse_triangles,
     values_of,
@@ -22,6 +23,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.terms.root_normals import RootNormalTerm
+from riemhuman.units import SCALES, refuse_other_scale
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -40,10 +42,16 @@ class AlignedSurfaces(Manifold):
         The template T.
     equip : bool
         Whether to equip the manifold with `ElasticMetric`.
+    scale : {"template"} or None
+        Whether surfaces more than eight times as large or as small as the template are refused,
+        because they must be in another unit. None takes surfaces of any size.
     """
 
-    def __init__(self, template: Template, equip: bool = True) -> None:
+    def __init__(
+        self, template: Template, equip: bool = True, *, scale: str | None = "template"
+    ) -> None:
         self.template = template
+        self.scale = one_of(scale, "scale", SCALES)
         super().__init__(3 * template.n_vertices, (template.n_vertices, 3), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -153,7 +161,7 @@ class AlignedSurfaces(Manifold):
         f_u, f_v : array, shape (..., F, 3)
         """
         return surface.partial_derivatives(
-            self.check_point(f, "f"), self.template.differential_operator
+            self.check_tangent_vec(f, "f"), self.template.differential_operator
         )
 
     def to_fields(self, f: ndarray) -> tuple[ndarray, ndarray]:
@@ -252,7 +260,7 @@ class AlignedSurfaces(Manifold):
         """
         derivatives = self.partial_derivatives(self.check_point(base_point, "base_point"))
         self.refuse_degenerate(self._is_degenerate(*derivatives))
-        change = self.partial_derivatives(self.check_point(tangent_vec, "tangent_vec"))
+        change = self.partial_derivatives(tangent_vec)
         return (
             surface.first_fundamental_form_differential(*derivatives, *change),
             surface.unit_normals_differential(*derivatives, *change),
@@ -275,10 +283,53 @@ class AlignedSurfaces(Manifold):
         Raises
         ------
         ArgumentError
+            If the number of vertices is not the template's, an entry is not finite, areas would
+            leave the range of double precision, or a surface must be in another unit than the
+            template.
+        """
+        point = self.check_tangent_vec(point, name)
+        self.check_scale(point, name)
+        return point
+
+    def check_tangent_vec(self, tangent_vec: ndarray, name: str = "tangent_vec") -> ndarray:
+        """Return deformations as float64 arrays, or say what is wrong with them.
+
+        Parameters
+        ----------
+        tangent_vec : array_like, shape (..., V, 3)
+            Deformations, of any size.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
+
+        Raises
+        ------
+        ArgumentError
             If the number of vertices is not the template's, an entry is not finite, or areas
             would leave the range of double precision.
         """
-        return moderate_lengths(real_array(point, name, self.shape), name)
+        return moderate_lengths(real_array(tangent_vec, name, self.shape), name)
+
+    def check_scale(self, point: ndarray, name: str = "point") -> None:
+        """Refuse surfaces that must be in another unit than the template; see `scale`.
+
+        Parameters
+        ----------
+        point : array, shape (..., V, 3)
+            Surfaces.
+        name : str
+            Name of the argument, for messages.
+
+        Raises
+        ------
+        ArgumentError
+            If one is more than eight times as large or as small as the template.
+        """
+        if self.scale is not None:
+            refuse_other_scale(values_of(point), self.template.vertices, name, "the template")
 
     def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
         """Return surfaces as float64 arrays, refusing those with triangles without area.

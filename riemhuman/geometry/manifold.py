@@ -272,6 +272,19 @@ class Manifold(ABC):
         """
         return real_array(point, name, self.shape)
 
+    def check_scale(  # noqa: B027, most spaces have no unit
+        self, point: ndarray, name: str = "point"
+    ) -> None:
+        r"""Refuse points that are measured in another unit of length, where there is one.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Points.
+        name : str
+            Name of the argument, for messages.
+        """
+
     def needed_base_point(self, base_point: ndarray | None) -> ndarray:
         r"""Return a base point, or say that one is needed.
 

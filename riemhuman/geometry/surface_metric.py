@@ -244,7 +244,7 @@ class SurfaceMetric(RiemannianMetric):
         -------
         array, shape (..., V, 3)
         """
-        vectors = self.space.check_point(tangent_vec, "tangent_vec")
+        vectors = self.space.check_tangent_vec(tangent_vec)
         surfaces = self.space.check_point(base_point, "base_point")
         if surfaces.ndim == 2:
             columns = vectors.reshape(-1, self.space.dim).T
@@ -338,7 +338,7 @@ class SurfaceMetric(RiemannianMetric):
         array, shape (..., \*target_shape)
         """
         first = self._immersed(base_point, "base_point")
-        tangent_vec = self.space.check_point(tangent_vec, "tangent_vec")
+        tangent_vec = self.space.check_tangent_vec(tangent_vec)
         return self._images.changes(first, *self._partial_derivatives(tangent_vec))
 
     @cached_property
@@ -363,7 +363,7 @@ class SurfaceMetric(RiemannianMetric):
         return first
 
     def _components(self, first: Derivatives, tangent_vec: ndarray, name: str) -> ndarray:
-        tangent_vec = self.space.check_point(tangent_vec, name)
+        tangent_vec = self.space.check_tangent_vec(tangent_vec, name)
         return frame_components(first, *self._partial_derivatives(tangent_vec))
 
     def _fields(self, f: ndarray) -> list[Fields]:

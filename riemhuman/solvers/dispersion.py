@@ -30,6 +30,7 @@ class Dispersion:
     ) -> None:
         self.metric = metric
         self.points = metric.check_points(points)
+        metric.space.check_scale(self.points, "points")
         if not len(self.points):
             raise ArgumentError("points must hold at least one point; found none")
         self.weights = check_weights(weights, len(self.points))

@@ -116,10 +116,11 @@ def check_end_points(
     -------
     start, end : array, shape (\*shape,)
     """
-    return tuple(
-        metric.check_points(values_of(point, name)[None], name)[0]
-        for point, name in ((start, "start"), (end, "end"))
-    )
+    checked = []
+    for point, name in ((start, "start"), (end, "end")):
+        checked.append(metric.check_points(values_of(point, name)[None], name)[0])
+        metric.space.check_scale(checked[-1], name)
+    return checked[0], checked[1]
 
 
 def check_initial_path(

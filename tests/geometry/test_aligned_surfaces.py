@@ -15,12 +15,14 @@ from cases import (
 )
 from scipy.spatial.transform import Rotation
 
+import riemhuman as rh
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.solvers.simple_paths import LinearPath
 from riemhuman.surfaces.template import Template
 
 METRICS = [case for case in surface_cases("dist") if case.name != "edges"]
@@ -431,3 +433,29 @@ def test_triangles_have_faces_areas_and_normals():
     np.testing.assert_array_equal(space.face_areas(np.zeros(space.shape)), np.zeros(80))
     template = space.template
     np.testing.assert_allclose(space.face_areas(template.vertices), template.face_areas, rtol=1e-13)
+
+
+def test_surfaces_in_another_unit_are_refused_wherever_they_meet():
+    template = sphere_template()
+    space = AlignedSurfaces(template)
+    metres, millimetres = template.vertices, 1000 * template.vertices
+    message = "1e\\+03 times as large as the template, as if one were in millimetres"
+    for metric in (space.metric, SRNFMetric(space)):
+        for call in (
+            lambda metric=metric: metric.dist(metres, millimetres),
+            lambda metric=metric: metric.dist_pairwise([metres, millimetres]),
+            lambda metric=metric: metric.cdist([metres], [millimetres]),
+            lambda metric=metric: LinearPath().solve(metric, metres, millimetres),
+            lambda metric=metric: metric.inner_product(metres, metres, millimetres),
+        ):
+            with pytest.raises(ArgumentError, match=message):
+                call()
+    with pytest.raises(ArgumentError, match=message):
+        rh.FrechetMean(space).fit(np.stack([metres, millimetres]))
+    any_size = AlignedSurfaces(template, scale=None).metric
+    assert any_size.dist(metres, millimetres) > 10
+    # A deformation is no body, and a body may shrink to a point.
+    assert space.metric.norm(millimetres, metres) > 10
+    assert space.metric.dist(metres, 0.0 * metres) > 0
+    with pytest.raises(ArgumentError, match="scale must be one of 'template', None"):
+        AlignedSurfaces(template, scale="metres")

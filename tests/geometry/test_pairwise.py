@@ -25,7 +25,7 @@ each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
 
 
 def metric_of(template, weights):
-    space = AlignedSurfaces(template, equip=False)
+    space = AlignedSurfaces(template, equip=False, scale=None)
     return SRNFMetric(space) if weights == "srnf" else ElasticMetric(space, *weights)
 
 

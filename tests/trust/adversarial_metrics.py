@@ -227,7 +227,7 @@ def product(found: Surfaces, abc: Weights) -> Subject:
     """Return the weighted product of the two."""
     one, two = ebin(found, abc), normals(found, abc)
     weights = (abc[0] or 1.0, abc[2] or 1e-2)
-    space = rh.ProductManifold([one.metric.space, two.metric.space], equip=False)
+    space = rh.ProductManifold([one.metric.space, two.metric.space], equip=False, scale=None)
 
     def exact_product(v: np.ndarray, w: np.ndarray) -> mp.mpf:
         pairs = zip(space.project_from_product(v), space.project_from_product(w), strict=True)
@@ -314,21 +314,23 @@ def relabelled(found, on, subject, rng):
     """Number the vertices and the triangles otherwise."""
     order = rng.permutation(len(found.template.vertices))
     faces = np.argsort(order)[rng.permutation(found.template.faces)]
-    space = rh.AlignedSurfaces(rh.Template(found.template.vertices[order], faces), equip=False)
+    space = rh.AlignedSurfaces(
+        rh.Template(found.template.vertices[order], faces), equip=False, scale=None
+    )
     return replace(subject, metric=on(space), points=subject.points[:, order]), 1.0
 
 
 def turned_corners(found, on, subject, rng):
     """Begin triangles at another corner, and turn all of them inside out."""
     faces = [np.roll(face, rng.integers(3))[::-1] for face in found.template.faces]
-    space = rh.AlignedSurfaces(rh.Template(found.template.vertices, faces), equip=False)
+    space = rh.AlignedSurfaces(rh.Template(found.template.vertices, faces), equip=False, scale=None)
     return replace(subject, metric=on(space)), 1.0
 
 
 def other_template(found, on, subject, rng):
     """Take one of the surfaces for the template."""
     template = rh.Template(found.points[rng.integers(3)], found.template.faces)
-    return replace(subject, metric=on(rh.AlignedSurfaces(template, equip=False))), 1.0
+    return replace(subject, metric=on(rh.AlignedSurfaces(template, equip=False, scale=None))), 1.0
 
 
 def scaled(found, on, subject, rng):

@@ -32,7 +32,7 @@ class Surfaces:
     @property
     def space(self) -> rh.AlignedSurfaces:
         """The space of the surfaces."""
-        return rh.AlignedSurfaces(self.template, equip=False)
+        return rh.AlignedSurfaces(self.template, equip=False, scale=None)
 
     @property
     def legal(self) -> bool:

@@ -5,7 +5,7 @@ import pytest
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.surfaces.units import UNITS, body_units, refuse_other_scale
+from riemhuman.units import UNITS, body_units, refuse_other_scale
 
 
 @pytest.mark.parametrize(
