@@ -182,18 +182,25 @@ def _by_newton(matrices: ndarray) -> tuple[ndarray, ndarray]:
     differ by less than a right angle (Higham, "Computing the polar decomposition", SIAM Journal on
     Scientific and Statistical Computing 7(4), 1986).
     """
-    found = matrices.copy()
-    near = onp.linalg.det(matrices) > 0.2
-    near &= onp.sum(matrices**2, axis=(-2, -1)) < 6.0
-    found[~near] = onp.eye(3)
+    # Entry by entry: arrays over all matrices are what NumPy is fast with.
+    found = onp.array(onp.moveaxis(matrices, 0, -1), order="C")
+    near = onp.sum(found[0] * _cofactors(found)[0], axis=0) > 0.2
+    near &= onp.sum(found**2, axis=(0, 1)) < 6.0
+    found[:, :, ~near] = onp.eye(3)[..., None]
     for _ in range(10):
-        x, y, z = (onp.ascontiguousarray(found[:, i]) for i in range(3))
-        cofactors = onp.stack([cross(y, z), cross(z, x), cross(x, y)], axis=1)
-        determinants = dot(x, cofactors[:, 0])
-        previous, found = found, 0.5 * (found + cofactors / determinants[:, None, None])
+        cofactors = _cofactors(found)
+        determinants = onp.sum(found[0] * cofactors[0], axis=0)
+        previous, found = found, 0.5 * (found + cofactors / determinants)
         if onp.abs(found - previous).max(initial=0.0) < 1e-9:  # quadratic: the rest is rounding
             break
-    return found, near
+    return onp.ascontiguousarray(onp.moveaxis(found, -1, 0)), near
+
+
+def _cofactors(matrices: ndarray) -> ndarray:
+    """Return the cofactors of matrices, both of shape (3, 3, n)."""
+    after = [(i + 1) % 3 for i in range(3)], [(i + 2) % 3 for i in range(3)]
+    one, two = (matrices[rows] for rows in after)
+    return one[:, after[0]] * two[:, after[1]] - one[:, after[1]] * two[:, after[0]]
 
 
 def _turned_back(answer: ndarray, matrices: ndarray, upstream: ndarray) -> ndarray:

@@ -75,7 +75,9 @@ def test_nearest_rotations_of_stretches_and_mirror_images():
     # SciPy finds the rotation that fits vectors best: here the rows of the matrices.
     for matrix in np.random.default_rng(4).standard_normal((20, 3, 3)):
         expected = Rotation.align_vectors(matrix.T, np.eye(3))[0].as_matrix()
+        kept = matrix.copy()
         np.testing.assert_allclose(so3.nearest_rotations(matrix), expected, atol=1e-12)
+        np.testing.assert_array_equal(matrix, kept)
 
 
 @pytest.mark.parametrize("seed", range(3))
