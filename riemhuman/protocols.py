@@ -433,36 +433,6 @@ class MetricWithMatrix(Protocol):
 
 
 @runtime_checkable
-class MetricWithTransport(Protocol):
-    """A metric with parallel transport in closed form."""
-
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        r"""Transport tangent vectors along geodesics.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., \*shape)
-            Tangent vectors at `base_point`.
-        base_point : array, shape (..., \*shape)
-            Points.
-        direction : array, shape (..., \*shape), optional
-            Initial velocity of the geodesic, followed for unit time.
-        end_point : array, shape (..., \*shape), optional
-            End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
-
-
-@runtime_checkable
 class MetricWithLowerBound(Protocol):
     """A metric bounded from below by Euclidean distances: they find nearest neighbours early."""
 

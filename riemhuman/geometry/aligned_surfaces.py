@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 from numpy import ndarray
@@ -266,7 +266,7 @@ class AlignedSurfaces(Manifold):
             surface.unit_normals_differential(*derivatives, *change),
         )
 
-    def check_point(self, point: ndarray, name: str = "point") -> ndarray:
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return surfaces as float64 arrays, or say what is wrong with them.
 
         Parameters
@@ -331,7 +331,7 @@ class AlignedSurfaces(Manifold):
         if self.scale is not None:
             refuse_other_scale(values_of(point), self.template.vertices, name, "the template")
 
-    def check_immersed(self, f: ndarray, name: str = "f") -> ndarray:
+    def check_immersed(self, f: Any, name: str = "f") -> ndarray:
         """Return surfaces as float64 arrays, refusing those with triangles without area.
 
         Parameters

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.ebin import EbinTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Term
@@ -36,8 +36,8 @@ class ElasticMetric(SurfaceMetric):
         Weight of the change of the normals, at least 0.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have none either.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
 
     Raises
     ------
@@ -65,6 +65,7 @@ class ElasticMetric(SurfaceMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
         self._a = metric_weight(a, "a")
         self._lam = metric_weight(lam, "lam")
@@ -82,7 +83,12 @@ class ElasticMetric(SurfaceMetric):
         if self._c > 0:
             terms.append(NormalTerm(self._c))
         super().__init__(
-            space, terms, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver
+            space,
+            terms,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+            transport_solver=transport_solver,
         )
 
     @property

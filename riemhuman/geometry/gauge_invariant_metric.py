@@ -9,7 +9,7 @@ from riemhuman.geometry.midpoint_metric import MidpointMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels.surface import derivatives
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.normal_projection import NormalPartTerm
 
@@ -39,8 +39,8 @@ class GaugeInvariantMetric(MidpointMetric):
         surface alike.
     geodesic_solver : object, optional
         Strategy for geodesics.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`.
 
     Raises
     ------
@@ -61,6 +61,7 @@ class GaugeInvariantMetric(MidpointMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
         weights = _first_order_weights(metric)
         if weights is None:
@@ -77,6 +78,7 @@ class GaugeInvariantMetric(MidpointMetric):
             geodesic_solver,
             exp_solver=exp_solver,
             log_solver=log_solver,
+            transport_solver=transport_solver,
         )
         self._metric = metric
 

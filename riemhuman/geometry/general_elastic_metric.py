@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.ebin import EbinTerm
 from riemhuman.terms.root_normals import RootNormalTerm
 from riemhuman.terms.term import Term
@@ -43,8 +43,8 @@ class GeneralElasticMetric(SurfaceMetric):
         Weight of bending, the turning of normals; at least 0.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have none either.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
 
     Raises
     ------
@@ -70,6 +70,7 @@ class GeneralElasticMetric(SurfaceMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
         self._a, self._b = metric_weight(a, "a"), metric_weight(b, "b")
         self._c = metric_weight(c, "c")
@@ -94,7 +95,12 @@ class GeneralElasticMetric(SurfaceMetric):
         if self._c > 0:
             terms.append(RootNormalTerm(self._c))
         super().__init__(
-            space, terms, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver
+            space,
+            terms,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+            transport_solver=transport_solver,
         )
 
     @property

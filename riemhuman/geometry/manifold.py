@@ -251,7 +251,7 @@ class Manifold(ABC):
         """
         return point
 
-    def check_point(self, point: ndarray, name: str = "point") -> ndarray:
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
         r"""Return points as float64 arrays, or say what is wrong with them.
 
         Parameters

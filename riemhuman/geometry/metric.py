@@ -10,17 +10,29 @@ from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    NotDefinedError,
+    OutsideManifoldError,
+)
 from riemhuman.geometry.bulk import Bulk, PairByPair
+from riemhuman.geometry.derived_quantities import DerivedQuantities
 from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances
 from riemhuman.kernels.scalars import square_root
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, uninterrupted
+from riemhuman.protocols import (
+    ExpSolver,
+    GeodesicSolver,
+    LogSolver,
+    TransportSolver,
+    uninterrupted,
+)
 
 if TYPE_CHECKING:
     from riemhuman.geometry.manifold import Manifold
 
 
-class RiemannianMetric:
+class RiemannianMetric(DerivedQuantities):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
@@ -40,6 +52,9 @@ class RiemannianMetric:
     log_solver : object, optional
         Strategy with a method ``solve(metric, point, base_point)`` for `log` where it has no
         closed form.
+    transport_solver : object, optional
+        Strategy with a method ``solve(metric, tangent_vec, base_point, direction, end_point)`` for
+        `parallel_transport` where it has no closed form.
 
     Notes
     -----
@@ -53,11 +68,18 @@ class RiemannianMetric:
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
+        if not callable(getattr(space, "check_point", None)):
+            raise ArgumentTypeError(
+                f"{type(self).__name__} takes a space of points, such as "
+                f"AlignedSurfaces(template); found {type(space).__name__}"
+            )
         self.space = space
         self.geodesic_solver = geodesic_solver
         self.exp_solver = exp_solver
         self.log_solver = log_solver
+        self.transport_solver = transport_solver
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -74,8 +96,13 @@ class RiemannianMetric:
         """Whether the class has geodesics between points that need no solver."""
         return type(self)._geodesic_between is not RiemannianMetric._geodesic_between
 
+    @property
+    def has_closed_form_transport(self) -> bool:
+        """Whether the class defines `parallel_transport` itself."""
+        return type(self).parallel_transport is not RiemannianMetric.parallel_transport
+
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         r"""Return the inner product of tangent vectors.
 
@@ -87,8 +114,8 @@ class RiemannianMetric:
         ----------
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
             Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base point.
+        base_point : array, shape (..., \*shape), optional
+            Base point; needed unless the inner product is the same at all of them.
 
         Returns
         -------
@@ -99,6 +126,7 @@ class RiemannianMetric:
                 f"{type(self).__name__} defines neither inner_product nor squared_dist; "
                 "one of the two is needed"
             )
+        base_point = self.space.check_point(base_point, "base_point")
         covector = self.covector(tangent_vec_a, base_point)
         return np.sum(covector * tangent_vec_b, axis=self.space._point_axes)
 
@@ -158,7 +186,7 @@ class RiemannianMetric:
         gram = np.tensordot(covectors, vectors, (axes, axes))
         return 0.5 * (gram + gram.T)
 
-    def squared_norm(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def squared_norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         r"""Return the squared norm of tangent vectors.
 
         Parameters
@@ -174,7 +202,7 @@ class RiemannianMetric:
         """
         return self.inner_product(vector, vector, base_point)
 
-    def norm(self, vector: ndarray, base_point: ndarray) -> ndarray:
+    def norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         r"""Return the norm of tangent vectors.
 
         Parameters
@@ -300,6 +328,53 @@ class RiemannianMetric:
             base_point,
             point,
         )
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        r"""Transport tangent vectors in parallel along geodesics.
+
+        Where the class has no closed form, `transport_solver` carries one after the other.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Tangent vectors at `base_point`.
+        base_point : array, shape (..., \*shape)
+            Points.
+        direction : array, shape (..., \*shape), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., \*shape), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        """
+        solver = self.transport_solver
+        if solver is None:
+            raise self._not_defined("parallel_transport")
+        if (direction is None) == (end_point is None):
+            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        name = "end_point" if direction is None else "direction"
+        given = end_point if direction is None else direction
+        way = real_array(given, name, self.space.shape)
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        base_point = self.space.check_point(base_point, "base_point")
+
+        def carry(vector: ndarray, start: ndarray, goal: ndarray) -> ndarray:
+            return solver.solve(self, vector, start, **{name: goal}).tangent_vec
+
+        return self._one_by_one(carry, tangent_vec, base_point, way)
 
     def geodesic(
         self,
@@ -642,17 +717,16 @@ class RiemannianMetric:
             f"{type(self).__name__} has no closed form for {name}; for geodesics pass a strategy "
             "such as geodesic_solver=riemhuman.solvers.BasisPath(basis), for exp and log "
             "exp_solver=riemhuman.solvers.DiscreteExponential(basis) and "
-            "log_solver=riemhuman.solvers.DiscreteLogarithm(basis)"
+            "log_solver=riemhuman.solvers.DiscreteLogarithm(basis), for parallel transport "
+            "transport_solver=riemhuman.solvers.PoleLadder(basis=basis)"
         )
 
-    def _one_by_one(
-        self, solve: Callable[[ndarray, ndarray], ndarray], points: ndarray, others: ndarray
-    ) -> ndarray:
-        """Return the results for all pairs of two broadcast arrays of points."""
-        points, others = np.broadcast_arrays(points, others)
-        leading = points.shape[: points.ndim - len(self.space.shape)]
-        results = [solve(points[index], others[index]) for index in np.ndindex(leading)]
-        return np.reshape(np.array(results), points.shape)
+    def _one_by_one(self, solve: Callable[..., ndarray], *arrays: ndarray) -> ndarray:
+        """Return the results for broadcast arrays of points or vectors."""
+        arrays = tuple(np.broadcast_arrays(*arrays))
+        leading = arrays[0].shape[: arrays[0].ndim - len(self.space.shape)]
+        results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
+        return np.reshape(np.array(results), arrays[0].shape)
 
     @property
     def _whole_point(self) -> tuple[slice, ...]:

@@ -117,9 +117,7 @@ class MetricFields(Manifold):
         points = size * ebin_geodesics.traceless_exp(shear, np.array(1.0))
         return stack_samples(points, n_samples)
 
-    def check_point(
-        self, point: ndarray, name: str = "point", *, completion: bool = False
-    ) -> ndarray:
+    def check_point(self, point: Any, name: str = "point", *, completion: bool = False) -> ndarray:
         """Return metric fields as float64 arrays, or say what is wrong with them.
 
         Parameters
@@ -201,7 +199,7 @@ class EbinMetric(RiemannianMetric):
         return self._term.lam
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         """Return the inner product of tangent vectors (equation 2, corrected).
 
@@ -316,6 +314,63 @@ class EbinMetric(RiemannianMetric):
             OutsideManifoldError,
         )
         return ebin_geodesics.log(base_point, point, self.lam)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        """Return the distance to the nearest field that is 0 on a triangle, the apex of its cone.
+
+        Every triangle's matrices are a cone over a hyperbolic plane, without positive curvature.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., F, 2, 2)
+            Metric fields.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        g = self.space.check_point(base_point, "base_point")
+        radii = 4.0 * np.sqrt(self.lam * np.sqrt(ebin.determinants(g)))
+        return np.min(np.sqrt(self.space.template.face_areas) * radii, axis=-1)
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return ⟨R(a, b) b, a⟩ of a product of cones over hyperbolic planes.
+
+        .. math:: -\sum_t w_t \frac{8\lambda + 1}{16\lambda} \sqrt{\det g}\,
+            \left(\mathrm{tr} A_0^2\, \mathrm{tr} B_0^2 - (\mathrm{tr} A_0 B_0)^2\right)
+
+        A₀ and B₀ are the parts of g⁻¹a and g⁻¹b without trace. The cone of a triangle has radius
+        :math:`r = 4\sqrt{\lambda\sqrt{\det g}}` over the matrices of determinant 1, which with
+        the metric tr A₀²/(16λ) are a hyperbolic plane of curvature −8λ: planes across the radius
+        have curvature −(8λ + 1)/r², those along it 0.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., F, 2, 2)
+            Tangent fields a and b.
+        base_point : array, shape (..., F, 2, 2)
+            Metric fields.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        g = self.space.check_point(base_point, "base_point")
+        first, second = (
+            ebin_tangent.traceless(
+                ebin_tangent.whiten(real_array(vector, name, self.space.shape), g)
+            )
+            for vector, name in (
+                (tangent_vec_a, "tangent_vec_a"),
+                (tangent_vec_b, "tangent_vec_b"),
+            )
+        )
+        squares = ebin_tangent.trace(first @ first) * ebin_tangent.trace(second @ second)
+        areas = squares - ebin_tangent.trace(first @ second) ** 2
+        factor = (8.0 * self.lam + 1.0) / (16.0 * self.lam) * np.sqrt(ebin.determinants(g))
+        return -np.sum(self.space.template.face_areas * factor * areas, axis=-1)
 
     def parallel_transport(
         self,

@@ -14,7 +14,7 @@ from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.known_gradient import with_known_gradient
 from riemhuman.kernels.moving_frames import by_vertex
 from riemhuman.kernels.threads import quadratic_form
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.quadratic import QuadraticTerm
 
 if TYPE_CHECKING:
@@ -35,8 +35,8 @@ class MidpointMetric(RiemannianMetric):
         The terms, see `riemhuman.terms.quadratic`.
     geodesic_solver : object, optional
         Strategy for geodesics.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`.
     """
 
     space: AlignedSurfaces
@@ -49,12 +49,19 @@ class MidpointMetric(RiemannianMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
-        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
+        super().__init__(
+            space,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+            transport_solver=transport_solver,
+        )
         self.terms = tuple(terms)
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         f = self.space.check_immersed(base_point, "base_point")
         h = self.space.check_point(tangent_vec_a, "tangent_vec_a")

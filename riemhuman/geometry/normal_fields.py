@@ -106,7 +106,7 @@ class NormalFields(Manifold):
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
-    def check_point(self, point: ndarray, name: str = "point") -> ndarray:
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return normal fields as float64 arrays, or say what is wrong with them.
 
         Parameters
@@ -146,7 +146,7 @@ class NormalFieldMetric(RiemannianMetric):
     space: NormalFields
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         """Return the inner product of tangent vectors.
 
@@ -240,6 +240,46 @@ class NormalFieldMetric(RiemannianMetric):
             OutsideManifoldError,
         )
         return sphere.log(base_point, point)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return half the shortest great circle, :math:`\pi\sqrt{\min_t w_t}`.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., F, 3), optional
+            Normal fields; it is the same at all of them.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        leading = np.shape(base_point)[:-2] if base_point is not None else ()
+        return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return :math:`\sum_t w_t (|a_t|^2 |b_t|^2 - \langle a_t, b_t\rangle^2)`.
+
+        Spheres of radius 1 have curvature 1.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3)
+            Tangent fields a and b.
+        base_point : array, shape (..., F, 3)
+            Normal field.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
+        b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
+        values = dot(a, a) * dot(b, b) - dot(a, b) ** 2
+        form = np.sum(self.space.template.face_areas * values, axis=-1)
+        return form + np.zeros(base_point.shape[:-2])
 
     def parallel_transport(
         self,

@@ -243,8 +243,13 @@ class ProductMetric(RiemannianMetric):
         """Whether the metrics of all factors have closed-form geodesics."""
         return all(factor.metric.has_closed_form_geodesic for factor in self.space.factors)
 
+    @property
+    def has_closed_form_transport(self) -> bool:
+        """Whether the metrics of all factors have parallel transport in closed form."""
+        return all(factor.metric.has_closed_form_transport for factor in self.space.factors)
+
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         """Return Σ_k w_k ⟨a_k, b_k⟩.
 
@@ -317,6 +322,43 @@ class ProductMetric(RiemannianMetric):
         """
         return self._join("log", point, base_point)
 
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        """Return the least of the factors, each times the root of its weight.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., size)
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        radii = [
+            np.sqrt(weight) * factor.metric.injectivity_radius(self.space.component(base_point, k))
+            for k, factor, weight in self._weighted_factors()
+        ]
+        return np.min(np.stack(radii), axis=0)
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return Σ_k w_k ⟨R(a_k, b_k) b_k, a_k⟩.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., size)
+            Tangent vectors.
+        base_point : array, shape (..., size)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return self._sum("curvature_form", tangent_vec_a, tangent_vec_b, base_point)
+
     def parallel_transport(
         self,
         tangent_vec: ndarray,
@@ -347,7 +389,7 @@ class ProductMetric(RiemannianMetric):
             If the metric of a factor has no parallel transport.
         """
         for factor in self.space.factors:
-            if not hasattr(factor.metric, "parallel_transport"):
+            if not factor.metric.has_closed_form_transport:
                 raise NotDefinedError(f"{type(factor.metric).__name__} has no parallel transport")
         if (direction is None) == (end_point is None):
             raise ArgumentError("parallel_transport needs direction or end_point, and not both")
@@ -369,7 +411,7 @@ class ProductMetric(RiemannianMetric):
         triples = zip(range(len(self.weights)), self.space.factors, self.weights, strict=True)
         return [triple for triple in triples if triple[2] > 0]
 
-    def _sum(self, method: str, *points: ndarray) -> ndarray:
+    def _sum(self, method: str, *points: Any) -> ndarray:
         return sum(
             weight
             * getattr(factor.metric, method)(*(self.space.component(point, k) for point in points))

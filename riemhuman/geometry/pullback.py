@@ -12,7 +12,7 @@ from riemhuman.geometry.bulk import Bulk, OfImages
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import linear
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 
 
 class PullbackMetric(RiemannianMetric):
@@ -35,8 +35,8 @@ class PullbackMetric(RiemannianMetric):
         point of a batch by itself, written with `autograd.numpy`.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have none either.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
     """
 
     def __init__(
@@ -48,8 +48,15 @@ class PullbackMetric(RiemannianMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
-        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
+        super().__init__(
+            space,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+            transport_solver=transport_solver,
+        )
         self.target_metric = target_metric
         self.map = map
 
@@ -78,7 +85,7 @@ class PullbackMetric(RiemannianMetric):
         return linear.differential(self.map, tangent_vec, base_point)
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         r"""Return the inner product of the images of tangent vectors.
 

@@ -8,7 +8,7 @@ from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.midpoint_metric import MidpointMetric
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.quadratic import QuadraticTerm
 from riemhuman.terms.second_order import SecondOrderTerm
@@ -39,8 +39,8 @@ class SobolevMetric(MidpointMetric):
         grows s⁴ times, that of the first order s² times, that of a2 not at all.
     geodesic_solver : object, optional
         Strategy for geodesics.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`.
 
     Raises
     ------
@@ -75,6 +75,7 @@ class SobolevMetric(MidpointMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
         given = {"a0": a0, "a1": a1, "b1": b1, "c1": c1, "d1": d1, "a2": a2}
         self._weights = {name: metric_weight(value, name) for name, value in given.items()}
@@ -94,7 +95,12 @@ class SobolevMetric(MidpointMetric):
         if self.a0 == 0 and len(seen) < 2 and not closed:
             raise ArgumentError(self._degenerate(seen))
         super().__init__(
-            space, terms, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver
+            space,
+            terms,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+            transport_solver=transport_solver,
         )
 
     def _degenerate(self, seen: list[str]) -> str:

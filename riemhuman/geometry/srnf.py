@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.root_normals import RootNormalTerm
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ class SRNFMetric(SurfaceMetric):
         Surfaces over a template.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have none either.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
     """
 
     def __init__(
@@ -34,6 +34,7 @@ class SRNFMetric(SurfaceMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
         super().__init__(
             space,
@@ -41,4 +42,5 @@ class SRNFMetric(SurfaceMetric):
             geodesic_solver,
             exp_solver=exp_solver,
             log_solver=log_solver,
+            transport_solver=transport_solver,
         )

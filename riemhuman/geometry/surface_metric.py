@@ -26,7 +26,7 @@ from riemhuman.kernels.surface import (
     partial_derivatives,
 )
 from riemhuman.kernels.threads import quadratic_form
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms import sum as driver
 from riemhuman.terms.term import Fields, Term
 
@@ -50,8 +50,8 @@ class SurfaceMetric(RiemannianMetric):
         The terms, at least one; see `riemhuman.terms`.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have none either.
+    exp_solver, log_solver, transport_solver : object, optional
+        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
 
     Raises
     ------
@@ -69,8 +69,15 @@ class SurfaceMetric(RiemannianMetric):
         *,
         exp_solver: ExpSolver | None = None,
         log_solver: LogSolver | None = None,
+        transport_solver: TransportSolver | None = None,
     ) -> None:
-        super().__init__(space, geodesic_solver, exp_solver=exp_solver, log_solver=log_solver)
+        super().__init__(
+            space,
+            geodesic_solver,
+            exp_solver=exp_solver,
+            log_solver=log_solver,
+            transport_solver=transport_solver,
+        )
         self.terms = tuple(terms)
         if not self.terms:
             raise ArgumentError("terms must hold at least one term; found none")
@@ -98,7 +105,7 @@ class SurfaceMetric(RiemannianMetric):
         return self._squared_dist_of_fields(self._fields(point_a), self._fields(point_b))
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         """Return the inner product of the derivatives of the fields along h and k.
 
@@ -355,7 +362,7 @@ class SurfaceMetric(RiemannianMetric):
             self.space.refuse_degenerate(first.degenerate)
         return first
 
-    def _immersed(self, base_point: ndarray, name: str) -> Derivatives:
+    def _immersed(self, base_point: Any, name: str) -> Derivatives:
         """Return the first derivatives of surfaces all of whose triangles have an area."""
         base_point = self.space.check_point(base_point, name)
         first = derivatives(base_point, self.space.template.differential_operator)

@@ -112,7 +112,7 @@ class FlatMetric(RiemannianMetric):
         self._weights = np.expand_dims(weights, space._point_axes[1:])
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         r"""Return Σ_t w_t ⟨a_t, b_t⟩.
 
@@ -120,18 +120,19 @@ class FlatMetric(RiemannianMetric):
         ----------
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
             Arrays.
-        base_point : array, shape (..., \*shape)
+        base_point : array, shape (..., \*shape), optional
             Base point; the inner product is the same at all of them.
 
         Returns
         -------
         array, shape (...)
         """
-        base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        # The base point takes part in broadcasting alone.
-        product = tangent_vec_a * tangent_vec_b + np.zeros(np.shape(base_point))
+        product = tangent_vec_a * tangent_vec_b
+        if base_point is not None:
+            # It takes part in broadcasting alone.
+            product = product + np.zeros_like(self.space.check_point(base_point, "base_point"))
         return np.sum(self._weights * product, axis=self.space._point_axes)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
@@ -184,6 +185,73 @@ class FlatMetric(RiemannianMetric):
         """
         base_point = self.space.check_point(base_point, "base_point")
         return self.space.check_point(point, "point") - base_point
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray | None = None,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        r"""Return the tangent vectors themselves: vector spaces are flat.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Arrays.
+        base_point, direction, end_point : array, shape (..., \*shape), optional
+            Base point, and initial velocity or end of the geodesic; they take part in broadcasting
+            alone.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        carried = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        for name, way in (
+            ("base_point", base_point),
+            ("direction", direction),
+            ("end_point", end_point),
+        ):
+            if way is not None:
+                carried = carried + np.zeros_like(real_array(way, name, self.space.shape))
+        return carried
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return infinity: straight lines never meet twice.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., \*shape), optional
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
+        return np.full(leading, np.inf)
+
+    def curvature_form(
+        self,
+        tangent_vec_a: ndarray,
+        tangent_vec_b: ndarray,
+        base_point: ndarray | None = None,
+    ) -> ndarray:
+        r"""Return 0: vector spaces are flat.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+            Arrays.
+        base_point : array, shape (..., \*shape), optional
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        return 0.0 * self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
 
     @property
     def bulk(self) -> Bulk:

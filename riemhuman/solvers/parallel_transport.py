@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver, MetricWithTransport, uninterrupted
+from riemhuman.protocols import GeodesicSolver, uninterrupted
 from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
@@ -135,7 +135,7 @@ class _Ladder:
             start, end = path[0], path[-1]
         else:
             start, end = check_end_points(metric, base_point, np.asarray(end_point))
-        if self.exact and isinstance(metric, MetricWithTransport):
+        if self.exact and metric.has_closed_form_transport:
             ends = np.stack([start, end])
             return self._by_closed_form(metric, vector, ends, direction)
         if path is None:
@@ -146,7 +146,7 @@ class _Ladder:
         self, metric: RiemannianMetric, vector: ndarray, path: ndarray, direction: ndarray | None
     ) -> TransportResult:
         way = {"end_point": path[1]} if direction is None else {"direction": direction}
-        carried = metric.parallel_transport(vector, path[0], **way)  # type: ignore[attr-defined]
+        carried = metric.parallel_transport(vector, path[0], **way)
         return TransportResult(carried, np.stack([vector, carried]), path, message="closed form")
 
     def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> ndarray:

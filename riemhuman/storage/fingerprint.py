@@ -19,7 +19,7 @@ from riemhuman.errors import ArgumentTypeError
 from riemhuman.storage.code import is_own, library_of, reached_by
 
 # Parameters that no distance depends on, and one that none does where it has a closed form.
-_WITHOUT_EFFECT = frozenset({"equip", "exp_solver", "log_solver"})
+_WITHOUT_EFFECT = frozenset({"equip", "exp_solver", "log_solver", "transport_solver"})
 _SOLVER = "geodesic_solver"
 # What a class holds beside what was written in its body.
 _OF_EVERY_CLASS = frozenset(

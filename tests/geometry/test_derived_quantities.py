@@ -1,0 +1,180 @@
+"""Unit vectors, diameters, curvature and injectivity radii, in geomstats' spelling."""
+
+import numpy as np
+import pytest
+from cases import CASES, HalfPlane, HyperbolicInnerProduct, name_of, sphere_template
+
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    NotDefinedError,
+    OutsideManifoldError,
+)
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.solvers import PoleLadder
+
+every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+CURVED = [
+    CASES[name]
+    for name in ("ebin 0.05 sphere", "ebin 1 sphere", "ebin 10 sphere", "ebin 0.5 triangle")
+] + [CASES[name] for name in ("normals sphere", "normals triangle", "flat", "product")]
+curved = pytest.mark.parametrize("case", CURVED, ids=name_of)
+
+
+def two_vectors(case):
+    """Return a point and two tangent vectors there."""
+    point = case.points[0]
+    return point, *(case.space.to_tangent(vector, point) for vector in case.tangent_vecs[:2])
+
+
+@every_case
+def test_unit_vectors(case):
+    metric = case.metric
+    units = metric.normalize(case.tangent_vecs, case.points)
+    np.testing.assert_allclose(metric.norm(units, case.points), 1.0, rtol=1e-6)
+    zero = np.zeros(case.space.shape)
+    np.testing.assert_array_equal(metric.normalize(zero, case.points[0]), zero)
+    one = metric.random_unit_tangent_vec(case.points[0], rng=1)
+    assert metric.norm(one, case.points[0]) == pytest.approx(1.0, rel=1e-6)
+    three = metric.random_unit_tangent_vec(case.points[0], 3, rng=1)
+    assert three.shape == (3, *case.space.shape)
+    at_each = metric.random_unit_tangent_vec(case.points, rng=1)
+    assert at_each.shape == case.points.shape
+    assert not np.array_equal(one, metric.random_unit_tangent_vec(case.points[0]))
+
+
+@pytest.mark.parametrize("name", ["mixed sphere", "ebin 1 sphere", "half-plane, distance"])
+def test_diameter(name):
+    case = CASES[name]
+    expected = max(case.metric.dist(x, y) for x in case.points for y in case.points)
+    assert case.metric.diameter(case.points) == pytest.approx(float(expected), rel=1e-12)
+
+
+@curved
+def test_curvature_is_how_geodesics_spread(case):
+    """d²(exp(εa), exp(εb)) = ε²‖a − b‖² − ε⁴⟨R(a, b)b, a⟩/3 + O(ε⁵)."""
+    metric, (x, a, b) = case.metric, two_vectors(case)
+    reach = min(1.0, float(metric.injectivity_radius(x)))
+    step = 0.02 * reach / float(max(metric.norm(a, x), metric.norm(b, x)))
+
+    def spread(epsilon):
+        squared = metric.squared_dist(metric.exp(epsilon * a, x), metric.exp(epsilon * b, x))
+        return -3.0 * (squared - epsilon**2 * metric.squared_norm(a - b, x)) / epsilon**4
+
+    expected = 2.0 * spread(step) - spread(2.0 * step)
+    scale = float(metric.squared_norm(a, x) * metric.squared_norm(b, x))
+    found = metric.curvature_form(a, b, x)
+    assert found == pytest.approx(float(expected), rel=5e-4, abs=1e-6 * scale)
+
+
+@curved
+def test_curvature_of_planes(case):
+    metric, (x, a, b) = case.metric, two_vectors(case)
+    curvature = metric.sectional_curvature(a, b, x)
+    # It is a function of the plane.
+    np.testing.assert_allclose(
+        metric.sectional_curvature(2 * a - b, a + b, x), curvature, rtol=1e-9
+    )
+    assert np.isnan(metric.sectional_curvature(a, -2.0 * a, x))
+    several = metric.sectional_curvature(case.tangent_vecs, case.tangent_vecs[::-1], case.points)
+    assert several.shape == (4,)
+    turned = case.space.to_tangent(case.tangent_vecs[3], case.points[0])
+    alone = metric.sectional_curvature(case.tangent_vecs[0], turned, case.points[0])
+    both = metric.sectional_curvature(case.tangent_vecs[0], np.stack([turned, b]), case.points[0])
+    np.testing.assert_allclose(both, [alone, curvature], rtol=1e-12, atol=1e-15)
+
+
+@curved
+def test_geodesics_are_shortest_within_the_injectivity_radius(case):
+    metric, (x, a, _) = case.metric, two_vectors(case)
+    radius = metric.injectivity_radius(x)
+    assert metric.injectivity_radius(case.points).shape == (4,)
+    length = 0.99 * float(radius) if np.isfinite(radius) else 100.0
+    direction = length * metric.normalize(a, x)
+    assert metric.dist(x, metric.exp(direction, x)) == pytest.approx(length, rel=1e-9)
+
+
+def test_beyond_the_injectivity_radius():
+    """On the smallest triangle, the sphere's great circles close and the cone has its apex."""
+    for name in ("normals sphere", "ebin 1 sphere"):
+        case = CASES[name]
+        x, metric = case.points[0], case.metric
+        weights = case.space.template.face_areas
+        radii = np.sqrt(weights)
+        if name.startswith("ebin"):
+            radii = radii * 4.0 * np.linalg.det(x) ** 0.25
+        t = np.argmin(radii)
+        direction = np.zeros_like(x)
+        # Towards the apex, or along any great circle.
+        direction[t] = -x[t] if name.startswith("ebin") else case.tangent_vecs[0][t]
+        beyond = 1.01 * metric.injectivity_radius(x) * metric.normalize(direction, x)
+        if name.startswith("ebin"):
+            with pytest.raises(OutsideManifoldError):
+                metric.exp(beyond, x)
+        else:
+            assert metric.dist(x, metric.exp(beyond, x)) < 0.999 * metric.norm(beyond, x)
+
+
+def test_surfaces_have_no_closed_form_of_either():
+    case = CASES["mixed sphere"]
+    with pytest.raises(NotDefinedError, match="ElasticMetric has no closed form for curvature"):
+        case.metric.sectional_curvature(*case.tangent_vecs[:2], case.points[0])
+    with pytest.raises(NotDefinedError, match="no closed form for injectivity_radius"):
+        case.metric.injectivity_radius(case.points[0])
+
+
+def test_base_points_are_optional_where_they_do_not_matter():
+    metric = VectorSpace((3, 2)).metric
+    a, b = metric.space.random_point(2, rng=1)
+    assert metric.norm(a) == pytest.approx(np.linalg.norm(a))
+    assert metric.inner_product(a, b) == pytest.approx(np.sum(a * b))
+    assert metric.norm(metric.random_unit_tangent_vec(rng=2)) == pytest.approx(1.0)
+    assert metric.random_unit_tangent_vec(n_vectors=4).shape == (4, 3, 2)
+    assert metric.injectivity_radius() == np.inf
+    for name in ("ebin 1 sphere", "normals sphere", "product", "mixed sphere", "edges"):
+        case = CASES[name]
+        with pytest.raises(ArgumentTypeError, match="point must be an array of real numbers"):
+            case.metric.norm(case.tangent_vecs[0])
+
+
+@pytest.mark.parametrize("metric_class", [ElasticMetric, SRNFMetric])
+def test_a_template_is_no_space(metric_class):
+    """As users of other libraries write it."""
+    message = f"{metric_class.__name__} takes a space of points, such as AlignedSurfaces"
+    with pytest.raises(ArgumentTypeError, match=message):
+        metric_class(sphere_template())
+
+
+def test_transport_by_a_strategy():
+    space = HalfPlane()
+    metric = HyperbolicInnerProduct(space, transport_solver=PoleLadder(geodesic_solver=Vertical()))
+    with pytest.raises(
+        NotDefinedError, match="no closed form for parallel_transport; .*PoleLadder"
+    ):
+        HyperbolicInnerProduct(space).parallel_transport(
+            np.ones(2), np.ones(2), end_point=np.ones(2)
+        )
+    start = np.array([[0.3, 1.0], [0.1, 1.0]])
+    end, vectors = 2.0 ** np.array([0.0, 1.0]) * start, np.array([[1.0, 0.5], [0.2, -1.0]])
+    # Along a vertical line vectors grow in proportion to y.
+    carried = metric.parallel_transport(vectors, start, end_point=end)
+    np.testing.assert_allclose(carried, 2.0 * vectors, rtol=2e-2)
+    with pytest.raises(ArgumentError, match="needs direction or end_point, and not both"):
+        metric.parallel_transport(vectors, start)
+    surfaces = ElasticMetric(AlignedSurfaces(sphere_template()), transport_solver=PoleLadder())
+    assert surfaces.transport_solver == PoleLadder()
+    assert not surfaces.has_closed_form_transport
+    assert CASES["product"].metric.has_closed_form_transport
+
+
+class Vertical:
+    """Geodesics of the half-plane along vertical lines."""
+
+    def solve(self, metric, start, end):
+        """Return points at equal hyperbolic distances."""
+        heights = np.geomspace(start[1], end[1], 17)
+        path = np.stack([np.full(17, start[0]), heights], axis=1)
+        return type("Found", (), {"path": path, "energy": metric.energy(path)})
