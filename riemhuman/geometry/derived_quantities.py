@@ -13,7 +13,7 @@ from riemhuman.geometry.pairwise import Points
 
 
 class DerivedQuantities:
-    """Unit vectors, diameters, curvature and multiples of a metric.
+    """Unit vectors, diameters and curvature of a metric.
 
     A part of `RiemannianMetric`, whose other methods it uses. Subclasses that know their curvature
     define `curvature_form`, and `injectivity_radius` where that is known too.
@@ -154,10 +154,3 @@ class DerivedQuantities:
         area = squares - product**2
         flat = area <= 1e-14 * squares
         return np.where(flat, np.nan, form / np.where(flat, 1.0, area))
-
-    def __mul__(self, scale: float) -> Any:
-        from riemhuman.geometry.scalar_product import ScalarProductMetric
-
-        return ScalarProductMetric(self, scale)  # type: ignore[arg-type]
-
-    __rmul__ = __mul__

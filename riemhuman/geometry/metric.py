@@ -81,6 +81,13 @@ class RiemannianMetric(DerivedQuantities):
         self.log_solver = log_solver
         self.transport_solver = transport_solver
 
+    def __mul__(self, scale: float) -> RiemannianMetric:
+        from riemhuman.geometry.scalar_product import ScalarProductMetric
+
+        return ScalarProductMetric(self, scale)
+
+    __rmul__ = __mul__
+
     @property
     def has_closed_form_dist(self) -> bool:
         """Whether the class defines `squared_dist` itself."""
@@ -725,7 +732,10 @@ class RiemannianMetric(DerivedQuantities):
         """Return the results for broadcast arrays of points or vectors."""
         arrays = tuple(np.broadcast_arrays(*arrays))
         leading = arrays[0].shape[: arrays[0].ndim - len(self.space.shape)]
-        results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
+        # Copies: what is broadcast shares its memory.
+        results = [
+            solve(*(np.array(array[index]) for array in arrays)) for index in np.ndindex(leading)
+        ]
         return np.reshape(np.array(results), arrays[0].shape)
 
     @property

@@ -752,9 +752,11 @@ def test_bad_points_are_refused(case, bad):
     metric, (x, y), v = case.metric, case.points[:2], case.tangent_vecs[0]
     wrong = spoil(x)
     calls = {
-        "base_point": lambda: metric.norm(v, wrong),
         "initial_point": lambda: metric.geodesic(wrong, y),
     }
+    # The inner product of a vector space is the same everywhere, and asks for no point.
+    if wrong is not None or case.name != "flat":
+        calls["base_point"] = lambda: metric.norm(v, wrong)
     if "dist" in case.can:
         calls |= {
             "point_a": lambda: metric.dist(wrong, y),

@@ -1,0 +1,90 @@
+"""Learning classes of geomstats on surfaces, with strategies filled in: `bash .ci/oracles`."""
+
+import os
+
+os.environ.setdefault("GEOMSTATS_BACKEND", "autograd")
+
+import numpy as np
+import pytest
+import trimesh
+from cases import deformations, surfaces
+from geomstats.learning.agglomerative_hierarchical_clustering import (
+    AgglomerativeHierarchicalClustering,
+)
+from geomstats.learning.frechet_mean import FrechetMean
+from geomstats.learning.geometric_median import GeometricMedian
+from geomstats.learning.kmeans import RiemannianKMeans
+from geomstats.learning.kmedoids import RiemannianKMedoids
+from geomstats.learning.knn import KNearestNeighborsClassifier
+from geomstats.learning.mdm import RiemannianMinimumDistanceToMean
+from geomstats.learning.pca import TangentPCA
+
+import riemhuman as rh
+
+LABELS = np.repeat([0, 1, 2], 4)
+
+
+@pytest.fixture(scope="module")
+def space():
+    mesh = trimesh.creation.icosahedron()
+    template = rh.Template(np.asarray(mesh.vertices) * [0.5, 0.9, 0.4], np.asarray(mesh.faces))
+    return rh.AlignedSurfaces(template).equip_with_metric(
+        rh.ElasticMetric,
+        a=1.0,
+        lam=1.0,
+        c=1.0,
+        geodesic_solver=rh.solvers.PathStraightening(3),
+        exp_solver=rh.solvers.DiscreteExponential(n_steps=2),
+        log_solver=rh.solvers.DiscreteLogarithm(n_steps=2),
+    )
+
+
+@pytest.fixture(scope="module")
+def points(space):
+    """Return three clusters of four surfaces."""
+    centers = surfaces(space.template, 3, rng=3)
+    noise = [0.05 * deformations(space.template, 4, rng=k + 5) for k in range(3)]
+    return np.concatenate([center + each for center, each in zip(centers, noise, strict=True)])
+
+
+def test_means(space, points):
+    theirs = FrechetMean(space).set(max_iter=5, epsilon=1e-10).fit(points[:4]).estimate_
+    ours = rh.FrechetMean(space).fit(points[:4])
+    assert space.metric.dist(theirs, ours.estimate_) < 0.02 * np.sqrt(ours.variance_)
+
+
+def test_medians(space, points):
+    theirs = GeometricMedian(space, max_iter=5, epsilon=1e-6).fit(points[:4]).estimate_
+    sums = [float(np.sum(space.metric.dist(points[:4], x))) for x in (theirs, *points[:4])]
+    assert sums[0] <= min(sums[1:])
+
+
+def test_clusters(space, points):
+    means = RiemannianKMeans(space, 3, init=points[[0, 4, 8]], max_iter=2).fit(points)
+    np.testing.assert_array_equal(means.labels_, LABELS)
+    runs = [RiemannianKMedoids(space, 3).fit(points) for _ in range(20)]
+    distances = space.metric.dist_pairwise(points)
+    best = min(runs, key=lambda run: distances[run.medoid_indices_].min(axis=0).sum())
+    assert len(set(zip(best.labels_, LABELS, strict=True))) == 3
+
+
+def test_minimum_distance_to_mean(space, points):
+    found = RiemannianMinimumDistanceToMean(space).fit(points, LABELS).predict(points)
+    np.testing.assert_array_equal(found, LABELS)
+
+
+def test_principal_components(space, points):
+    """Theirs are of the logarithms' coordinates."""
+    found = TangentPCA(space, 2).fit(points[:4], base_point=points[0])
+    logs = space.metric.log(points[:4], points[0]).reshape(4, -1)
+    values = np.linalg.svd(logs - logs.mean(axis=0), compute_uv=False) ** 2 / 3.0
+    np.testing.assert_allclose(found.explained_variance_, values[:2], rtol=1e-9)
+
+
+def test_what_takes_vectors_runs_on_the_product_of_one(space, points):
+    vectors = rh.ProductManifold([space])
+    rows = vectors.embed_to_product([points])
+    predicted = KNearestNeighborsClassifier(vectors, 3).fit(rows, LABELS).predict(rows)
+    np.testing.assert_array_equal(predicted, LABELS)
+    found = AgglomerativeHierarchicalClustering(vectors, 3).fit(rows).labels_
+    assert len(set(zip(found, LABELS, strict=True))) == 3
