@@ -116,7 +116,7 @@ class RotationFields(Manifold):
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
-    def check_point(self, point: ndarray, name: str = "point") -> ndarray:
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return fields of rotations as float64 arrays, or say what is wrong with them.
 
         Parameters
@@ -154,7 +154,7 @@ class RotationFieldMetric(RiemannianMetric):
     space: RotationFields
 
     def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         """Return the inner product of tangent vectors.
 
