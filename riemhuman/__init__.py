@@ -58,6 +58,7 @@ _ROOMS = (
     "datasets",
     "descriptors",
     "errors",
+    "extensions",
     "geometry",
     "jobs",
     "kernels",

@@ -6,6 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from riemhuman.errors import ArgumentError
+from riemhuman.extensions import extension
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
@@ -36,6 +37,12 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="use the registered meshes of a folder instead; see --labels",
     )
+    source.add_argument(
+        "--reader",
+        nargs=2,
+        metavar=("NAME", "PATH"),
+        help="use what a reader of another package reads instead, see riemhuman.extensions",
+    )
     parser.add_argument(
         "--people", metavar="SEED", type=int, help="ten other people among the open bodies"
     )
@@ -58,12 +65,16 @@ def check_body_sets(options: argparse.Namespace) -> None:
     Raises
     ------
     ArgumentError
-        If labels are given without a folder, or other people for bodies that are not open.
+        If labels are given without a folder, or other people for bodies that are not open, or a
+        reader that nobody made known.
     """
     if options.labels is not None and options.bodies is None:
         raise ArgumentError("--labels goes with --bodies FOLDER")
-    if options.people is not None and (options.bodies is not None or options.faust is not None):
+    others = (options.bodies, options.faust, options.reader)
+    if options.people is not None and any(other is not None for other in others):
         raise ArgumentError("--people SEED goes with the open bodies")
+    if options.reader is not None:
+        extension("readers", options.reader[0])
 
 
 def read_body_set(options: argparse.Namespace, resolution: str, *, bars: bool = False) -> Bodies:
@@ -88,4 +99,11 @@ def read_body_set(options: argparse.Namespace, resolution: str, *, bars: bool = 
         return datasets.load_faust(options.faust)
     if options.bodies is not None:
         return datasets.load_bodies(options.bodies, options.labels, progress=bars)
+    if options.reader is not None:
+        name, path = options.reader
+        bodies = extension("readers", name)(path)
+        report = datasets.check_dataset(bodies)
+        if not report.passed:
+            raise ArgumentError(f"--reader {name} gives bodies that cannot be used. {report}")
+        return bodies
     return datasets.load_open_bodies(resolution, options.open or "plain", options.people)

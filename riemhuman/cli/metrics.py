@@ -6,9 +6,10 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.errors import ArgumentError
+from riemhuman.extensions import extension
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.surface_metric import SurfaceMetric
+    from riemhuman.geometry.metric import RiemannianMetric
     from riemhuman.surfaces.template import Template
 
 # Triples of a, λ and c.
@@ -54,6 +55,12 @@ def add_metric_options(
         const="srnf",
         help="square root normal fields, to compare with",
     )
+    presets.add_argument(
+        "--metric",
+        dest="extension",
+        metavar="NAME",
+        help="a metric that another package has made known, see riemhuman.extensions",
+    )
     group.add_argument("-a", type=float, metavar="A", help="weight of the change of metric (0)")
     group.add_argument(
         "-l",
@@ -92,19 +99,22 @@ def check_metric_options(options: argparse.Namespace) -> None:
     Raises
     ------
     ArgumentError
-        If a preset and weights of its own are asked for.
+        If a preset and weights of its own are asked for, or a metric that nobody made known.
     """
     own = [name for name in ("a", "lam", "c") if getattr(options, name) is not None]
-    if options.metric and own:
+    preset = options.metric or (options.extension and f"metric {options.extension}")
+    if preset and own:
         raise ArgumentError(
-            f"--{options.metric} sets all weights; leave it out, or "
+            f"--{preset} sets all weights; leave it out, or "
             f"{', '.join('-l' if name == 'lam' else f'-{name}' for name in own)}"
         )
     if own == ["lam"]:
         raise ArgumentError("-l alone weighs nothing: give -a too, as in -a 1 -l 0.0001")
+    if options.extension:
+        extension("metrics", options.extension)
 
 
-def chosen_metric(options: argparse.Namespace, template: Template) -> SurfaceMetric:
+def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
     """Return the metric that the options ask for.
 
     Parameters
@@ -116,7 +126,7 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> SurfaceMet
 
     Returns
     -------
-    SurfaceMetric
+    RiemannianMetric
 
     Raises
     ------
@@ -129,6 +139,8 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> SurfaceMet
 
     check_metric_options(options)
     space = AlignedSurfaces(template, equip=False)
+    if options.extension:
+        return extension("metrics", options.extension)(space)
     if options.metric == "srnf":
         return SRNFMetric(space)
     a, lam, c = _PRESETS.get(options.metric, options.default_metric)
@@ -138,12 +150,12 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> SurfaceMet
     return ElasticMetric(space, a=a, lam=lam, c=c)
 
 
-def metric_record(metric: SurfaceMetric) -> dict[str, Any]:
+def metric_record(metric: RiemannianMetric) -> dict[str, Any]:
     """Return what a metric is, for JSON.
 
     Parameters
     ----------
-    metric : SurfaceMetric
+    metric : RiemannianMetric
         The metric.
 
     Returns
@@ -151,16 +163,20 @@ def metric_record(metric: SurfaceMetric) -> dict[str, Any]:
     dict
         Its name, and its weights where it has any.
     """
-    weights = {name: getattr(metric, name) for name in ("a", "lam", "c") if hasattr(metric, name)}
-    return {"name": "elastic", **weights} if weights else {"name": "SRNF"}
+    from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.geometry.srnf import SRNFMetric
+
+    if type(metric) is ElasticMetric:
+        return {"name": "elastic", "a": metric.a, "lam": metric.lam, "c": metric.c}
+    return {"name": "SRNF" if type(metric) is SRNFMetric else type(metric).__name__}
 
 
-def metric_name(metric: SurfaceMetric) -> str:
+def metric_name(metric: RiemannianMetric) -> str:
     """Return what a metric is, for people.
 
     Parameters
     ----------
-    metric : SurfaceMetric
+    metric : RiemannianMetric
         The metric.
 
     Returns
@@ -168,6 +184,6 @@ def metric_name(metric: SurfaceMetric) -> str:
     str
     """
     record = metric_record(metric)
-    if record["name"] == "SRNF":
-        return "SRNF"
+    if record["name"] != "elastic":
+        return str(record["name"])
     return f"(a, λ, c) = ({record['a']:g}, {record['lam']:g}, {record['c']:g})"

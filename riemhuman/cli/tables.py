@@ -59,6 +59,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from riemhuman import retrieval
+    from riemhuman.report.representations import metrics_of_extensions
     from riemhuman.retrieval.benchmark import table_metrics
 
     check_body_sets(options)
@@ -66,7 +67,10 @@ def _run(options: argparse.Namespace) -> None:
     with watch("Loading the bodies"):
         bodies = read_body_set(options, options.resolution)
     if not options.json:
-        n_people, n_poses = len(set(bodies.subject)), len(set(bodies.pose))
+        n_people, n_poses = (
+            "unknown" if labels is None else len(set(labels))
+            for labels in (bodies.subject, bodies.pose)
+        )
         say(
             f"  {len(bodies)} bodies: {n_people} people, {n_poses} poses, "
             f"{bodies.template.n_vertices:,} vertices, {bodies.template.n_faces:,} triangles"
@@ -78,13 +82,15 @@ def _run(options: argparse.Namespace) -> None:
 
     n_pairs = len(bodies) * (len(bodies) - 1) // 2
     distances = {}
-    for name, metric in table_metrics(bodies).items():
+    for name, metric in (table_metrics(bodies) | metrics_of_extensions(bodies)).items():
         with watch(f"{name}: {n_pairs:,} distances"):
             distances[name] = metric.dist_pairwise(bodies.points, n_jobs=-1)
 
+    questions = {"Who is it?": bodies.subject, "How do they stand?": bodies.pose}
     tables = {
-        "Who is it?": retrieval.retrieval_table(distances, bodies.subject),
-        "How do they stand?": retrieval.retrieval_table(distances, bodies.pose),
+        question: retrieval.retrieval_table(distances, labels)
+        for question, labels in questions.items()
+        if labels is not None
     }
     if options.json:
         say_json(

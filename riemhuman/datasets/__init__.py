@@ -2,6 +2,7 @@
 
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies
+from riemhuman.datasets.dataset_checks import check_dataset
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.faust import load_faust
 from riemhuman.datasets.labelled_folder import load_bodies
@@ -14,6 +15,7 @@ __all__ = [
     "Bodies",
     "LabelledMeshes",
     "Motion",
+    "check_dataset",
     "load_amass",
     "load_bodies",
     "load_dfaust",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +19,7 @@ from riemhuman.report.plan import (
     elastic_metric,
 )
 from riemhuman.report.store import Computed, ResultStore, Step
+from riemhuman.retrieval.benchmark import timed_distances
 from riemhuman.retrieval.scores import scores
 
 if TYPE_CHECKING:
@@ -66,21 +66,10 @@ def distance_steps(
 
 
 def _measured_distances(representation: Any, bodies: Bodies) -> Computed:
-    n_pairs = len(bodies) * (len(bodies) - 1) / 2
-    if hasattr(representation, "dist_pairwise"):
-        # Loops compiled at first use are no part of what a distance costs.
-        representation.dist_pairwise(bodies.points[:2])
-        began = described = time.perf_counter()
-        matrix = representation.dist_pairwise(bodies.points, n_jobs=-1)
-    else:
-        began = time.perf_counter()
-        vectors = representation.describe_all(bodies, n_jobs=-1)
-        described = time.perf_counter()
-        matrix = representation.distances(vectors)
-    finished = time.perf_counter()
+    matrix, per_body, per_pair = timed_distances(representation, bodies, n_jobs=-1)
     return {"distances": np.asarray(matrix)}, {
-        "seconds_per_body": (described - began) / len(bodies),
-        "seconds_per_pair": (finished - described) / n_pairs,
+        "seconds_per_body": per_body,
+        "seconds_per_pair": per_pair,
     }
 
 

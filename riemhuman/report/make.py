@@ -19,7 +19,7 @@ from riemhuman.report.materials import Materials
 from riemhuman.report.output_folder import check_folder, opened_folder, write_provenance
 from riemhuman.report.page import page
 from riemhuman.report.plan import QUICK, Plan
-from riemhuman.report.representations import available
+from riemhuman.report.representations import available, of_extensions
 from riemhuman.report.results import compute_results
 from riemhuman.report.store import Progress, ResultStore, fingerprint
 from riemhuman.report.text_files import write_text
@@ -62,7 +62,7 @@ def make_report(
     representations : mapping of str to object, optional
         Metrics and descriptors of the retrieval tables beside the paper's metrics, as for
         `riemhuman.retrieval.benchmark`; by default all that apply to the bodies or, if `quick`,
-        none.
+        those of other packages alone, see `riemhuman.extensions`.
     progress : callable, optional
         Takes the name of what is being done to a context manager, which lasts as long.
 
@@ -115,7 +115,7 @@ def _make(
     store = ResultStore(folder / "results", identity, watch)
     figures = ResultStore(folder / "results" / "figures", identity)
     if representations is None:
-        representations = {} if quick else available(bodies)
+        representations = of_extensions(bodies) if quick else available(bodies)
     compared = {**table_metrics(bodies), **representations}
     results = compute_results(store, digest, bodies, space, plan, basis, compared)
 

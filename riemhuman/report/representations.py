@@ -12,6 +12,8 @@ from riemhuman.descriptors import (
     ShapeDNA,
     WaveKernelSignature,
 )
+from riemhuman.extensions import extensions
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.retrieval.benchmark import table_metrics
 
 
@@ -30,7 +32,7 @@ def available(bodies: Any) -> dict[str, Any]:
     Returns
     -------
     dict of str to object
-        Metrics and descriptors by name, in the order of a table.
+        Metrics and descriptors by name, in the order of a table; those of other packages last.
     """
     registered = hasattr(bodies, "points") and hasattr(bodies, "template")
     found: dict[str, Any] = dict(table_metrics(bodies)) if registered else {}
@@ -46,4 +48,40 @@ def available(bodies: Any) -> dict[str, Any]:
     if registered:
         # The plain mean over vertices, common in retrieval, knows the registration.
         found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
-    return found
+    return found | of_extensions(bodies)
+
+
+def of_extensions(bodies: Any) -> dict[str, Any]:
+    """Return the representations that other packages have made known, see `riemhuman.extensions`.
+
+    Parameters
+    ----------
+    bodies : Bodies or LabelledMeshes
+        Surfaces; metrics are for registered ones alone.
+
+    Returns
+    -------
+    dict of str to object
+        Metrics and descriptors by name.
+    """
+    descriptors = {name: make() for name, make in extensions("descriptors").items()}
+    return metrics_of_extensions(bodies) | descriptors
+
+
+def metrics_of_extensions(bodies: Any) -> dict[str, Any]:
+    """Return the metrics that other packages have made known, see `riemhuman.extensions`.
+
+    Parameters
+    ----------
+    bodies : Bodies or LabelledMeshes
+        Surfaces; for those that are not registered there is no metric.
+
+    Returns
+    -------
+    dict of str to RiemannianMetric
+        By name.
+    """
+    if not (hasattr(bodies, "points") and hasattr(bodies, "template")):
+        return {}
+    space = AlignedSurfaces(bodies.template, equip=False)
+    return {name: metric(space) for name, metric in extensions("metrics").items()}

@@ -109,7 +109,7 @@ def benchmark(
     for name, representation in bar:
         bar.set_description(name)
         try:
-            distances, per_body, per_pair = _distances(representation, bodies, n_jobs)
+            distances, per_body, per_pair = timed_distances(representation, bodies, n_jobs)
             found = {task: scores(distances, classes) for task, classes in labels.items()}
             records += [
                 BenchmarkRecord(name, task, found[task], per_body, per_pair) for task in found
@@ -186,10 +186,33 @@ def _labels(bodies: Any) -> dict[str, list[Any]]:
     return found
 
 
-def _distances(
+def timed_distances(
     representation: Any, bodies: Any, n_jobs: int | None
 ) -> tuple[np.ndarray, float, float]:
-    """Return all distances, the seconds to describe a body and those of a distance."""
+    """Return all distances of a set of bodies, and what they cost.
+
+    Parameters
+    ----------
+    representation : object
+        A metric or a descriptor.
+    bodies : Bodies or LabelledMeshes
+        Surfaces.
+    n_jobs : int, optional
+        Number of threads, -1 for one a core; by default one.
+
+    Returns
+    -------
+    distances : array, shape (n, n)
+    seconds_per_body : float
+        Seconds on the clock to describe a body; 0 for a metric.
+    seconds_per_pair : float
+        Seconds on the clock of a distance.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the surfaces are not registered, and the representation is a metric.
+    """
     n_bodies = len(bodies)
     n_pairs = n_bodies * (n_bodies - 1) // 2
     if hasattr(representation, "dist_pairwise"):

@@ -1,0 +1,154 @@
+"""Metrics, descriptors and readers of other packages, by the name they have in tables.
+
+A package names them in its own setup.cfg,
+
+.. code-block:: ini
+
+    [options.entry_points]
+    riemhuman.metrics =
+        vertex offsets = their_package:VertexOffsets
+    riemhuman.descriptors =
+        girths = their_package:Girths
+    riemhuman.readers =
+        caesar = their_package:load_caesar
+
+and a script calls `register`. Either way they are found by ``riemhuman tables``, the report and the
+options ``--metric`` and ``--reader`` of the command line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib.metadata import entry_points
+from typing import Any
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+
+KINDS = {
+    "metrics": "called with an `AlignedSurfaces`, returns a metric on it",
+    "descriptors": "called without arguments, returns a `riemhuman.protocols.Descriptor`",
+    "readers": "called with a folder or file, returns a `riemhuman.protocols.Dataset`",
+}
+"""What there is to register, and how each is called."""
+
+_REGISTERED: dict[str, dict[str, Callable[..., Any]]] = {kind: {} for kind in KINDS}
+
+
+def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
+    """Make a metric, a descriptor or a reader known in this process.
+
+    Parameters
+    ----------
+    kind : {"metrics", "descriptors", "readers"}
+        What it is; see `KINDS` for how each is called.
+    name : str
+        Its name in tables and on the command line.
+    factory : callable
+        A class or function.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such kind, or the name is taken by another.
+    ArgumentTypeError
+        If it cannot be called.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.extensions.register("metrics", "stretch", lambda s: rh.ElasticMetric(s, 1.0, 1.0, 0.0))
+    >>> list(rh.extensions.extensions("metrics"))
+    ['stretch']
+    >>> rh.extensions.unregister("metrics", "stretch")
+    """
+    if not callable(factory):
+        raise ArgumentTypeError(
+            f"factory must be {KINDS.get(kind, 'callable')}; found {type(factory).__name__}"
+        )
+    known = extensions(kind)
+    if name in known and known[name] is not factory:
+        raise ArgumentError(f"name must be new among the {kind}; {name!r} is taken")
+    _REGISTERED[kind][name] = factory
+
+
+def unregister(kind: str, name: str) -> None:
+    """Forget what `register` made known.
+
+    Parameters
+    ----------
+    kind : {"metrics", "descriptors", "readers"}
+        What it is.
+    name : str
+        Its name.
+
+    Raises
+    ------
+    ArgumentError
+        If nothing of this name was registered in this process.
+    """
+    _check_kind(kind)
+    if name not in _REGISTERED[kind]:
+        raise ArgumentError(f"name must be one that was registered; found {name!r}")
+    del _REGISTERED[kind][name]
+
+
+def extensions(kind: str) -> dict[str, Callable[..., Any]]:
+    """Return what other packages and this process have made known.
+
+    Parameters
+    ----------
+    kind : {"metrics", "descriptors", "readers"}
+        What to look for.
+
+    Returns
+    -------
+    dict of str to callable
+        By name, those of installed packages first.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such kind, or an installed package names what cannot be loaded.
+    """
+    _check_kind(kind)
+    found: dict[str, Callable[..., Any]] = {}
+    for entry in entry_points(group=f"riemhuman.{kind}"):
+        try:
+            found[entry.name] = entry.load()
+        except Exception as error:
+            raise ArgumentError(
+                f"the {kind} of installed packages include {entry.name!r}, {entry.value}, which "
+                f"cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
+    return found | _REGISTERED[kind]
+
+
+def extension(kind: str, name: str) -> Callable[..., Any]:
+    """Return one of what other packages and this process have made known.
+
+    Parameters
+    ----------
+    kind : {"metrics", "descriptors", "readers"}
+        What it is.
+    name : str
+        Its name.
+
+    Returns
+    -------
+    callable
+
+    Raises
+    ------
+    ArgumentError
+        If there is none of this name.
+    """
+    known = extensions(kind)
+    if name not in known:
+        listed = ", ".join(map(repr, known)) or "none"
+        raise ArgumentError(f"the {kind} of other packages are {listed}; found {name!r}")
+    return known[name]
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in KINDS:
+        raise ArgumentError(f"kind must be one of {', '.join(KINDS)}; found {kind!r}")

@@ -1,0 +1,163 @@
+"""Metrics, descriptors and readers of other packages: known without a touch to the library."""
+
+import json
+
+import numpy as np
+import pytest
+from third_party import Crowd, Extents, VertexOffsets, read_crowd
+
+from riemhuman import extensions, protocols
+from riemhuman.cli import main
+from riemhuman.datasets import check_dataset, load_open_bodies
+from riemhuman.descriptors.descriptor import Descriptor
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.report.make import make_report
+from riemhuman.report.representations import available
+from riemhuman.retrieval import benchmark
+from riemhuman.solvers import check_metric
+from riemhuman.surfaces import save_mesh
+
+ENTRIES = """
+[riemhuman.metrics]
+offsets = third_party:VertexOffsets
+
+[riemhuman.descriptors]
+extents = third_party:Extents
+
+[riemhuman.readers]
+crowd = third_party:read_crowd
+"""
+
+
+@pytest.fixture
+def installed(tmp_path_factory, monkeypatch):
+    """Install what names the module in entry points, and return the folder of the installation."""
+    site = tmp_path_factory.mktemp("site-packages")
+    folder = site / "third_party-1.0.dist-info"
+    folder.mkdir()
+    (folder / "METADATA").write_text("Metadata-Version: 2.1\nName: third-party\nVersion: 1.0\n")
+    (folder / "entry_points.txt").write_text(ENTRIES)
+    monkeypatch.syspath_prepend(str(site))
+    return folder
+
+
+def test_tables_know_a_metric_of_another_package(installed, capsys):
+    assert main(["tables", "--reader", "crowd", "20", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    # The crowd has no poses to ask for.
+    assert list(found) == ["Who is it?"]
+    assert list(found["Who is it?"])[-1] == "offsets"
+    assert main(["tables", "--reader", "crowd", "20"]) == 0
+    assert "20 bodies: 2 people, unknown poses" in capsys.readouterr().out
+
+
+def test_tables_of_all_know_a_descriptor_of_another_package(installed):
+    names = list(available(load_open_bodies("coarse")))
+    assert names[-2:] == ["offsets", "extents"]
+    assert list(available([]))[-1] == "extents"
+    assert "offsets" not in available([])
+
+
+def test_commands_take_a_metric_of_another_package(installed, tmp_path, capsys):
+    bodies = load_open_bodies("coarse")
+    paths = [str(tmp_path / f"{k}.ply") for k in range(2)]
+    for path, points in zip(paths, bodies.points, strict=False):
+        save_mesh(path, points, bodies.template.faces)
+    assert main(["dist", *paths, "--metric", "offsets", "--json"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["metric"] == {"name": "VertexOffsets"}
+    assert main(["dist", *paths, "--metric", "unknown"]) == 2
+    assert "metrics of other packages are 'offsets'; found 'unknown'" in capsys.readouterr().err
+    assert main(["dist", *paths, "--metric", "offsets", "-a", "1"]) == 2
+    assert "--metric offsets sets all weights" in capsys.readouterr().err
+    assert main(["tables", "--reader", "nobody", "20"]) == 2
+    assert "readers of other packages are 'crowd'; found 'nobody'" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_report_shows_them(installed, tmp_path):
+    page = make_report(tmp_path / "report", bodies=load_open_bodies("coarse")[:40], quick=True)
+    text = page.read_text(encoding="utf-8")
+    assert "offsets" in text
+    assert "extents" in text
+
+
+def test_what_cannot_be_loaded_is_named(installed):
+    (installed / "entry_points.txt").write_text("[riemhuman.metrics]\nlost = nowhere:Metric\n")
+    with pytest.raises(ArgumentError, match="'lost', nowhere:Metric, which cannot be loaded: Mod"):
+        extensions.extensions("metrics")
+
+
+def test_registration_in_a_script():
+    assert extensions.extensions("descriptors") == {}
+    extensions.register("descriptors", "extents", Extents)
+    try:
+        assert available([])["extents"].describe([[0, 0, 0], [1, 2, 3]], None).tolist() == [1, 2, 3]
+        extensions.register("descriptors", "extents", Extents)
+        with pytest.raises(ArgumentError, match="'extents' is taken"):
+            extensions.register("descriptors", "extents", VertexOffsets)
+    finally:
+        extensions.unregister("descriptors", "extents")
+    assert extensions.extensions("descriptors") == {}
+
+
+def test_bad_registrations():
+    with pytest.raises(ArgumentError, match="kind must be one of metrics, descriptors, readers"):
+        extensions.register("solvers", "any", Extents)
+    with pytest.raises(ArgumentTypeError, match="factory must be called with an `AlignedSurfaces`"):
+        extensions.register("metrics", "any", 3)
+    with pytest.raises(ArgumentError, match="name must be one that was registered; found 'any'"):
+        extensions.unregister("metrics", "any")
+
+
+def test_a_descriptor_and_a_data_set_by_protocol_alone():
+    crowd = read_crowd(20)
+    assert isinstance(crowd, protocols.Dataset)
+    assert isinstance(Extents(), protocols.Descriptor)
+    assert not isinstance(Extents(), Descriptor)
+    assert check_dataset(crowd).passed
+    (record,) = benchmark(crowd, {"extents": Extents()})
+    assert record.scores.nn > 0
+    space_of = load_open_bodies("coarse")[:4]
+    space = available(space_of)["SRNF"].space
+    report = check_metric(VertexOffsets(space), space_of.points)
+    assert report.passed, report
+
+
+def broken(**changes):
+    crowd = Crowd(load_open_bodies("coarse")[:6])
+    for name, value in changes.items():
+        setattr(crowd, name, value)
+    return crowd
+
+
+class Reversed:
+    """Points whose slices run the other way."""
+
+    def __init__(self, points):
+        self.points = points
+
+    def __len__(self):
+        return len(self.points)
+
+    def __getitem__(self, index):
+        return self.points[index][::-1] if isinstance(index, slice) else self.points[index]
+
+
+def test_every_property_tells_a_broken_data_set():
+    points = load_open_bodies("coarse").points[:6]
+    spoilt = points.copy()
+    spoilt[0, 0] = np.nan
+    twins = {
+        "it is as long as its points": broken(points=points[:5]),
+        "surfaces have the template's vertices": broken(points=points[:, :-1]),
+        "vertices are finite": broken(points=spoilt),
+        "slices of points are those points": broken(points=Reversed(points)),
+        "there is a label for every surface": broken(subject=[0, 1]),
+    }
+    for name, crowd in twins.items():
+        assert name in [check.name for check in check_dataset(crowd).failures]
+    del (lacking := broken()).template
+    (failure,) = check_dataset(lacking).failures
+    assert failure.name == "it has points, template, subject and pose"
+    assert len(check_dataset(broken()).checks) == len(twins) + 1
