@@ -265,8 +265,13 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
         If it is NaN, infinite or below the bound.
     """
     try:
-        # NumPy before 2.4 converts arrays of one number.
-        number = float(value if np.ndim(value) == 0 else "an array")
+        # Text and moments in time convert to float as well, and arrays of one number did so
+        # before NumPy 2.4.
+        if isinstance(value, (str, bytes)) or np.ndim(value) != 0:
+            raise TypeError
+        if getattr(getattr(value, "dtype", None), "kind", "f") not in "fiub":
+            raise TypeError
+        number = float(value)
     except (TypeError, ValueError) as error:
         raise ArgumentTypeError(f"{name} must be a real number; found {_shown(value)}") from error
     if not np.isfinite(number) or number < minimum or (strict and number == minimum):

@@ -179,7 +179,16 @@ def test_real_numbers():
     ):
         with pytest.raises(ArgumentError, match=message):
             checks.real_number(value, "lam", **options)
-    for value in (None, "small", 1j, [1.0, 2.0], np.array([2.0]), object()):
+    others = [
+        "2",
+        "1_0",
+        b"2",
+        np.array("2"),
+        np.str_("2"),
+        np.array(60, "M8[s]"),
+        np.array(2 + 0j),
+    ]
+    for value in (None, "small", 1j, [1.0, 2.0], np.array([2.0]), object(), *others):
         with pytest.raises(ArgumentTypeError, match="lam must be a real number; found"):
             checks.real_number(value, "lam")
 

@@ -25,6 +25,7 @@ from riemhuman.surfaces.file_content import file_content, file_path
 # A body model takes some hundreds of opcodes.
 _MOST_OPCODES = 50_000
 _MOST_BITS = 64
+_LATEST_PROTOCOL = 5
 _NAMES_SHOWN = 40
 # Data are read, decoded to bytes and viewed: more copies than these no honest file needs.
 _COPIES = 4
@@ -148,7 +149,10 @@ class _Machine:
             stack.append(_checked(argument))
         elif name in _CONSTANTS:
             stack.append(_CONSTANTS[name])
-        elif name in ("PROTO", "FRAME"):
+        elif name == "PROTO":
+            if argument > _LATEST_PROTOCOL:
+                raise FileFormatError(f"is a pickle of protocol {argument}, which there is none of")
+        elif name == "FRAME":
             pass
         elif name == "MARK":
             self._below.append(stack)

@@ -331,7 +331,9 @@ def test_frames_and_types_that_pythons_own_reader_refuses(folder):
     state = (99, "<", None, None, None, -1, -1, 0)
     dtype = Raw(pickled(Call("numpy dtype", ("f8", 0, 1)))[2:-1] + pickled(state)[2:-1] + b"b")
     scalar = pickled({"v": Call("numpy.core.multiarray scalar", (dtype, b"\0" * 8))})
+    later = pickled({"v": 1}).replace(b"\x80\x02", b"\x80\x3f", 1)
     for broken, message in (
+        (later, "protocol 63"),
         (longer, "malformed or cut off"),
         (scalar, "malformed NumPy data type"),
     ):
