@@ -30,6 +30,15 @@ def test_every_bit_counts():
     assert mark(rows.T) == mark(np.ascontiguousarray(rows.T)) != whole
 
 
+@pytest.mark.parametrize("place", [0, 4095, 4096, 65535, 65536, 99_999])
+def test_every_byte_of_long_rows_counts(place):
+    rows = np.zeros((2, 100_000), dtype=np.uint8)
+    before, whole = checksums(rows), mark(rows)
+    rows[1, place] = 1
+    assert (checksums(rows) != before).tolist() == [False, True]
+    assert mark(rows) != whole
+
+
 def test_marks_are_told_from_anything_else():
     block = np.ones((2, 2))
     assert are_marks(np.array([0, mark(block), 0], dtype=np.uint64))
