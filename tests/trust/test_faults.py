@@ -18,6 +18,7 @@ import time
 
 import numpy as np
 import pytest
+from lengths import FULL, sample
 from trust.faults import Server
 
 from riemhuman.report.output_folder import opened_folder
@@ -119,7 +120,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
     n_changes = max(n_changes for _, n_changes in expected.values())
     assert n_changes >= 4
     # Replacing what is there takes a few changes more.
-    for change in range(1, n_changes + 6, STRIDES.get(operation, 1)):
+    for change in sample(range(1, n_changes + 6, STRIDES.get(operation, 1)), 5, first=2):
         inputs = (server.inputs, server.others)[change % 2]
         new = expected[inputs][0]
         states = {tmp_path / "old": old}
@@ -143,7 +144,7 @@ def test_no_room_for_a_file(server, undisturbed, operation, tmp_path):
     new, _ = undisturbed(operation, server.inputs)
     largest = max(len(data) for data in new.values())
     assert server.run(operation, tmp_path, inputs=server.others)["code"] == 0
-    for room in (1, largest // 2, largest - 1):
+    for room in sample((1, largest // 2, largest - 1), 3, first=1):
         # Killed in the middle of a write.
         killed = server.run(operation, tmp_path, room=room, fatal_room=True)
         assert killed["code"] == -signal.SIGXFSZ
@@ -248,7 +249,7 @@ def test_a_read_only_folder(server, undisturbed, read_only, operation):
 def test_a_job_is_killed_before_changes_of_its_files(server, undisturbed, tmp_path):
     expected, n_changes = undisturbed("resumable_matrix", server.inputs)
     assert n_changes > 30
-    for change in range(1, n_changes + 1, 3):
+    for change in sample(range(1, n_changes + 1, 3), 5):
         outputs = tmp_path / str(change)
         killed = server.run("resumable_matrix", outputs, kill_at=change)
         assert killed["code"] == -signal.SIGKILL
@@ -261,7 +262,7 @@ def test_a_report_is_killed_time_and_again(server, undisturbed, tmp_path):
     expected, n_changes = undisturbed("report", server.inputs)
     assert n_changes > 250
     # Before every change until the folder is marked and made; then on the way, which gets shorter.
-    for change in (*range(1, 12), *range(20, 140, 20)):
+    for change in sample((*range(1, 12), *range(20, 140, 20)), 4):
         killed = server.run("report", tmp_path, kill_at=change)
         assert killed["code"] == -signal.SIGKILL
         found = visible(content(tmp_path))
@@ -284,7 +285,7 @@ def test_a_report_is_killed_time_and_again(server, undisturbed, tmp_path):
     assert all(step["reused"] for step in provenance["steps"])
 
 
-@pytest.mark.parametrize("operation", [*WRITERS, "resumable_matrix"])
+@pytest.mark.parametrize("operation", sample([*WRITERS, "resumable_matrix"], 4))
 def test_the_clock_runs_backwards(server, undisturbed, operation, tmp_path):
     expected, _ = undisturbed(operation, server.inputs)
     for _ in range(2):
@@ -321,7 +322,9 @@ def test_a_report_has_its_folder_to_itself(server, tmp_path):
         pass
 
 
-@pytest.mark.parametrize("operation", ["geodesic", "matrix", "resumable_matrix", "report"])
+@pytest.mark.parametrize(
+    "operation", sample(["resumable_matrix", "geodesic", "matrix", "report"], 3)
+)
 def test_killed_at_random_moments(server, undisturbed, operation, tmp_path):
     expected, _ = undisturbed(operation, server.inputs)
     begun = time.monotonic()
@@ -330,7 +333,7 @@ def test_killed_at_random_moments(server, undisturbed, operation, tmp_path):
     moments = random.Random(5)
     outputs = tmp_path / "outputs"
     n_runs, n_killed = 0, 0
-    while n_runs < 8 or n_killed == 0:
+    while n_runs < (8 if FULL else 2) or n_killed == 0:
         finished = server.run(operation, outputs, alarm=moments.uniform(0.2, 1.0) * longest)
         assert finished["code"] in (0, -signal.SIGALRM), finished
         n_runs += 1

@@ -1,13 +1,17 @@
 """What a user gets: packages with all data in them, and a main job that needs no network."""
 
+import os
 import shutil
 import subprocess
 import sys
 import tarfile
+import time
 import zipfile
+from configparser import ConfigParser
 from pathlib import Path
 
 import pytest
+from lengths import FULL
 
 ROOT = Path(__file__).parents[2]
 SOURCES = ("setup.cfg", "pyproject.toml", "README.md", "LICENSE")
@@ -38,26 +42,97 @@ def test_the_main_job_needs_no_network():
     assert "network used" in done.stderr
 
 
-@pytest.fixture(scope="module")
-def packages(tmp_path_factory):
-    """Return the names of the files of the wheel and of the source archive."""
-    pytest.importorskip("setuptools", minversion="77")
-    folder = tmp_path_factory.mktemp("build")
-    ignored = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(ROOT / "riemhuman", folder / "riemhuman", ignore=ignored)
+def built(folder, *kinds):
+    """Copy the sources into a folder, and return the packages built there."""
+    ignored = shutil.ignore_patterns("__pycache__", ".*_cache", ".hypothesis")
+    for name in ("riemhuman", "tests", "tutorials", ".ci"):
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=shutil.copy)
     for name in SOURCES:
         shutil.copy(ROOT / name, folder)
-    code = (
-        "from setuptools import build_meta as b\n"
-        "print(b.build_sdist('dist'), b.build_wheel('dist'), sep='\\n')"
-    )
-    done = run(code, folder)
+    calls = "".join(f"print(b.build_{kind}('dist'))\n" for kind in kinds)
+    done = run(f"import sys; sys.path.insert(0, '.ci')\nimport build_backend as b\n{calls}", folder)
     assert done.returncode == 0, done.stderr
-    source, wheel = done.stdout.split()[-2:]
-    with tarfile.open(folder / "dist" / source) as archive:
+    names = (line for line in done.stdout.splitlines() if line.endswith((".tar.gz", ".whl")))
+    return [folder / "dist" / name for name in names if " " not in name and "/" not in name]
+
+
+@pytest.fixture(scope="module")
+def archives(tmp_path_factory):
+    """Return the source archive and the wheel."""
+    pytest.importorskip("setuptools", minversion="77")
+    return built(tmp_path_factory.mktemp("build"), "sdist", "wheel")
+
+
+@pytest.fixture(scope="module")
+def packages(archives):
+    """Return the names of the files of the wheel and of the source archive."""
+    source, wheel = archives
+    with tarfile.open(source) as archive:
         sources = {name.partition("/")[2] for name in archive.getnames()}
-    with zipfile.ZipFile(folder / "dist" / wheel) as archive:
+    with zipfile.ZipFile(wheel) as archive:
         return set(archive.namelist()), sources
+
+
+@pytest.mark.slow
+def test_the_source_archive_is_the_same_every_time(archives, tmp_path):
+    time.sleep(1.1)  # so that the times of the copied files are others
+    (again,) = built(tmp_path, "sdist")
+    assert again.read_bytes() == archives[0].read_bytes()
+
+
+@pytest.mark.slow
+def test_the_tests_run_from_the_source_archive(archives, tmp_path):
+    with tarfile.open(archives[0]) as archive:
+        archive.extractall(tmp_path, filter="data")
+        assert {member.mtime for member in archive.getmembers()} == {315532800}
+    (folder,) = tmp_path.iterdir()
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"]
+    environment = os.environ | {"PYTHONPATH": str(folder)}
+    tests = [["tests/test_errors.py", "tests/storage/test_cells.py"]]
+    for arguments in [*tests, ["--collect-only"]] if FULL else tests:
+        done = subprocess.run(
+            [*command, *arguments],
+            cwd=folder,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr
+
+
+@pytest.mark.slow
+def test_the_licences_of_all_parts_are_named(archives):
+    with zipfile.ZipFile(archives[1]) as archive:
+        (name,) = (name for name in archive.namelist() if name.endswith("/METADATA"))
+        metadata = archive.read(name).decode()
+        licences = [name for name in archive.namelist() if "/licenses/" in name]
+    assert "License-Expression: BSD-3-Clause AND MIT AND CC0-1.0\n" in metadata
+    assert {name.partition("/licenses/")[2] for name in licences} == {
+        "LICENSE",
+        "riemhuman/report/web/three.LICENSE",
+        "riemhuman/datasets/data/README.md",
+    }
+
+
+def test_the_lock_holds_what_the_package_needs():
+    requirements = pytest.importorskip("packaging.requirements")
+    config = ConfigParser(interpolation=None)
+    config.read(ROOT / "setup.cfg")
+    extras = config["options.extras_require"]
+    lines = config["options"]["install_requires"].split("\n")
+    for extra in extras["all"].split("[")[1].rstrip("]").split(","):
+        lines += extras[extra].split("\n")
+    locked = {}
+    for line in (ROOT / ".ci" / "constraints.txt").read_text().splitlines():
+        if not line.startswith("#"):
+            name, version = line.split("==")
+            locked[name.lower().replace("_", "-")] = version
+    needed = [requirements.Requirement(line) for line in lines if line and "riemhuman[" not in line]
+    assert len(needed) > 10
+    for requirement in needed:
+        version = locked[requirement.name.lower().replace("_", "-")]
+        assert requirement.specifier.contains(version), requirement
 
 
 @pytest.mark.slow
