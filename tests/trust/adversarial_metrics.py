@@ -227,7 +227,7 @@ def product(found: Surfaces, abc: Weights) -> Subject:
     """Return the weighted product of the two."""
     one, two = ebin(found, abc), normals(found, abc)
     weights = (abc[0] or 1.0, abc[2] or 1e-2)
-    space = rh.ProductManifold([one.metric.space, two.metric.space], equip=False, scale=None)
+    space = rh.ProductManifold([one.metric.space, two.metric.space], equip=False)
 
     def exact_product(v: np.ndarray, w: np.ndarray) -> mp.mpf:
         pairs = zip(space.project_from_product(v), space.project_from_product(w), strict=True)
