@@ -112,7 +112,10 @@ class RotationMetric(PullbackMetric):
 
         def fields(points: ndarray) -> tuple[ndarray]:
             surfaces = self.space.check_point(points, "points")
-            return (np.stack([quaternions(self.rotations(f)) for f in surfaces]),)
+            found = np.empty((len(surfaces), self.space.template.n_faces, 4))
+            for i, f in enumerate(surfaces):
+                found[i] = quaternions(self.rotations(f))
+            return (found,)
 
         return SumOfTerms.of_fields(RotationTerm(), self.space.template.face_areas, fields)
 

@@ -61,8 +61,9 @@ def axial(matrices: ndarray) -> ndarray:
 def quaternions(rotations: ndarray) -> ndarray:
     """Return unit quaternions of rotations, of either sign; the scalar part comes first.
 
-    The largest component comes from a square root, the others from quotients by it (Shepperd,
-    "Quaternion from rotation matrix", Journal of Guidance and Control 1(3), 1978).
+    Of the columns of q qᵀ, all of them multiples of q, the longest is scaled to unit length, so
+    that no digits are lost (after Shepperd, "Quaternion from rotation matrix", Journal of Guidance
+    and Control 1(3), 1978).
 
     Parameters
     ----------
@@ -178,9 +179,9 @@ def nearest_rotations(matrices: ndarray) -> ndarray:
 def _by_newton(matrices: ndarray) -> tuple[ndarray, ndarray]:
     """Return the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it.
 
-    An order of magnitude faster than singular values, and as exact, for means of rotations that
-    differ by less than a right angle (Higham, "Computing the polar decomposition", SIAM Journal on
-    Scientific and Statistical Computing 7(4), 1986).
+    Faster than singular values and as exact, for means of rotations not too far apart (Higham,
+    "Computing the polar decomposition", SIAM Journal on Scientific and Statistical Computing 7(4),
+    1986).
     """
     # Entry by entry: arrays over all matrices are what NumPy is fast with.
     found = onp.array(onp.moveaxis(matrices, 0, -1), order="C")
