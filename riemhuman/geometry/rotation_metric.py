@@ -13,6 +13,7 @@ from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.rotation_fields import RotationFields
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.linear import apply_operator
+from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.kernels.special_orthogonal import nearest_rotations, quaternions, transpose
 from riemhuman.kernels.surface import is_degenerate
 from riemhuman.kernels.triangle_frames import polar_frames
@@ -118,6 +119,30 @@ class RotationMetric(PullbackMetric):
             return (found,)
 
         return SumOfTerms.of_fields(RotationTerm(), self.space.template.face_areas, fields)
+
+    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+        """Return coordinates whose Euclidean distances are at most those of the metric.
+
+        See `riemhuman.kernels.sketches`: ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
+
+        Parameters
+        ----------
+        points : array, shape (..., V, 3)
+            Surfaces.
+        n_patches : int, optional
+            Number of patches of triangles to average over; by default there is no averaging, and
+            the bound is tightest.
+
+        Returns
+        -------
+        array, shape (..., m)
+        """
+        template, patches = self.space.template, None
+        if n_patches is not None:
+            patches = triangle_patches(template.vertices, template.faces, n_patches)
+        rotations = self.rotations(points)
+        flat = np.sqrt(0.5) * np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
+        return patch_coordinates(flat, template.face_areas, patches)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient.
