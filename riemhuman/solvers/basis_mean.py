@@ -20,6 +20,7 @@ from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_ro
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.rounding import rounding_energy
+from riemhuman.solvers.sound_means import refuse_collapse, seeing_lengths
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
 
@@ -40,6 +41,10 @@ class BasisMean:
     with_differences : bool
         Whether the differences of the points from x₀ join the basis. A basis of motions knows how
         one body moves, and not how another is built; the paper's algorithm is without.
+    companion_weight : float
+        An elastic metric of normals alone, a = 0, does not see how long an edge is: arms of its
+        means stretch and shrink like rubber. So this weight times the metric (1, 1, 0) joins it
+        in the search, both in units of c; 0 searches by the metric alone.
     tolerance : float
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells.
@@ -54,6 +59,7 @@ class BasisMean:
     basis: Basis | None = None
     start: str = "lowest"
     with_differences: bool = True
+    companion_weight: float = 1.0
     tolerance: float = 1e-8
     max_iter: int = 500
     callback: Callable[[int, float, ndarray], Any] | None = None
@@ -63,6 +69,7 @@ class BasisMean:
         if self.basis is None and not self.with_differences:
             raise ArgumentError("with_differences must be True where there is no basis")
         one_of(self.start, "start", STARTS)
+        real_number(self.companion_weight, "companion_weight", minimum=0.0)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
 
@@ -89,25 +96,32 @@ class BasisMean:
         Returns
         -------
         MeanResult
+            `variance` is by the metric alone; `variances` are with the companion's share.
 
         Raises
         ------
         ArgumentError
             If the points, weights or basis do not fit the metric's space.
+        DegenerateSurfaceError
+            If triangles of the mean shrink away, as between unlike bodies for a small λ.
 
         Warns
         -----
         ConvergenceWarning
             If the stopping test was not met.
         """
-        dispersion = Dispersion(metric, points, weights)
+        searched = seeing_lengths(metric, self.companion_weight)
+        dispersion = Dispersion(searched, points, weights)
         origin = self._origin(dispersion, initial_point)
         family = _Family(metric.space, origin, self._directions(dispersion, origin))
 
         minimum = self._minimize(dispersion, family)
+        point, variance = family.point(minimum.x), minimum.value
+        if searched is not metric:
+            variance = Dispersion(metric, points, weights).value(point)
         result = MeanResult(
-            family.point(minimum.x),
-            minimum.value,
+            point,
+            variance,
             minimum.values,
             **minimum.outcome,
         )
@@ -170,8 +184,10 @@ class BasisMean:
             return LocalProblem(objective, position, unit)
 
         def report(iteration: int, value: float, coefficients: ndarray) -> None:
+            point = family.point(coefficients)
+            refuse_collapse(family.space, dispersion.points, point)
             if self.callback is not None:
-                self.callback(iteration, value, family.point(coefficients))
+                self.callback(iteration, value, point)
 
         return minimize_in_rounds(
             around,

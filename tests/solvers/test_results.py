@@ -91,7 +91,13 @@ LADDER = {"n_rungs": 10, "exact": True, "scale": 1.0, "tolerance": 1e-10, "max_i
 DRIFT = {"remove_drift": True, "max_iter": 1000}
 SEARCH = {"progress": False}
 DEFAULTS = {
-    "BasisMean": {**SEARCH, "with_differences": True, "tolerance": 1e-8, "max_iter": 500},
+    "BasisMean": {
+        **SEARCH,
+        "with_differences": True,
+        "companion_weight": 1.0,
+        "tolerance": 1e-8,
+        "max_iter": 500,
+    },
     "BasisPath": {**PATH, **DRIFT, **SEARCH, "tolerance": 1e-4},
     "ClosedFormGeodesic": PATH,
     "DiscreteExponential": {**DESCENT, "n_steps": 10},
