@@ -1,7 +1,6 @@
 """Means that are bodies: lengths as people have them, and no triangle that shrinks away unsaid."""
 
 import bodies_in_motion as bodies
-import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_bodies
