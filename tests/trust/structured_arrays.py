@@ -46,7 +46,8 @@ def npz(arrays, rng, fields):
                 ".npy", ["", ".NPY"]
             )
             if name and name not in archive.NameToInfo:
-                archive.writestr(name, npy(array, fields))
+                # By its own record, which has no date of today.
+                archive.writestr(zipfile.ZipInfo(name), npy(array, fields), method)
     content = bytearray(stream.getvalue())
     # Sizes and offsets in the table of contents, each of four bytes.
     place = content.find(b"PK\1\2")

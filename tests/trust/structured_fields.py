@@ -34,9 +34,12 @@ class Fields:
         return change() if self.count - 1 in self.changed else value
 
     def whole(self, value):
-        edge = lambda: self.rng.choice(EDGES) * self.rng.choice([1, 1, -1])  # noqa: E731
-        near = lambda: value + self.rng.choice([-2, -1, 1, 2])  # noqa: E731
-        return self._or(value, lambda: self.rng.choice([edge, near])())
+        def change():
+            if self.rng.choice([True, False]):
+                return self.rng.choice(EDGES) * self.rng.choice([1, 1, -1])
+            return value + self.rng.choice([-2, -1, 1, 2])
+
+        return self._or(value, change)
 
     def real(self, value):
         return self._or(value, lambda: self.rng.choice(REALS))

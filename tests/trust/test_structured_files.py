@@ -1,6 +1,6 @@
 """Files that are right but for a few fields are read as independent parsers read them, or refused.
 
-The long run reads 100,000 of them: `python -m trust.structured_run 100000`.
+Long runs read 100,000 of them: `python -m trust.structured_run 100000`.
 """
 
 import os
