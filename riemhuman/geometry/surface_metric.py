@@ -229,12 +229,12 @@ class SurfaceMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
-        surfaces = self.space.check_immersed(base_point, "base_point")
-        surfaces = surfaces.reshape(-1, *self.space.shape)
+        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
         template = self.space.template
         blocks = np.zeros((template.n_faces, 9, 9))
         for f in surfaces:
-            driver.add_blocks(self.terms, template, f, blocks)
+            first = self._immersed(f, "base_point")
+            driver.add_blocks(self.terms, template, f, first, blocks)
         return template.assembler.assemble(blocks / len(surfaces))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:

@@ -48,6 +48,82 @@ def derivatives(f: ndarray, i: int, face: ndarray, frame: ndarray, both: ndarray
         both[3 + k] = (f[three, i, k] - f[one, i, k]) * frame[1] - edge * frame[2]
 
 
+@compiled(inline="always")
+def first_forms(
+    u0: float, u1: float, u2: float, v0: float, v1: float, v2: float
+) -> tuple[float, float, float, float, float, float]:
+    """Return e = f_u·f_u, m = f_u·f_v, f_u × f_v and its length A, 0 for triangles without area.
+
+    Parameters
+    ----------
+    u0, u1, u2, v0, v1, v2 : float
+        f_u and f_v.
+
+    Returns
+    -------
+    e, m, n0, n1, n2, area : float
+    """
+    n0, n1, n2 = u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0
+    squared = n0 * n0 + n1 * n1 + n2 * n2
+    e = u0 * u0 + u1 * u1 + u2 * u2
+    g = v0 * v0 + v1 * v1 + v2 * v2
+    area = math.sqrt(squared) if squared > DEGENERATE * e * g else 0.0
+    return e, u0 * v0 + u1 * v1 + u2 * v2, n0, n1, n2, area
+
+
+@compiled(inline="always")
+def triangle(
+    f: ndarray, faces: ndarray, frames: ndarray, t: int
+) -> tuple[float, float, float, float, float, float]:
+    """Return the `first_forms` of a triangle of one surface.
+
+    Parameters
+    ----------
+    f : array, shape (V, 3)
+        Surface.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames.
+    t : int
+        Which triangle.
+
+    Returns
+    -------
+    e, m, n0, n1, n2, area : float
+    """
+    one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+    scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+    x, y, z = f[two, 0] - f[one, 0], f[two, 1] - f[one, 1], f[two, 2] - f[one, 2]
+    return first_forms(
+        x * scale_u,
+        y * scale_u,
+        z * scale_u,
+        (f[three, 0] - f[one, 0]) * scale_v - x * skew,
+        (f[three, 1] - f[one, 1]) * scale_v - y * skew,
+        (f[three, 2] - f[one, 2]) * scale_v - z * skew,
+    )
+
+
+@compiled
+def mark_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray) -> None:
+    """Mark the triangles of a surface that have no area.
+
+    Parameters
+    ----------
+    f : array, shape (V, 3)
+        Surface.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames.
+    marked : array of bool, shape (F,)
+        Filled.
+    """
+    for t in range(len(faces)):
+        marked[t] = triangle(f, faces, frames, t)[5] == 0.0
+
+
 @compiled
 def fill_records(
     f: ndarray, faces: ndarray, frames: ndarray, first: int, last: int, records: ndarray
@@ -71,20 +147,10 @@ def fill_records(
         for i in range(f.shape[1]):
             r = records[t - first, i]
             derivatives(f, i, faces[t], frames[t], r)
-            n0, n1, n2 = (
-                r[1] * r[5] - r[2] * r[4],
-                r[2] * r[3] - r[0] * r[5],
-                r[0] * r[4] - r[1] * r[3],
-            )
-            squared = n0 * n0 + n1 * n1 + n2 * n2
-            e = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-            g = r[3] * r[3] + r[4] * r[4] + r[5] * r[5]
-            area, scale = 0.0, 0.0
-            if squared > DEGENERATE * e * g:
-                area = math.sqrt(squared)
-                scale = 1.0 / area
+            e, m, n0, n1, n2, area = first_forms(r[0], r[1], r[2], r[3], r[4], r[5])
+            scale = 1.0 / area if area > 0.0 else 0.0
             r[6], r[7], r[8], r[9] = n0 * scale, n1 * scale, n2 * scale, area
-            r[10], r[11] = e, r[0] * r[3] + r[1] * r[4] + r[2] * r[5]
+            r[10], r[11] = e, m
 
 
 @compiled
@@ -180,7 +246,8 @@ def _add_blocks(
     blocks: ndarray,
 ) -> None:
     both, axes = np.empty(6), np.empty((3, 3))
-    along, image = np.empty((2, 3)), np.empty((6, 9))
+    along, of_corners = np.empty((2, 3)), np.empty((3, 3, 3, 3))
+    half = np.empty((3, 3))
     for t in range(first, last):
         derivatives(f, 0, faces[t], frames[t], both)
         p, q, r = frame(both[:3], both[3:], axes)
@@ -189,27 +256,31 @@ def _add_blocks(
         along[0, 1], along[0, 2] = scale_u / p, 0.0
         along[1, 1], along[1, 2] = -(skew + q / p * scale_u) / r, scale_v / r
         along[0, 0], along[1, 0] = -along[0, 1], -along[1, 1] - along[1, 2]
-        form = forms[t]
-        for row in range(6):
-            for corner in range(3):
-                for k in range(3):
-                    value = 0.0
-                    for j in range(3):
-                        weight = form[row, 2 * j] * along[0, corner]
-                        weight += form[row, 2 * j + 1] * along[1, corner]
-                        value += weight * axes[j, k]
-                    image[row, 3 * corner + k] = value
-        for corner in range(3):
-            for k in range(3):
-                i = 3 * corner + k
-                for column in range(9):
-                    value = 0.0
-                    for j in range(3):
-                        value += axes[j, k] * (
-                            along[0, corner] * image[2 * j, column]
-                            + along[1, corner] * image[2 * j + 1, column]
+        for i in range(3):
+            for j in range(3):
+                for c in range(3):
+                    in1 = along[0, c] * forms[t, 2 * i, 2 * j]
+                    in1 += along[1, c] * forms[t, 2 * i + 1, 2 * j]
+                    in2 = along[0, c] * forms[t, 2 * i, 2 * j + 1]
+                    in2 += along[1, c] * forms[t, 2 * i + 1, 2 * j + 1]
+                    for d in range(3):
+                        of_corners[c, d, i, j] = in1 * along[0, d] + in2 * along[1, d]
+        for c in range(3):
+            for d in range(c, 3):
+                for i in range(3):
+                    for k in range(3):
+                        half[i, k] = (
+                            of_corners[c, d, i, 0] * axes[0, k]
+                            + of_corners[c, d, i, 1] * axes[1, k]
+                            + of_corners[c, d, i, 2] * axes[2, k]
                         )
-                    blocks[t, i, column] += value
+                for i in range(3):
+                    for k in range(3):
+                        value = axes[0, i] * half[0, k] + axes[1, i] * half[1, k]
+                        value += axes[2, i] * half[2, k]
+                        blocks[t, 3 * c + i, 3 * d + k] += value
+                        if c != d:
+                            blocks[t, 3 * d + k, 3 * c + i] += value
 
 
 def add_blocks(
@@ -228,7 +299,7 @@ def add_blocks(
     frames : array, shape (F, 3)
         Template frames.
     forms : array, shape (F, 6, 6)
-        Quadratic forms of the components of ∂₁h and ∂₂h, see `surface.frame_components`.
+        Symmetric forms of the components of ∂₁h and ∂₂h, see `surface.frame_components`.
     """
 
     def run(first: int, last: int) -> None:

@@ -33,6 +33,7 @@ from riemhuman.kernels.scalars import (
 )
 from riemhuman.kernels.surface import DEGENERATE, Derivatives
 from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, in_tiles
+from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.term import Fields, Term
 
 
@@ -160,17 +161,19 @@ class EbinTerm(Term):
         circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
         return 4.0 * np.sqrt(0.5 * self.lam) * s[..., None] * circles
 
-    def fields_of_records(self, records: ndarray) -> Fields:
-        x, y, s = np.empty((3, len(records)))
-        _half_plane(records, x, y, s)
-        return x, y, s
-
     def feature_shape(self, n_faces: int) -> tuple[int, ...]:
         return (4, n_faces)
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         # Write x, y, 1/(√2 y) and √w s; return the squared distance to what is written.
         return _pack(*fields, np.sqrt(areas), self.lam, kept)
+
+    def pack_surface(
+        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
+    ) -> float:
+        x, y, s = np.empty((3, len(faces)))
+        _fill_half_plane(f, faces, frames, x, y, s)
+        return self.pack((x, y, s), areas, kept)
 
     def squared_distances(
         self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
@@ -407,10 +410,7 @@ def _segments(
     for t in range(len(records)):
         factor = 16.0 * lam * weight * areas[t]
         for i in range(n_times):
-            area, e, m = records[t, i, 9], records[t, i, 10], records[t, i, 11]
-            x[i], y[i], s[i] = 0.0, 1.0, 0.0
-            if area > 0.0:
-                x[i], y[i], s[i] = m / e, area / e, math.sqrt(area)
+            x[i], y[i], s[i] = _half_plane(records[t, i, 9], records[t, i, 10], records[t, i, 11])
             slope_x[i] = slope_y[i] = slope_s[i] = 0.0
         for i in range(n_times - 1):
             j = i + 1
@@ -435,18 +435,25 @@ def _segments(
     return total
 
 
+@compiled(inline="always")
+def _half_plane(area: float, e: float, m: float) -> tuple[float, float, float]:
+    """Return x, y and s; those of the apex where the area is 0."""
+    if area > 0.0:
+        return m / e, area / e, math.sqrt(area)
+    return 0.0, 1.0, 0.0
+
+
 @compiled
-def _half_plane(records: ndarray, x: ndarray, y: ndarray, s: ndarray) -> None:
-    for t in range(len(records)):
-        area, e, m = records[t, 9], records[t, 10], records[t, 11]
-        x[t], y[t], s[t] = 0.0, 1.0, 0.0
-        if area > 0.0:
-            x[t], y[t], s[t] = m / e, area / e, math.sqrt(area)
+def _fill_half_plane(
+    f: ndarray, faces: ndarray, frames: ndarray, x: ndarray, y: ndarray, s: ndarray
+) -> None:
+    for t in range(len(faces)):
+        e, m, _, _, _, area = triangle(f, faces, frames, t)
+        x[t], y[t], s[t] = _half_plane(area, e, m)
 
 
 @compiled
 def _pack(x: ndarray, y: ndarray, s: ndarray, roots: ndarray, lam: float, kept: ndarray) -> float:
-    """Write features; return the squared distance of the point that they stand for."""
     gap = 0.0
     for t in range(len(x)):
         h, radius = math.sqrt(0.5) / y[t], roots[t] * s[t]

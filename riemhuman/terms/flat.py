@@ -56,7 +56,8 @@ class FlatTerm(Term):
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         # Write the field times √w; return the squared distance to what is written.
-        return pack_vectors(np.ascontiguousarray(fields[0]), np.sqrt(areas), kept)
+        roots = np.repeat(np.sqrt(areas), fields[0].shape[-1])
+        return _pack(of_one_kind(fields[0]).reshape(-1), roots, kept)
 
     def squared_distances(
         self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
@@ -86,42 +87,22 @@ def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple
     rounding : array, shape (n,)
         Bound on the distance to the vectors that the features stand for.
     """
-    n_values = vectors.shape[1] * vectors.shape[2]
-    features = padded((len(vectors), n_values), precision)
-    roots = np.sqrt(weights)
-    gaps = [
-        pack_vectors(v, roots, kept) for v, kept in zip(of_one_kind(vectors), features, strict=True)
-    ]
-    return features, rounding(np.array(gaps), n_values, precision)
+    flat = of_one_kind(vectors.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
+    features = padded(flat.shape, precision)
+    roots = np.repeat(np.sqrt(weights), vectors.shape[2])
+    gaps = [_pack(vector, roots, kept) for vector, kept in zip(flat, features, strict=True)]
+    return features, rounding(np.array(gaps), flat.shape[1], precision)
 
 
 @compiled
-def pack_vectors(vectors: ndarray, roots: ndarray, kept: ndarray) -> float:
-    """Write vectors times √w, one after the other; return the squared distance to what is written.
-
-    Parameters
-    ----------
-    vectors : array, shape (m, n)
-        Vectors.
-    roots : array, shape (m,)
-        √w of each.
-    kept : array of float32 or float64, shape at least (mn,)
-        Features.
-
-    Returns
-    -------
-    float
-        Infinite where single precision has no room.
-    """
+def _pack(vector: ndarray, roots: ndarray, kept: ndarray) -> float:
     gap = 0.0
-    n = vectors.shape[1]
-    for t in range(len(vectors)):
-        for k in range(n):
-            scaled = roots[t] * vectors[t, k]
-            kept[t * n + k] = scaled
-            gap += (scaled - kept[t * n + k]) ** 2
-            if not abs(scaled) < LARGEST:
-                gap = math.inf
+    for k in range(len(vector)):
+        scaled = roots[k] * vector[k]
+        kept[k] = scaled
+        gap += (scaled - kept[k]) ** 2
+        if not abs(scaled) < LARGEST:
+            gap = math.inf
     return gap
 
 
@@ -151,7 +132,7 @@ def flat_distances(a: ndarray, b: ndarray, n_threads: int = 1) -> ndarray:
     Parameters
     ----------
     a, b : array of float32 or float64, shape (n_a, k⁺) and (n_b, k⁺)
-        Vectors, see `pack_vectors`; one array twice for the distances within one set.
+        Vectors, see `vector_features`; one array twice for the distances within one set.
     n_threads : int
         Number of threads.
 

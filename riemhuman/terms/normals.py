@@ -13,6 +13,7 @@ from riemhuman.kernels.compiled import FUSED, SUM, compiled, polynomial
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, in_tiles
+from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.term import Fields, Term
 
 
@@ -101,15 +102,17 @@ class NormalTerm(Term):
         """
         return fields[0]
 
-    def fields_of_records(self, records: ndarray) -> Fields:
-        return (records[:, 6:9],)
-
     def feature_shape(self, n_faces: int) -> tuple[int, ...]:
         return (3, n_faces)
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         # Write components; return the squared distance to what is written.
         return _pack(fields[0], areas, kept)
+
+    def pack_surface(
+        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
+    ) -> float:
+        return _pack_surface(f, faces, frames, areas, kept)
 
     def squared_distances(
         self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
@@ -216,16 +219,32 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
     return total
 
 
+@compiled(inline="always")
+def _keep(n0: float, n1: float, n2: float, kept: ndarray, t: int) -> float:
+    """Write a normal; return the squared chord to what is written."""
+    kept[0, t], kept[1, t], kept[2, t] = n0, n1, n2
+    return (n0 - kept[0, t]) ** 2 + (n1 - kept[1, t]) ** 2 + (n2 - kept[2, t]) ** 2
+
+
 @compiled
 def _pack(normals: ndarray, areas: ndarray, kept: ndarray) -> float:
     gap = 0.0
     for t in range(len(normals)):
-        chord = 0.0
-        for k in range(3):
-            kept[k, t] = normals[t, k]
-            chord += (normals[t, k] - kept[k, t]) ** 2
+        chord = _keep(normals[t, 0], normals[t, 1], normals[t, 2], kept, t)
         # An angle of at most π/2 changes by at most √2 times the change of its chord.
         gap += 2.0 * areas[t] * chord
+    return gap
+
+
+@compiled
+def _pack_surface(
+    f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
+) -> float:
+    gap = 0.0
+    for t in range(len(faces)):
+        _, _, n0, n1, n2, area = triangle(f, faces, frames, t)
+        scale = 1.0 / area if area > 0.0 else 0.0
+        gap += 2.0 * areas[t] * _keep(n0 * scale, n1 * scale, n2 * scale, kept, t)
     return gap
 
 

@@ -9,8 +9,8 @@ from numpy import ndarray
 
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.surface import Derivatives
+from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.flat import FlatTerm
-from riemhuman.terms.term import Fields
 
 
 class RootNormalTerm(FlatTerm):
@@ -54,8 +54,12 @@ class RootNormalTerm(FlatTerm):
         swelling = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.0])
         return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
-    def fields_of_records(self, records: ndarray) -> Fields:
-        return (np.sqrt(records[:, 9:10]) * records[:, 6:9],)
+    def pack_surface(
+        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
+    ) -> float:
+        field = np.empty((len(faces), 3))
+        _fill(f, faces, frames, field)
+        return self.pack((field,), areas, kept)
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)
@@ -80,3 +84,11 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
                 if s2 > 0.0:
                     slopes[t, i + 1, 9] -= 0.5 * step * after[k] / s2
     return total
+
+
+@compiled
+def _fill(f: ndarray, faces: ndarray, frames: ndarray, field: ndarray) -> None:
+    for t in range(len(faces)):
+        _, _, n0, n1, n2, area = triangle(f, faces, frames, t)
+        scale = 1.0 / math.sqrt(area) if area > 0.0 else 0.0
+        field[t, 0], field[t, 1], field[t, 2] = n0 * scale, n1 * scale, n2 * scale

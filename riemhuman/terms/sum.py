@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels import surface, triangles
+from riemhuman.kernels import triangles
+from riemhuman.kernels.surface import Derivatives
 from riemhuman.kernels.threads import in_chunks
 from riemhuman.kernels.tiles import of_one_kind, padded, rounding
 from riemhuman.terms.term import Fields, Term
@@ -52,16 +53,14 @@ def surface_features(
     tuple of array, each of shape (n, ...)
     """
     faces, frames, areas = template.faces, template.frame_coefficients, template.face_areas
-    records = np.empty((len(faces), 1, triangles.LENGTH))
     needs_area = any(term.needs_area for term in terms)
     degenerate = np.zeros((len(points), len(faces)), dtype=bool)
     packers = [_Packer(term, len(points), areas, precision) for term in terms]
     for i, f in enumerate(of_one_kind(points)):
-        triangles.fill_records(f[:, None], faces, frames, 0, len(faces), records)
         if needs_area:
-            degenerate[i] = records[:, 0, 9] == 0.0
+            triangles.mark_degenerate(f, faces, frames, degenerate[i])
         for packer in packers:
-            packer.pack(i, packer.term.fields_of_records(records[:, 0]))
+            packer.gaps[i] = packer.term.pack_surface(f, faces, frames, areas, packer.kept[i])
     if needs_area:
         refuse(degenerate)
     return tuple(array for packer in packers for array in packer.features())
@@ -88,7 +87,8 @@ def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -
     fields = tuple(of_one_kind(field) for field in fields)
     packer = _Packer(term, len(fields[0]), areas, precision)
     for i in range(len(fields[0])):
-        packer.pack(i, tuple(field[i] for field in fields))
+        some = tuple(field[i] for field in fields)
+        packer.gaps[i] = term.pack(some, areas, packer.kept[i])
     return packer.features()
 
 
@@ -100,9 +100,6 @@ class _Packer:
         self.precision = precision if term.single else "double"
         self.kept = padded((n_points, *term.feature_shape(len(areas))), self.precision)
         self.gaps = np.zeros(n_points)
-
-    def pack(self, i: int, fields: Fields) -> None:
-        self.gaps[i] = self.term.pack(fields, self.areas, self.kept[i])
 
     def features(self) -> Features:
         return self.kept, rounding(self.gaps, self.term.underflow(self.areas), self.precision)
@@ -199,7 +196,9 @@ def path_energy(terms: Sequence[Term], template: Any, path: ndarray) -> tuple[fl
     return float(energy), np.ascontiguousarray(np.swapaxes(gradient, 0, 1))
 
 
-def add_blocks(terms: Sequence[Term], template: Any, f: ndarray, blocks: ndarray) -> None:
+def add_blocks(
+    terms: Sequence[Term], template: Any, f: ndarray, first: Derivatives, blocks: ndarray
+) -> None:
     """Add the matrices of the metric at a surface, one a triangle.
 
     Parameters
@@ -207,15 +206,23 @@ def add_blocks(terms: Sequence[Term], template: Any, f: ndarray, blocks: ndarray
     terms : sequence of Term
         The terms.
     template : Template
-        Its `faces`, `frame_coefficients`, `face_areas` and `differential_operator` are used.
+        Its `faces`, `frame_coefficients` and `face_areas` are used.
     f : array, shape (V, 3)
         Surface, whose triangles have an area.
+    first : Derivatives
+        Its first derivatives.
     blocks : array, shape (F, 9, 9)
         Added to; rows and columns run over the coordinates of the first, second, third corner.
     """
-    first = surface.derivatives(f, template.differential_operator)
-    forms = np.zeros((len(template.faces), 6, 6))
-    for term in terms:
-        scale = term.weight * template.face_areas * first.areas**term.area_power
-        forms += scale[:, None, None] * term.form(first)
-    triangles.add_blocks(blocks, f, template.faces, template.frame_coefficients, forms)
+    forms = [term.form(first) for term in terms]
+    scales = [term.weight * template.face_areas * first.areas**term.area_power for term in terms]
+    # Those of terms that treat all triangles alike are one product of matrices.
+    alike = [k for k, form in enumerate(forms) if form.ndim == 2]
+    constant = np.reshape([forms[k] for k in alike], (len(alike), 36))
+    total = (np.reshape([scales[k] for k in alike], (len(alike), -1)).T @ constant).reshape(
+        -1, 6, 6
+    )
+    for form, scale in zip(forms, scales, strict=True):
+        if form.ndim > 2:
+            total = total + scale[:, None, None] * form
+    triangles.add_blocks(blocks, f, template.faces, template.frame_coefficients, total)

@@ -20,7 +20,7 @@ from numpy import ndarray
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.linear import differential
 from riemhuman.kernels.surface import Derivatives, follow_up
-from riemhuman.kernels.triangles import LENGTH
+from riemhuman.kernels.triangles import LENGTH, fill_records
 
 Fields = tuple[ndarray, ...]
 
@@ -207,20 +207,6 @@ class Term(ABC):
         slopes[..., :6] += gradient
         return value
 
-    def fields_of_records(self, records: ndarray) -> Fields:
-        """Return the fields of one surface.
-
-        Parameters
-        ----------
-        records : array, shape (F, 12)
-            Records of its triangles.
-
-        Returns
-        -------
-        tuple of array, each of shape (F,) or (F, n)
-        """
-        return self.fields(follow_up(records[:, :3], records[:, 3:6]))
-
     def feature_shape(self, n_faces: int) -> tuple[int, ...]:
         """Return the shape of the features of one surface.
 
@@ -254,6 +240,33 @@ class Term(ABC):
         flat = np.concatenate([np.ravel(field) for field in fields])
         kept[: len(flat)] = flat
         return 0.0
+
+    def pack_surface(
+        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
+    ) -> float:
+        """Write the features of one surface, see `pack`.
+
+        Parameters
+        ----------
+        f : array, shape (V, 3)
+            Surface.
+        faces : array of int, shape (F, 3)
+            Triangles.
+        frames : array, shape (F, 3)
+            Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
+        areas : array, shape (F,)
+            Template areas.
+        kept : array of float32 or float64
+            Features.
+
+        Returns
+        -------
+        float
+        """
+        records = np.empty((len(faces), 1, LENGTH))
+        fill_records(f[:, None], faces, frames, 0, len(faces), records)
+        fields = self.fields(follow_up(records[:, 0, :3], records[:, 0, 3:6]))
+        return self.pack(fields, areas, kept)
 
     def squared_distances(
         self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
@@ -298,7 +311,7 @@ class Term(ABC):
 
     def _field_shapes(self) -> list[tuple[int, ...]]:
         """Return the shapes of the values of the fields, from those of one triangle."""
-        fields = self.fields_of_records(np.eye(1, LENGTH) + np.eye(1, LENGTH, 4))
+        fields = self.fields(follow_up(np.eye(1, 3), np.eye(1, 3, 1)))
         return [np.shape(field)[1:] for field in fields]
 
     def _field_sizes(self) -> list[int]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import open_template, surfaces
 
-from riemhuman.kernels import triangles, turns
+from riemhuman.kernels import surface, triangles, turns
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, ebin, flat, normals, root_normals
 from riemhuman.terms import sum as driver
 
@@ -72,7 +72,8 @@ def test_loops_over_single_surfaces(by_python):
 
     def blocks():
         added = np.zeros((len(FACES), 9, 9))
-        driver.add_blocks(TERMS, TEMPLATE, start, added)
+        first = surface.derivatives(start, TEMPLATE.differential_operator)
+        driver.add_blocks(TERMS, TEMPLATE, start, first, added)
         return [added]
 
     calls = [

@@ -39,7 +39,8 @@ def test_blocks_are_added_up(template, weights, threaded):
     blocks = np.zeros((template.n_faces, 9, 9))
     expected = 0.0
     for f in surfaces(template, 2, rng=3):
-        driver.add_blocks(terms_of(**weights), template, f, blocks)
+        first = surface.derivatives(f, template.differential_operator)
+        driver.add_blocks(terms_of(**weights), template, f, first, blocks)
         expected = expected + elastic_blocks(f, template.faces, template.face_areas, **weights)
     np.testing.assert_allclose(blocks, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
     np.testing.assert_allclose(blocks, np.swapaxes(blocks, 1, 2), rtol=1e-12, atol=1e-14)
