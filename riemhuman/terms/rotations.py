@@ -7,7 +7,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.compiled import FUSED, SUM, compiled
 from riemhuman.kernels.special_orthogonal import quaternions
-from riemhuman.kernels.surface import Derivatives, dot, follow_up
+from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, in_tiles
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.terms.normals import arc, squared_arc
@@ -75,11 +75,6 @@ class RotationTerm(Term):
         """
         return 4.0 * dot(changes_a[0], changes_b[0])
 
-    def fields_of_records(self, records: ndarray) -> Fields:
-        # Triangles without area count as not turned: they are refused afterwards.
-        both = np.where(records[:, 9:10] == 0.0, _NOT_TURNED, records[:, :6])
-        return self.fields(follow_up(both[:, :3], both[:, 3:]))
-
     def feature_shape(self, n_faces: int) -> tuple[int, ...]:
         # Return (4, F): rows of components.
         return (4, n_faces)
@@ -102,9 +97,6 @@ class RotationTerm(Term):
     def underflow(self, areas: ndarray) -> float:
         # Return the number of triangles times the largest weight.
         return float(4.0 * areas.max() * len(areas))
-
-
-_NOT_TURNED = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
 
 
 @compiled

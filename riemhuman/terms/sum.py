@@ -53,16 +53,16 @@ def surface_features(
     tuple of array, each of shape (n, ...)
     """
     faces, frames, areas = template.faces, template.frame_coefficients, template.face_areas
-    needs_area = any(term.needs_area for term in terms)
-    degenerate = np.zeros((len(points), len(faces)), dtype=bool)
+    surfaces = of_one_kind(points)
+    if any(term.needs_area for term in terms):
+        degenerate = np.empty((len(points), len(faces)), dtype=bool)
+        for f, marked in zip(surfaces, degenerate, strict=True):
+            triangles.mark_degenerate(f, faces, frames, marked)
+        refuse(degenerate)
     packers = [_Packer(term, len(points), areas, precision) for term in terms]
-    for i, f in enumerate(of_one_kind(points)):
-        if needs_area:
-            triangles.mark_degenerate(f, faces, frames, degenerate[i])
+    for i, f in enumerate(surfaces):
         for packer in packers:
             packer.gaps[i] = packer.term.pack_surface(f, faces, frames, areas, packer.kept[i])
-    if needs_area:
-        refuse(degenerate)
     return tuple(array for packer in packers for array in packer.features())
 
 
@@ -219,9 +219,8 @@ def add_blocks(
     # Those of terms that treat all triangles alike are one product of matrices.
     alike = [k for k, form in enumerate(forms) if form.ndim == 2]
     constant = np.reshape([forms[k] for k in alike], (len(alike), 36))
-    total = (np.reshape([scales[k] for k in alike], (len(alike), -1)).T @ constant).reshape(
-        -1, 6, 6
-    )
+    weights = np.reshape([scales[k] for k in alike], (len(alike), len(template.faces)))
+    total = (weights.T @ constant).reshape(-1, 6, 6)
     for form, scale in zip(forms, scales, strict=True):
         if form.ndim > 2:
             total = total + scale[:, None, None] * form
