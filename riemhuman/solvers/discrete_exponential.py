@@ -19,9 +19,6 @@ from riemhuman.surfaces.deformation_basis import DeformationBasis
 # A step whose equation is off by more than this share of its length has lost the geodesic.
 _LOST = 1e-3
 
-# A direction with less than this share of its length outside a basis belongs to it.
-_OUTSIDE = 1e-9
-
 
 @dataclass(frozen=True, repr=False)
 class ExponentialResult(Result):
@@ -170,7 +167,7 @@ class DiscreteExponential:
     ) -> ExponentialResult:
         """Add points, the first of them by a displacement if there is one."""
         direction = points[-1] - points[-2] if displacement is None else displacement
-        basis = None if self.basis is None else basis_with(self.basis, direction)
+        basis = None if self.basis is None else self.basis.joined(direction[None])
         equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
         stop, unsolved = "", ""
@@ -210,34 +207,3 @@ class DiscreteExponential:
         )
         warn_unless_converged(self, result)
         return result
-
-
-def basis_with(basis: DeformationBasis, direction: ndarray) -> DeformationBasis:
-    """Return the basis of the same deformations and one more.
-
-    Parameters
-    ----------
-    basis : DeformationBasis
-        Deformations.
-    direction : array, shape (V, 3)
-        Another deformation.
-
-    Returns
-    -------
-    DeformationBasis
-        The same basis if it holds the deformation already.
-
-    Raises
-    ------
-    ArgumentError
-        If the deformation has another number of vertices.
-    """
-    basis.check_fits(len(direction))
-    outside = direction - basis.project(direction)
-    if np.abs(outside).max() <= _OUTSIDE * np.abs(direction).max():
-        return basis
-    return DeformationBasis(
-        np.concatenate([basis.vectors, outside[None]]),
-        orthonormalize=True,
-        vertex_weights=basis.vertex_weights,
-    )

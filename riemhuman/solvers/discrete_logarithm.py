@@ -11,7 +11,6 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import GeodesicSolver, was_interrupted
 from riemhuman.solvers.basis_path import BasisPath
-from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration
 from riemhuman.solvers.path_straightening import PathStraightening
 from riemhuman.solvers.results import (
@@ -20,11 +19,19 @@ from riemhuman.solvers.results import (
     warn_unless_converged,
     whole_path_result,
 )
+from riemhuman.solvers.rounding import rounding_energy
 from riemhuman.solvers.simple_paths import check_end_points, linear_path
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # How well a path must be minimised for its first step to be known to some digits.
 _TOLERANCE = 1e-11
+
+# Energy of a path in the basis, as a share of that of a path that also turns limbs, up to which
+# the exponential need not know more than the basis.
+_WORTH_JOINING = 1.01
+
+# Shares of the length of the path by which the norm of the velocity may differ from it.
+_SAME_SPEED = 0.1
 
 
 @dataclass(frozen=True, repr=False)
@@ -43,7 +50,8 @@ class LogarithmResult(Result):
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient, for the path and the velocity.
     converged : bool
-        Whether path and velocity were found within their tolerances.
+        Whether path and velocity were found within their tolerances, and the norm of the velocity
+        is about the length of the path.
     message : str
         Why it stopped.
     """
@@ -65,7 +73,10 @@ class DiscreteLogarithm:
     ----------
     basis : DeformationBasis, optional
         Deformations, joined by the difference of the ends, from which the geodesic is made: one
-        of the surfaces that differ from the start by these. By default all coordinates are free.
+        of the surfaces that differ from the start by these. Where a path that turns limbs costs
+        at least 1 % less, its displacements join them too; the inverse is then
+        ``DiscreteExponential(basis.joined(result.path - base_point))``. By default all
+        coordinates are free.
     n_steps : int
         Steps in unit time.
     geodesic_solver : object, optional
@@ -116,10 +127,10 @@ class DiscreteLogarithm:
             If the path or the backward step was not found within its tolerance.
         """
         start, end = check_end_points(metric, base_point, point)
-        basis = None if self.basis is None else basis_with(self.basis, end - start)
-        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
-        found = self._geodesic(metric, basis, start, end)
+        found = self._geodesic(metric, start, end)
         path = found.path
+        basis = None if self.basis is None else self.basis.joined(path[1:] - start)
+        equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
         n_steps = len(path) - 1
         backward = equation.next_point(path[1], path[0])
         before = backward.points[2]
@@ -127,40 +138,45 @@ class DiscreteLogarithm:
         gone = degeneration(metric, path[0], before)
         if gone or not backward.converged:
             message = f"the step before the start: {gone or f'error {backward.error:.1e}'}"
+        tangent_vec = 0.5 * n_steps * (path[1] - before)
+        speed, length = float(metric.norm(tangent_vec, start)), np.sqrt(found.energy)
+        rounding = np.sqrt(rounding_energy(metric, start))
+        agree = abs(speed - length) <= max(_SAME_SPEED * length, n_steps * rounding)
+        if not agree:
+            message = f"the velocity has norm {speed:.4g}, the path length {length:.4g}; {message}"
         result = LogarithmResult(
-            0.5 * n_steps * (path[1] - before),
+            tangent_vec,
             path,
             found.energy,
             n_iterations=found.n_iterations + backward.n_iterations,
             n_evaluations=found.n_evaluations + backward.n_evaluations,
-            converged=found.converged and backward.converged and not gone,
+            converged=found.converged and backward.converged and not gone and agree,
             message=message,
         )
         warn_unless_converged(self, result)
         return result
 
-    def _geodesic(
-        self,
-        metric: RiemannianMetric,
-        basis: DeformationBasis | None,
-        start: ndarray,
-        end: ndarray,
-    ) -> PathResult:
+    def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         n_nodes = self.n_steps + 1
         if self.geodesic_solver is not None:
             return whole_path_result(self.geodesic_solver.solve(metric, start, end))
-        if basis is None:
+        if self.basis is None:
             return PathStraightening(n_nodes, tolerance=_TOLERANCE, remove_drift=False).solve(
                 metric, start, end
             )
-        # A path that turns the limbs is the better start, but only what it has in the basis can
-        # be followed by the exponential.
+        basis = self.basis.joined((end - start)[None])
         solver = BasisPath(basis, n_nodes, remove_drift=False)
         first = solver.solve(metric, start, end)
         if was_interrupted(first):
             return first
+        # The exponential can follow what the path has in the basis.
         initial = start + basis.project(first.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
             initial = linear_path(start, end, n_nodes)
-        solver = replace(solver, tolerance=_TOLERANCE)
-        return solver.solve(metric, start, end, initial_path=initial)
+        within = solver.solve(metric, start, end, initial_path=initial)
+        if was_interrupted(within):
+            return within
+        least = within if within.energy <= _WORTH_JOINING * first.energy else first
+        joined = self.basis.joined(least.path[1:] - start)
+        solver = replace(solver, basis=joined, tolerance=_TOLERANCE)
+        return solver.solve(metric, start, end, initial_path=least.path)

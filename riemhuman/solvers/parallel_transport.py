@@ -14,7 +14,6 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import GeodesicSolver, uninterrupted
-from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.solvers.rounding import rounding_energy
@@ -167,7 +166,7 @@ class _Ladder:
         else:
             basis = self.basis
             if basis is not None:
-                basis = basis_with(basis_with(basis, path[-1] - path[0]), vector)
+                basis = basis.joined(np.stack([path[-1] - path[0], vector]))
             geometry = _SingleSegments(MiddleEquation(metric, basis, self.tolerance, self.max_iter))
         vectors, floor = [vector], np.sqrt(rounding_energy(metric, path[0]))
         for start, end in pairwise(path):

@@ -26,6 +26,8 @@ from riemhuman.surfaces.vertex_weights import (
 )
 
 _ORTHONORMAL = 1e-8
+# A deformation with less than this share of its length outside a basis belongs to it.
+_OUTSIDE = 1e-9
 _FORMAT_VERSION = 1
 _STATISTICS = ("explained_variance", "explained_variance_ratio", "mean")
 
@@ -401,6 +403,31 @@ class DeformationBasis:
             None if ratio is None else ratio[:kept],
             self.mean,
         )
+
+    def joined(self, deformations: np.ndarray) -> DeformationBasis:
+        """Return the basis of the same deformations and some more.
+
+        Parameters
+        ----------
+        deformations : array, shape (m, V, 3)
+            More deformations; what the basis has of them already is taken out.
+
+        Returns
+        -------
+        basis : DeformationBasis
+            With fewer vectors more than m where a deformation is in the basis and those before.
+        """
+        basis = self
+        for deformation in deformations:
+            basis.check_fits(len(deformation))
+            outside = deformation - basis.project(deformation)
+            if np.abs(outside).max() > _OUTSIDE * np.abs(deformation).max():
+                basis = DeformationBasis(
+                    np.concatenate([basis.vectors, outside[None]]),
+                    orthonormalize=True,
+                    vertex_weights=basis.vertex_weights,
+                )
+        return basis
 
     def check_fits(self, template: Template | int) -> None:
         """Refuse a template this basis was not made for.

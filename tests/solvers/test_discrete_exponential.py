@@ -24,7 +24,6 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm, discrete_exponential
-from riemhuman.solvers.discrete_exponential import basis_with
 from riemhuman.solvers.middle_equation import Triple
 from riemhuman.surfaces import DeformationBasis
 
@@ -205,7 +204,7 @@ def test_energy_along_bodies_is_conserved_to_second_order(elbow):
 def test_path_stays_in_the_basis_and_the_velocity(elbow):
     metric, start, velocity = elbow
     result = DiscreteExponential(bodies.basis(30), n_steps=5).solve(metric, 0.3 * velocity, start)
-    joined = basis_with(bodies.basis(30), velocity)
+    joined = bodies.basis(30).joined(velocity[None])
     difference = result.path - start
     np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
     assert np.abs(bodies.basis(30).project(difference) - difference).max() > 1e-5
@@ -215,7 +214,7 @@ def test_extension_continues_what_solve_began(elbow):
     metric, start, velocity = elbow
     solver = DiscreteExponential(bodies.basis(30), n_steps=5)
     half = solver.solve(metric, 0.5 * velocity, start)
-    twice = DiscreteExponential(basis_with(bodies.basis(30), velocity), n_steps=10)
+    twice = DiscreteExponential(bodies.basis(30).joined(velocity[None]), n_steps=10)
     whole = twice.extend(metric, half.path, 5)
     assert len(whole.path) == 11
     assert whole.n_steps == 5
@@ -229,7 +228,7 @@ def test_extension_stays_in_the_basis_and_the_last_segment():
     case = CASES["mixed sphere"]
     start, velocity = case.points[0], 0.3 * case.tangent_vecs[0]
     basis = DeformationBasis(deformations(sphere_template(), 4, rng=9), orthonormalize=True)
-    joined = basis_with(basis, velocity)
+    joined = basis.joined(velocity[None])
     assert len(joined) == 5
     half = DiscreteExponential(basis, n_steps=3).solve(case.metric, velocity, start)
     whole = DiscreteExponential(basis).extend(case.metric, half.path, 2)
@@ -330,15 +329,15 @@ def test_arguments_are_left_alone():
 def test_joined_basis():
     basis = bodies.basis(20)
     inside = 3.0 * basis.vectors[2] - basis.vectors[5]
-    assert basis_with(basis, inside) is basis
-    joined = basis_with(basis, bodies.body("other build") - bodies.body("resting"))
+    assert basis.joined(inside[None]) is basis
+    joined = basis.joined((bodies.body("other build") - bodies.body("resting"))[None])
     assert len(joined) == 21
-    assert basis_with(basis, np.zeros_like(inside)) is basis
+    assert basis.joined((np.zeros_like(inside))[None]) is basis
     weighted = DeformationBasis(
         basis.vectors, orthonormalize=True, vertex_weights=bodies.model().template.vertex_areas
     )
     np.testing.assert_array_equal(
-        basis_with(weighted, inside + 1.0).vertex_weights, weighted.vertex_weights
+        weighted.joined((inside + 1.0)[None]).vertex_weights, weighted.vertex_weights
     )
 
 
@@ -411,7 +410,7 @@ def test_bad_input():
 def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     basis = bodies.basis(10)
     direction = bodies.body("other build") - bodies.body("resting")
-    joined, scaled = (basis_with(basis, factor * direction) for factor in (1.0, size))
+    joined, scaled = (basis.joined((factor * direction)[None]) for factor in (1.0, size))
     assert len(scaled.vectors) == len(joined.vectors) == len(basis.vectors) + 1
     np.testing.assert_allclose(scaled.project(direction), direction, atol=1e-9)
     np.testing.assert_allclose(joined.project(direction), direction, atol=1e-9)
@@ -419,5 +418,5 @@ def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     inside = basis.project(direction)
     outside = direction - inside
     inside *= np.abs(outside).max() / np.abs(inside).max()
-    assert basis_with(basis, size * (inside + 0.9e-9 * outside)) is basis
-    assert basis_with(basis, size * (inside + 1.5e-9 * outside)) is not basis
+    assert basis.joined((size * (inside + 0.9e-9 * outside))[None]) is basis
+    assert basis.joined((size * (inside + 1.5e-9 * outside))[None]) is not basis
