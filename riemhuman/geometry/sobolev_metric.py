@@ -55,8 +55,8 @@ class SobolevMetric(MidpointMetric):
     border. On an open mesh the Laplacian is taken at the vertices that triangles surround, so that
     a2 does not see harmonic deformations.
 
-    Geodesics by midpoints need steps that are small against a triangle's turn: with ten segments,
-    limbs may turn by a right angle.
+    The surface halfway between two others is thinner where triangles turn: steps of a path should
+    turn them by little, and its energy bounds no distance from above or below.
 
     With a0 = d1 = a2 = 0 the metric is that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and
     c = c1.
