@@ -1,0 +1,78 @@
+"""The general first-order elastic metric: equation, relatives, and weights without closed form."""
+
+import numpy as np
+import pytest
+from cases import deformations, open_template, sphere_template, surfaces
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
+from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.retrieval.neighbors import NearestNeighbors
+
+TEMPLATE = open_template()
+SPACE = AlignedSurfaces(TEMPLATE)
+A, B, C = 0.8, 0.5, 2.0
+METRIC = GeneralElasticMetric(SPACE, A, B, C)
+
+
+def geometry(f):
+    """Return first fundamental forms in corner frames, unit normals and areas, from corners."""
+    corners = f[TEMPLATE.faces]
+    sides = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=1)
+    across = np.cross(sides[:, 0], sides[:, 1])
+    sizes = np.linalg.norm(across, axis=1)
+    return sides @ np.swapaxes(sides, 1, 2), across / sizes[:, None], 0.5 * sizes
+
+
+def test_the_integral_of_the_definition():
+    f, h = surfaces(TEMPLATE, 1, rng=1)[0], deformations(TEMPLATE, 1, rng=2)[0]
+    step = 1e-6
+    (g1, n1, _), (g2, n2, _), (g, _, areas) = (geometry(f + t * h) for t in (-step, step, 0.0))
+    change = np.linalg.solve(g, (g2 - g1) / (2 * step))
+    trace = np.trace(change, axis1=1, axis2=2)
+    shear = change - 0.5 * trace[:, None, None] * np.eye(2)
+    turn = np.sum(((n2 - n1) / (2 * step)) ** 2, axis=1)
+    squares = np.trace(shear @ shear, axis1=1, axis2=2)
+    expected = np.sum(areas * (A * squares + B * trace**2 + C * turn))
+    np.testing.assert_allclose(METRIC.squared_norm(h, f), expected, rtol=1e-7)
+    flat = h.ravel()
+    np.testing.assert_allclose(flat @ (METRIC.metric_matrix(f) @ flat), expected, rtol=1e-7)
+
+
+def test_distances_are_sums_of_two_known_ones():
+    f1, f2 = surfaces(TEMPLATE, 2, rng=3)
+    ebin = ElasticMetric(SPACE, 1.0, (B - C / 16) / A, 0.0).squared_dist(f1, f2)
+    expected = A * ebin + C * SRNFMetric(SPACE).squared_dist(f1, f2)
+    np.testing.assert_allclose(METRIC.squared_dist(f1, f2), expected, rtol=1e-12)
+    alone = GeneralElasticMetric(SPACE, 1.0, 0.3, 0.0).dist(f1, f2)
+    np.testing.assert_allclose(alone, ElasticMetric(SPACE, 1.0, 0.3, 0.0).dist(f1, f2), rtol=1e-13)
+    rooted = GeneralElasticMetric(SPACE, 0.0, 1 / 16, 1.0).dist(f1, f2)
+    np.testing.assert_allclose(rooted, SRNFMetric(SPACE).dist(f1, f2), rtol=1e-13)
+
+
+def test_neighbors_are_exact():
+    template = sphere_template()
+    metric = GeneralElasticMetric(AlignedSurfaces(template), A, B, C)
+    points = surfaces(template, 30, rng=4)
+    expected = np.argsort(metric.dist_pairwise(points, precision="double"), axis=1)[:, :4]
+    found = NearestNeighbors(metric, n_neighbors=4).fit(points).kneighbors(points)[1]
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        ((1.0, 0.1, 1.6), r"b must be above c/16 = 0.1 where a > 0.*found b = 0.1"),
+        ((1.0, 0.0, 0.0), "b must be above c/16 = 0 where a > 0"),
+        ((0.0, 0.3, 0.0), "a and c must not both be 0"),
+        ((0.0, 0.3, 1.6), "b must be c/16 = 0.1 where a = 0.*found b = 0.3"),
+        ((-1.0, 1.0, 1.0), "a must be a finite number of at least 0"),
+        ((1.0, np.nan, 1.0), "b must be a finite number"),
+        ((1.0, 1.0, -2.0), "c must be a finite number of at least 0"),
+    ],
+)
+def test_weights_without_a_closed_form_are_refused_by_name(weights, message):
+    with pytest.raises(ArgumentError, match=message):
+        GeneralElasticMetric(SPACE, *weights)

@@ -1,0 +1,128 @@
+"""A term of one's own: what a user's script defines, and all that follows from it."""
+
+import subprocess
+import sys
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import value_and_grad
+from cases import deformations, sphere_template, surfaces
+
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.protocols import PulledBackMetric
+from riemhuman.terms import EbinTerm, FlatTerm, Term
+
+
+class RootArea(FlatTerm):
+    """Differences of the square roots of areas."""
+
+    sees_rotations = False
+
+    def field(self, first):
+        return anp.sqrt(first.areas)[..., None]
+
+
+class LogArea(Term):
+    """Differences of the logarithms of areas: no compiled form at all."""
+
+    sees_rotations = False
+    needs_area = True
+
+    def fields(self, first):
+        return (anp.log(first.areas),)
+
+    def squared_dist(self, fields_a, fields_b):
+        return (fields_a[0] - fields_b[0]) ** 2
+
+    def inner_product(self, changes_a, changes_b, fields):
+        return changes_a[0] * changes_b[0]
+
+
+SPACE = AlignedSurfaces(sphere_template())
+POINTS = surfaces(SPACE.template, 5, rng=1)
+H = deformations(SPACE.template, 3, rng=2)
+METRICS = {
+    "flat": SurfaceMetric(SPACE, [RootArea(0.7)]),
+    "any": SurfaceMetric(SPACE, [LogArea(0.7)]),
+    "sum": SurfaceMetric(SPACE, [EbinTerm(1.0, 0.1), LogArea(0.3), RootArea(2.0)]),
+}
+each_metric = pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+
+
+@each_metric
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_tables_of_distances(metric, precision):
+    expected = np.array([[metric.dist(f, g) for g in POINTS] for f in POINTS])
+    found = metric.dist_pairwise(POINTS, precision=precision, n_jobs=2)
+    np.testing.assert_allclose(found, expected, rtol={"single": 1e-5, "double": 1e-10}[precision])
+
+
+@each_metric
+def test_energies_and_gradients(metric):
+    energy, gradient = metric.energy_and_gradient(POINTS)
+    by_definition = value_and_grad(lambda path: RiemannianMetric.energy(metric, path))
+    expected, expected_gradient = by_definition(POINTS)
+    assert energy == pytest.approx(expected, rel=1e-12)
+    scale = np.abs(expected_gradient).max()
+    np.testing.assert_allclose(gradient, expected_gradient, atol=1e-11 * scale)
+
+
+@each_metric
+def test_matrices(metric):
+    f, flat = POINTS[0], H.reshape(3, -1)
+    expected = metric.inner_product(H[:, None], H[None], f)
+    size = np.abs(expected).max()
+    np.testing.assert_allclose(
+        flat @ (metric.metric_matrix(f) @ flat.T), expected, atol=1e-11 * size
+    )
+    step = 1e-4
+    near = metric.squared_dist(f, f + step * H[0]) + metric.squared_dist(f, f - step * H[0])
+    assert near / (2 * step**2) == pytest.approx(expected[0, 0], rel=1e-5)
+
+
+@each_metric
+def test_lower_bounds(metric):
+    coordinates = metric.lower_bound_coordinates(POINTS)
+    bound = np.linalg.norm(coordinates[:, None] - coordinates, axis=-1)
+    assert np.all(bound <= metric.dist_pairwise(POINTS, precision="double") * (1 + 1e-12) + 1e-12)
+
+
+def test_statistics_of_fields_know_flat_terms_alone():
+    assert isinstance(METRICS["flat"], PulledBackMetric)
+    assert not isinstance(METRICS["any"], PulledBackMetric)
+    images = METRICS["flat"].map(POINTS[:2])
+    found = METRICS["flat"].target_metric.dist(*images)
+    np.testing.assert_allclose(found, METRICS["flat"].dist(*POINTS[:2]), rtol=1e-12)
+
+
+SCRIPT = """
+import sys
+import numpy as np
+from numba.core.caching import IndexDataCacheFile
+import riemhuman as rh
+
+missed = []
+save = IndexDataCacheFile.save
+IndexDataCacheFile.save = lambda self, key, data: (missed.append(self), save(self, key, data))
+template = rh.Template(np.eye(4)[:, :3], np.array([[0, 1, 2], [1, 0, 3]]))
+space = rh.AlignedSurfaces(template)
+points = template.vertices + np.random.default_rng(0).uniform(-0.1, 0.1, (3, 4, 3))
+for metric in (rh.ElasticMetric(space, 1.0, 0.1, 0.1), rh.GeneralElasticMetric(space)):
+    metric.dist_pairwise(points)
+    metric.energy_and_gradient(points)
+    metric.metric_matrix(points)
+print(len(missed))
+"""
+
+
+def test_a_second_process_compiles_nothing(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    compiled = [
+        int(subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, check=True).stdout)
+        for _ in range(2)
+    ]
+    assert compiled[0] > 5
+    assert compiled[1] == 0
