@@ -11,6 +11,7 @@ disabled, the same code runs briefly at coarse resolution.
 import time
 
 import autograd.numpy as np
+import numpy as onp
 import pytest
 from performances import basis, bodies, timed
 
@@ -116,6 +117,6 @@ def test_distances_with_a_term_of_ones_own(benchmark):
     one, _ = clocked(lambda: own.dist(points[0], points[1]), 3)
     shown = ", ".join(f"{name} {1e6 * t / n_pairs:.1f} µs a pair" for name, t in times.items())
     print(f"\n{resolution}, {n_pairs} pairs: {shown}; by the definition {1e6 * one:.0f} µs")
-    np.testing.assert_allclose(
+    onp.testing.assert_allclose(
         own.dist_pairwise(points[:2])[0, 1], own.dist(points[0], points[1]), rtol=1e-5
     )
