@@ -20,7 +20,12 @@ from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
 from riemhuman.solvers.results import PathResult, warn_unless_converged
 from riemhuman.solvers.rounding import path_floor
-from riemhuman.solvers.simple_paths import check_end_points, check_initial_path, linear_path
+from riemhuman.solvers.simple_paths import (
+    check_end_points,
+    check_initial_path,
+    linear_path,
+    lower_bound,
+)
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -143,6 +148,7 @@ class BasisPath:
             metric.remove_drift(path) if self.remove_drift and self.n_nodes > 2 else path,
             minimum.value,
             minimum.values,
+            lower_bound(metric, line),
             n_iterations=minimum.n_iterations,
             n_evaluations=sum(other.n_evaluations for _, other in found),
             converged=minimum.converged and not last.interrupted,

@@ -28,6 +28,7 @@ from riemhuman.solvers.simple_paths import (
     check_initial_path,
     known_path,
     linear_path,
+    lower_bound,
 )
 from riemhuman.solvers.spatial_factors import spatial_factor
 
@@ -194,6 +195,7 @@ class _Descent:
             remove_drift(_on_manifold(metric, self._path)),
             value,
             values,
+            lower_bound(metric, self._path),
             n_iterations=len(values) - 1,
             n_evaluations=self._n_evaluations,
             converged=converged,

@@ -151,6 +151,9 @@ class PathResult(Result):
         Energy of the path.
     energies : array, shape (n_iterations + 1,)
         Energy at the start and after each iteration.
+    lower_bound : float
+        Squared distance of the ends where the metric has it in closed form, else 0: no path has
+        less energy, by segments or in the limit of many.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient.
     converged : bool
@@ -162,6 +165,7 @@ class PathResult(Result):
     path: ndarray
     energy: float
     energies: ndarray
+    lower_bound: float = 0.0
 
 
 @dataclass(frozen=True, repr=False)

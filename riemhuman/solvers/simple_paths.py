@@ -202,4 +202,22 @@ def known_path(
     PathResult
     """
     value = energy.value(metric, path)
-    return PathResult(path, value, np.array([value]), n_evaluations=1, message=message)
+    bound = lower_bound(metric, path)
+    return PathResult(path, value, np.array([value]), bound, n_evaluations=1, message=message)
+
+
+def lower_bound(metric: RiemannianMetric, path: ndarray) -> float:
+    r"""Return the squared distance of the ends of a path, if it is in closed form, else 0.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    path : array, shape (n_nodes, \*shape)
+        A path.
+
+    Returns
+    -------
+    float
+    """
+    return float(metric.squared_dist(path[0], path[-1])) if metric.has_closed_form_dist else 0.0

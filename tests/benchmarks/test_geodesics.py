@@ -7,7 +7,8 @@ solver and of the recipe, then the medians and the worst. The recipe is L-BFGS-B
 from the straight path, with the same compiled energy, for 2,000 iterations: where SciPy's line
 search gives up before, it starts again from where it was, as long as that gains 0.01 %. It takes
 half an hour; with `-k turn0` every pair comes under one metric, which takes a third of that. Where
-benchmarks are disabled, the same code runs briefly at coarse resolution.
+benchmarks are disabled, the same code runs briefly at coarse resolution. With `-k straightening` it
+prints the energy and the seconds of paths straightened in all coordinates, for the same pairs.
 """
 
 import time
@@ -18,13 +19,14 @@ from performances import basis, bodies, timed
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers import BasisPath, SegmentEnergy
+from riemhuman.solvers import BasisPath, PathStraightening, SegmentEnergy
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
 KINDS = ["pose", "pose", "build", "both"]
 # What the bent elbow and the raised knee are called among the poses of the open bodies.
 REQUIRED = [("t_like", "bent_elbows"), ("t_like", "leg_raised")]
 FULL_ITERATIONS, BRIEF_ITERATIONS = 2000, 30
+N_BRIEF = 3
 
 
 def pairs():
@@ -149,3 +151,28 @@ def recipe(metric, deformations, start, end, most):
         if result.energies[-1] > 0.9999 * result.energies[0]:
             break
     return result.energy, done, n_starts, seconds
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_straightening(benchmark, weights):
+    full = not benchmark.disabled
+    resolution = "full" if full else "coarse"
+    open_bodies, seconds = bodies(resolution), []
+    metric = ElasticMetric(AlignedSurfaces(open_bodies.template), *weights)
+
+    def solve_all():
+        for start, end, kind in pairs()[: None if full else N_BRIEF]:
+            ends = open_bodies.points[[start, end]]
+            result, duration = timed(PathStraightening(), metric, *ends)
+            over_basis, _ = timed(BasisPath(basis(resolution)), metric, *ends)
+            assert result.converged
+            assert result.lower_bound <= result.energy < over_basis.energy
+            seconds.append(duration)
+            print(
+                f"\n{start:3d} {end:3d} {kind:5} {weights!s:16} energy {result.energy:.5g}, over "
+                f"the basis {over_basis.energy:.5g}, bound {result.lower_bound:.5g}; "
+                f"{result.n_iterations} iterations, {duration:.2f} s"
+            )
+
+    benchmark.pedantic(solve_all, rounds=1, iterations=1)
+    print(f"median {np.median(seconds):.2f} s, worst {max(seconds):.2f} s")

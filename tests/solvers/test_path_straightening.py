@@ -122,7 +122,9 @@ def test_arms_that_turn_end_below_the_path_over_a_basis(weights, seed):
     result = PathStraightening().solve(metric, start, end)
     assert result.converged
     over_basis = BasisPath(bodies_in_motion.basis()).solve(metric, start, end)
-    assert metric.squared_dist(start, end) < result.energy < over_basis.energy
+    for found in (result, over_basis):
+        assert found.lower_bound == metric.squared_dist(start, end)
+    assert result.lower_bound < result.energy < over_basis.energy
 
 
 def test_a_solver_gives_another_start():
