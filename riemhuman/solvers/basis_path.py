@@ -84,7 +84,7 @@ class BasisPath:
     tolerance: float = 1e-4
     max_iter: int = 1000
     remove_drift: bool = True
-    options: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict, hash=False)
     callback: Callable[[int, float, ndarray], Any] | None = None
     progress: bool = False
 
