@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of, whole_number
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError
 from riemhuman.progress import ProgressBar
 
 if TYPE_CHECKING:
@@ -257,14 +257,17 @@ class _PointSet:
         return kept
 
     def _features(self, part: slice) -> Features:
-        points = self.metric.check_points(self.points[part], self.name)
+        points = self.points[part]
+        whole = len(points) == len(self)
+        # Errors count from the start of what was looked at together.
+        where = self.name if whole else f"{self.name}[{part.start}:{part.stop}]"
+        points = self.metric.check_points(points, where)
         try:
             return self.metric.features(points, self.precision)
-        except DegenerateSurfaceError as error:
-            if len(points) == len(self):
+        except ArgumentError as error:
+            if whole:
                 raise
-            where = f"{self.name}[{part.start}:{part.stop}]"
-            raise DegenerateSurfaceError(f"{where}: {error}") from error
+            raise type(error)(f"{where}: {error}") from error
 
 
 def _block_size(rows: _PointSet, columns: _PointSet, memory: int) -> int:

@@ -311,7 +311,8 @@ class NeighborIndex:
         ArgumentError
             If a point is wrong, or there are not as many.
         """
-        points = self.metric.check_points(X[start:stop], "X")
+        where = "X" if (start, stop) == (0, len(X)) else f"X[{start}:{stop}]"
+        points = self.metric.check_points(X[start:stop], where)
         if len(points) != stop - start:
             raise ArgumentError(
                 f"X[{start}:{stop}] must be {stop - start} points; found {len(points)}"

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import pairwise
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.kernels import tiles
+from riemhuman.retrieval import NearestNeighbors
 
 TEMPLATE = sphere_template()
 SPACE = AlignedSurfaces(TEMPLATE, equip=False)
@@ -52,6 +54,24 @@ def test_blocks_of_rows_and_columns(known, block, monkeypatch):
     assert_right(*known)
     assert_right(*known, memory=1)
     assert_right(*known, memory=80_000)
+
+
+@pytest.mark.parametrize("memory", [1, 10**9])
+def test_errors_name_the_body_that_is_wrong(memory, monkeypatch):
+    monkeypatch.setattr(pairwise, "_BLOCK", 4)
+    flat, wrong = POINTS.copy(), POINTS.copy()
+    flat[18, :, 2] = 0.0
+    flat[18, TEMPLATE.faces[7]] = 0.0
+    wrong[18, 5, 2] = np.nan
+    size = 1 if memory == 1 else 4
+    start = 18 - 18 % size
+    stop = min(start + size, N_POINTS)
+    for points in (flat, wrong):
+        with pytest.raises(ArgumentError, match=rf"points\[{start}:{stop}\]") as refused:
+            METRICS["pose"].dist_pairwise(points, memory=memory)
+        assert f"({18 - start}," in str(refused.value)
+    with pytest.raises(ArgumentError, match=r"X\[18:19\].*index \(0,"):
+        NearestNeighbors(METRICS["pose"]).fit(wrong)
 
 
 @pytest.mark.parametrize("block", [1, 2])
