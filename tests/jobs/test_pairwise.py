@@ -371,7 +371,7 @@ def test_an_edited_metric_does_not_get_the_old_matrix(tmp_path):
 @pytest.mark.parametrize("exponent", [20, 30])
 def test_coordinates_beyond_single_precision(exponent, tmp_path):
     points = POINTS[:5] * 10.0**exponent
-    metric = metric_on(TEMPLATE, 1.0, 0.1, 0.1)
+    metric = ElasticMetric(AlignedSurfaces(TEMPLATE, equip=False, scale=None), 1.0, 0.1, 0.1)
     found = pairwise_job(metric, points, tmp_path)
     np.testing.assert_array_equal(found, metric.dist_pairwise(points))
     expected = metric.dist_pairwise(points, precision="double")

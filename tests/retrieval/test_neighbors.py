@@ -228,7 +228,7 @@ def test_a_wrong_point_leaves_the_index_as_it_was():
     before = neighbors.kneighbors()
     added = np.concatenate([points] * 2)
     added[-1, 0, 0] = np.nan
-    with pytest.raises(ArgumentError, match="X holds 1 NaN"):
+    with pytest.raises(ArgumentError, match=r"X\[\d+:\d+\] holds 1 NaN"):
         neighbors.partial_fit(added)
     assert neighbors.n_samples_fit_ == 100
     assert_same(neighbors.kneighbors(), before)
