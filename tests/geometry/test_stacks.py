@@ -1,0 +1,87 @@
+"""What a method does with a stack is what it does with each: every override of every metric."""
+
+import inspect
+
+import numpy as np
+import pytest
+from cases import CASES, name_of
+
+from riemhuman.geometry.metric import RiemannianMetric
+
+every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+
+VECTOR_AND_POINT = ("covector", "squared_norm", "norm", "normalize", "differential")
+TWO_VECTORS_AND_POINT = ("inner_product", "curvature_form", "sectional_curvature")
+TWO_POINTS = ("squared_dist", "dist")
+PATHS = ("energy", "length")
+IN_CLOSED_FORM = ("exp", "log", "parallel_transport", "injectivity_radius", "geodesic")
+# One path or a set of points at a time, or no points at all.
+ALONE = {
+    "bulk", "cdist", "check_points", "closest_neighbor_index", "diameter", "dist_pairwise",
+    "energy_and_gradient", "features", "gram_matrix", "lower_bound_coordinates", "map",
+    "metric_matrix", "random_unit_tangent_vec", "remove_drift", "rotations", "rounding",
+    "squared_dist_of_features",
+}  # fmt: skip
+
+
+def methods_of(case):
+    """Return the public methods of a metric."""
+    members = inspect.getmembers(type(case.metric), inspect.isfunction)
+    return {name for name, _ in members if not name.startswith("_")}
+
+
+def calls(case):
+    """Return the calls by name that a metric answers, each of arrays with as many points."""
+    metric, points = case.metric, case.points
+    vectors, others = case.tangent_vecs, np.roll(case.tangent_vecs, 1, axis=0)
+    others = case.space.to_tangent(others, points)
+    ends = np.roll(points, 1, axis=0)
+    found = dict.fromkeys(VECTOR_AND_POINT, (vectors, points))
+    found |= dict.fromkeys(TWO_VECTORS_AND_POINT, (vectors, others, points))
+    if metric.has_closed_form_dist:
+        found |= dict.fromkeys(TWO_POINTS, (points, ends))
+    if "exp" in case.can:
+        found |= {"exp": (0.1 * vectors, points), "injectivity_radius": (points,)}
+        found |= {"log": (ends, points), "parallel_transport": (others, points, 0.1 * vectors)}
+    if not metric_knows_curvature(metric):
+        for name in ("curvature_form", "sectional_curvature", "injectivity_radius"):
+            found.pop(name, None)
+    return {name: found[name] for name in found if hasattr(metric, name)}
+
+
+def metric_knows_curvature(metric):
+    return type(metric).curvature_form is not RiemannianMetric.curvature_form
+
+
+@every_case
+def test_stacks_are_those_of_each(case):
+    for name, arrays in calls(case).items():
+        method = getattr(case.metric, name)
+        each = np.array([method(*row) for row in zip(*arrays, strict=True)])
+        scale = np.abs(each[np.isfinite(each)]).max(initial=1e-300)
+        # Two leading axes, and a single point or vector with a stack of others.
+        shaped = [np.reshape(array, (2, 2, *array.shape[1:])) for array in arrays]
+        expected = each.reshape(2, 2, *each.shape[1:])
+        found = method(*shaped)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * scale, err_msg=name)
+        mixed = (*arrays[:-1], arrays[-1][0]) if name != "injectivity_radius" else arrays
+        repeated = [np.broadcast_to(array, arrays[0].shape) for array in mixed]
+        if name in VECTOR_AND_POINT + TWO_VECTORS_AND_POINT:
+            alone = np.array([method(*row) for row in zip(*repeated, strict=True)])
+            np.testing.assert_allclose(
+                method(*mixed), alone, rtol=0, atol=1e-9 * scale, err_msg=name
+            )
+
+
+@every_case
+def test_paths_in_a_stack_are_those_of_each(case):
+    paths = np.stack([case.points, case.points[::-1]])
+    for name in PATHS:
+        method = getattr(case.metric, name)
+        np.testing.assert_allclose(method(paths), [method(path) for path in paths], rtol=1e-9)
+
+
+@every_case
+def test_no_method_is_forgotten(case):
+    known = {*VECTOR_AND_POINT, *TWO_VECTORS_AND_POINT, *TWO_POINTS, *PATHS, *IN_CLOSED_FORM}
+    assert methods_of(case) - known - ALONE == set()
