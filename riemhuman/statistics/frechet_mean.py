@@ -26,9 +26,9 @@ class FrechetMean(Estimator):
     space : Manifold
         A manifold equipped with a metric.
     solver : object, optional
-        Strategy. By default `GradientDescentMean` where the metric has exponential and logarithm,
-        in closed form or by a strategy, else `BasisMean` over the differences of the points; a
-        basis of deformations makes better means of surfaces.
+        Strategy. By default `GradientDescentMean` where geodesics have a closed form, else
+        `BasisMean` over the differences of the points; a basis of deformations makes better means
+        of surfaces.
 
     Attributes
     ----------
@@ -194,10 +194,8 @@ def default_mean_solver(metric: RiemannianMetric) -> MeanSolver:
     Returns
     -------
     GradientDescentMean or BasisMean
-        The first where there are exponential and logarithm, in closed form or by a strategy; else
-        the second, over the differences of the points.
+        The first where geodesics have a closed form; else the second, over the differences of the
+        points. By strategies, logarithms are those of geodesics, whose lengths are not the
+        distances of pull-backs, and their mean is no descent direction.
     """
-    has_strategies = metric.exp_solver is not None and metric.log_solver is not None
-    if metric.has_closed_form_geodesic or has_strategies:
-        return GradientDescentMean()
-    return BasisMean()
+    return GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()
