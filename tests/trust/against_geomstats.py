@@ -35,11 +35,11 @@ from geomstats.numerics.geodesic import PathStraightening
 from geomstats.numerics.path import UniformlySampledPathEnergy
 
 import riemhuman as rh
-from riemhuman.kernels import ebin
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.statistics import HierarchicalClustering, KMedoids
 from riemhuman.statistics import TangentPCA as OurTangentPCA
+from riemhuman.terms import ebin
 
 EBIN_WEIGHTS = [(1.0, 1e-4), (2.0, 0.05), (1.0, 0.5), (1.0, 1.0), (0.3, 10.0)]
 NO_WEIGHTS = dict.fromkeys(("a0", "a1", "b1", "c1", "d1", "a2"), 0.0)
