@@ -15,7 +15,13 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import INTERRUPTED, GeodesicSolver, PathEnergy, SurfaceSpace
+from riemhuman.protocols import (
+    INTERRUPTED,
+    GeodesicSolver,
+    PathEnergy,
+    SurfaceSpace,
+    uninterrupted,
+)
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.poisson_path import turned_paths
@@ -49,7 +55,7 @@ class PathStraightening:
     that leave it (`belongs`) are refused. The minimisation is L-BFGS with the inverse of the
     metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
     straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) where
-    that costs less, first with few segments, then with all.
+    that costs less, first with few segments where that is asked for, then with all.
 
     Parameters
     ----------
@@ -152,7 +158,7 @@ class PathStraightening:
         if isinstance(metric.space, SurfaceSpace) and is_immersed:
             starts += [path for path, _ in turned_paths(metric, self.energy, start, end, n_nodes)]
         if self.initial is not None and n_nodes == self.n_nodes:
-            starts.append(self.initial.solve(metric, start, end).path)
+            starts.append(uninterrupted(self.initial.solve(metric, start, end)).path)
         return _least(metric, self.energy, starts)
 
 
