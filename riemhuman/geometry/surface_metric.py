@@ -163,9 +163,14 @@ class SurfaceMetric(RiemannianMetric):
                 return energy
         return super().energy(path)
 
-    @property
+    @cached_property
     def _compiled_energy(self) -> Callable[[Any], Any]:
+        # Once: autograd keeps every primitive for good.
         return with_known_gradient(self.energy_and_gradient, super().energy)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The primitive is made anew by whoever gets the copy: it knows the metric it was made of.
+        return {key: value for key, value in vars(self).items() if key != "_compiled_energy"}
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient, in compiled loops.

@@ -1,7 +1,7 @@
 """The driver of a sum of terms in compiled loops: features, pairs, path energies and matrices.
 
-Terms share the records of triangles, see `riemhuman.kernels.triangles`, and each makes a pass of
-its own over them.
+Each term makes a pass of its own over the triangles. Along paths terms share the records of
+triangles, see `riemhuman.kernels.triangles`, some thousand at a time.
 """
 
 from __future__ import annotations

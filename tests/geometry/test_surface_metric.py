@@ -1,10 +1,12 @@
 """The compiled and sparse forms of metrics on surfaces agree with their definitions."""
 
+import pickle
 from functools import partial
 
 import numpy as np
 import pytest
 from autograd import grad, hessian_vector_product, value_and_grad
+from autograd.core import primitive_vjps
 from cases import deformations, sphere_template, surfaces
 from scipy.spatial.transform import Rotation
 
@@ -163,3 +165,15 @@ def test_drift_is_what_the_metric_does_not_see(metric):
     assert blind == (metric in (METRICS["shape"], METRICS["stretch"]))
     np.testing.assert_allclose(found, path if blind else turned, atol=1e-3)
     assert (np.abs(found - turned).max() > 0.1) == blind
+
+
+def test_energies_leave_nothing_behind():
+    metric, path = METRICS["mixed"], wavy_path(0.1, n_times=3)
+    metric.energy(path)
+    known = len(primitive_vjps)
+    for _ in range(5):
+        metric.energy(path)
+    assert len(primitive_vjps) == known
+    again = pickle.loads(pickle.dumps(metric))
+    assert again.energy(path) == metric.energy(path)
+    assert "_compiled_energy" not in metric.__getstate__()
