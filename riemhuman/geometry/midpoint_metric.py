@@ -64,10 +64,10 @@ class MidpointMetric(RiemannianMetric):
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         f = self.space.check_immersed(base_point, "base_point")
-        h = self.space.check_point(tangent_vec_a, "tangent_vec_a")
+        h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
         k = h
         if tangent_vec_b is not tangent_vec_a:
-            k = self.space.check_point(tangent_vec_b, "tangent_vec_b")
+            k = self.space.check_tangent_vec(tangent_vec_b, "tangent_vec_b")
         total: Any = 0.0
         for term in self.terms:
             total = total + term.inner_product(h, k, f)
@@ -172,7 +172,7 @@ class MidpointMetric(RiemannianMetric):
         return still_path(path, self.space.template.vertex_areas, rotations=False)
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        vectors = self.space.check_point(tangent_vec, "tangent_vec")
+        vectors = self.space.check_tangent_vec(tangent_vec)
         surfaces = self.space.check_point(base_point, "base_point")
         if surfaces.ndim == 2:
             columns = vectors.reshape(-1, self.space.dim).T

@@ -236,6 +236,15 @@ def test_translations_drift_where_they_cost_nothing():
     np.testing.assert_array_equal(seeing.remove_drift(path), path)
 
 
+def test_small_deformations_are_no_surfaces_in_another_unit():
+    template = sphere_template()
+    metric = only(AlignedSurfaces(template), **ALL)
+    f, h = surfaces(template, 1)[0], deformations(template, 1)[0]
+    np.testing.assert_allclose(metric.norm(1e-6 * h, f), 1e-6 * metric.norm(h, f), rtol=1e-12)
+    covector = metric.covector(1e-6 * h, f)
+    np.testing.assert_allclose(covector, 1e-6 * metric.covector(h, f), rtol=1e-9, atol=1e-18)
+
+
 # Refusals.
 
 
