@@ -168,7 +168,7 @@ def _descend(
     """Return the minimiser near f.
 
     By L-BFGS, with factors of half the Hessian to start from; where steps bring less than they
-    promise, by the method of Levenberg and Marquardt, with a new factor for every step.
+    promise, the factor is damped, as by Levenberg and Marquardt, and renewed every few steps.
     """
     value, gradient = slope(f)
     if not np.isfinite(value):
