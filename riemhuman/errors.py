@@ -6,7 +6,17 @@ Each class also derives from the built-in exception people expect in its place, 
 
 
 class RiemhumanError(Exception):
-    """Base class of everything the library refuses to do."""
+    """Base class of everything the library refuses to do.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> try:
+    ...     rh.load_mesh("missing.ply")
+    ... except rh.RiemhumanError as error:
+    ...     print(error)
+    there is no file missing.ply
+    """
 
 
 class ArgumentError(RiemhumanError, ValueError):
@@ -46,7 +56,14 @@ class MissingDependencyError(RiemhumanError, ImportError):
 
 
 class ConvergenceWarning(UserWarning):
-    """A solver stopped before it converged; its result says why."""
+    """A solver stopped before it converged; its result says why.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import riemhuman as rh
+    >>> warnings.simplefilter("error", rh.ConvergenceWarning)  # not converging becomes an error
+    """
 
 
 class DamagedFileWarning(UserWarning):

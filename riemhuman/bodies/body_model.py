@@ -69,6 +69,16 @@ class BodyModel:
     ArgumentError
         If shapes disagree, entries are not finite, weights do not sum to one, the joints do not
         form one tree, or `dtype` is another type.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> pose = np.zeros((model.n_joints, 3))
+    >>> pose[model.joint_names.index("left_elbow")] = [0.0, 0.0, 0.5]
+    >>> model(np.zeros(model.n_betas), pose).shape
+    (1202, 3)
     """
 
     def __init__(

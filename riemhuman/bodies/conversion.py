@@ -42,6 +42,14 @@ def convert_model(
         If a file is missing or cannot be read or written.
     FileFormatError
         If `source` is no body model, or asks for anything but arrays to be made.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> model.save("model.npz")
+    >>> rh.bodies.convert_model("model.npz", "smaller.npz", n_betas=3).n_betas
+    3
     """
     model = BodyModel.from_file(source, n_betas=n_betas)
     model.save(target)

@@ -224,6 +224,15 @@ def load_amass(
     ----------
     .. [1] Mahmood, Ghorbani, Troje, Pons-Moll, Black, "AMASS: Archive of Motion Capture as
        Surface Shapes", ICCV 2019.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> model = rh.BodyModel.from_file("SMPL_NEUTRAL.npz")  # doctest: +SKIP
+    >>> motions = rh.datasets.load_amass("AMASS/CMU", model)  # doctest: +SKIP
+    >>> motions[0][:10].shape  # doctest: +SKIP
+    (10, 6890, 3)
     """
     one_of(up, "up", ("y", "z"))
     wanted = None

@@ -60,6 +60,16 @@ class Bodies:
     ArgumentError
         If the lengths disagree, an index has no name, two surfaces are called alike, or an entry
         is not finite.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> bodies
+    <Bodies: 100 surfaces, 10 people in 10 poses, 1,202 vertices, 2,400 triangles, with their
+    body model>
+    >>> bodies.select(subject="lanky man")[:2].ids
+    ('70', '71')
     """
 
     points: np.ndarray

@@ -32,6 +32,14 @@ def check_dataset(dataset: Dataset) -> PropertyReport:
     -------
     PropertyReport
         Errors are the share of surfaces or labels that are wrong.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> report = rh.datasets.check_dataset(bodies)
+    >>> report.passed
+    True
     """
     needed = ("points", "template", "subject", "pose")
     lacking = [name for name in needed if not hasattr(dataset, name)]

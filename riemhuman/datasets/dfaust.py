@@ -160,6 +160,18 @@ def load_dfaust(
     ----------
     .. [1] Bogo, Romero, Pons-Moll, Black, "Dynamic FAUST: Registering Human Bodies in Motion",
        CVPR 2017.
+
+    Examples
+    --------
+    >>> import h5py
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> template = rh.datasets.load_open_model("coarse").template
+    >>> with h5py.File("registrations_f.hdf5", "w") as file:
+    ...     file["faces"] = template.faces
+    ...     file["50004_knees"] = np.repeat(template.vertices[:, :, None], 4, axis=2)
+    >>> rh.datasets.load_dfaust("registrations_f.hdf5")[0].n_frames
+    4
     """
     step = _step(frames_per_second)
     files = _find_files(path)

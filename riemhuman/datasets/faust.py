@@ -73,6 +73,15 @@ def load_faust(
     ----------
     .. [1] Bogo, Romero, Loper, Black, "FAUST: Dataset and evaluation for 3D mesh registration",
        CVPR 2014.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> try:
+    ...     rh.datasets.load_faust("MPI-FAUST")
+    ... except rh.RiemhumanError as error:
+    ...     print(error)
+    there is no folder MPI-FAUST
     """
     files = _find_registrations(folder)
     if not allow_missing:

@@ -41,7 +41,7 @@ def load_bodies(
     scale: str | None = "template",
     progress: bool = False,
 ) -> Bodies:
-    """Load the registered meshes of a folder, labelled by a table.
+    r"""Load the registered meshes of a folder, labelled by a table.
 
     Parameters
     ----------
@@ -84,6 +84,20 @@ def load_bodies(
         meshes.
     ArgumentTypeError
         If an argument is not of a type named above.
+
+    Examples
+    --------
+    >>> import os
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> os.mkdir("scans")
+    >>> for name, f in zip(["anna_sits", "anna_stands"], bodies.points):
+    ...     rh.save_mesh(f"scans/{name}.ply", f, bodies.template.faces)
+    >>> with open("labels.csv", "w") as table:
+    ...     print("file,subject,pose", file=table)
+    ...     print("anna_sits.ply,anna,sits", "anna_stands.ply,anna,stands", sep="\n", file=table)
+    >>> rh.datasets.load_bodies("scans", labels="labels.csv").pose_names
+    ('sits', 'stands')
     """
     files = find_meshes(folder)
     table = existing_folder(folder) / _LABELS if labels is None else file_path(labels, "labels")

@@ -31,6 +31,13 @@ class Motion(ABC):
         Number of frames.
     faces : array of int, shape (F, 3)
         Triangles of every frame.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    >>> motion[0].shape, motion[:10:5].shape
+    ((1202, 3), (2, 1202, 3))
     """
 
     def __init__(

@@ -96,6 +96,13 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     ------
     ArgumentError
         If there is no such resolution.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> model.n_betas, model.n_joints
+    (16, 23)
     """
     return _read_model(one_of(resolution, "resolution", _RESOLUTIONS))
 
@@ -140,6 +147,13 @@ def load_open_bodies(
         If `people` is no whole number.
     ArgumentError
         If there is no such resolution or variant, or `people` is negative.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> bodies.points.shape, bodies.pose_names[bodies.pose[3]]
+    ((100, 1202, 3), 'bent_elbows')
     """
     model = load_open_model(resolution)
     natural = one_of(variant, "variant", _VARIANTS) == "natural"

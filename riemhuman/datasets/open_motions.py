@@ -160,6 +160,13 @@ def load_open_motions(
         If names or the frame rate are of another type.
     ArgumentError
         If there is no such resolution, person or motion, or the frame rate is not positive.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> motions = rh.datasets.load_open_motions("coarse", sequences=["knees", "punching"])
+    >>> len(motions)
+    20
     """
     people = chosen(subjects, "subjects", tuple(_SUBJECTS))
     names = chosen(sequences, "sequences", tuple(OPEN_MOTIONS))

@@ -20,7 +20,7 @@ from riemhuman.surfaces.number_text import text_content
 
 @dataclass(frozen=True, eq=False)
 class LabelledMeshes:
-    """Meshes with a class each, read from their files one by one when they are asked for.
+    r"""Meshes with a class each, read from their files one by one when they are asked for.
 
     ``meshes[i]`` is a pair: vertices, shape (V, 3), and faces, shape (F, 3).
 
@@ -40,6 +40,19 @@ class LabelledMeshes:
         Ids of the class file that have no mesh file.
     unlisted : tuple of str
         Names of mesh files that the class file does not list.
+
+    Examples
+    --------
+    >>> import os
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> os.mkdir("scans")
+    >>> for number in (0, 1):
+    ...     rh.save_mesh(f"scans/{number}.off", bodies[number], bodies.template.faces)
+    >>> with open("scans/test.cla", "w") as file:
+    ...     print("PSB 1\n1 2\n\nanna 0 2\n0\n1", file=file)
+    >>> rh.datasets.load_shrec14("scans").ids
+    ('0', '1')
     """
 
     files: tuple[Path, ...]
@@ -85,7 +98,7 @@ def load_shrec14(
     scale: float = 1.0,
     allow_missing: bool = False,
 ) -> LabelledMeshes:
-    """Find the meshes of a SHREC'14 human data set, labelled by a class file.
+    r"""Find the meshes of a SHREC'14 human data set, labelled by a class file.
 
     The data sets are not part of this library [1]_. Their meshes are not registered to each other:
     of the representations here, descriptors that need no template apply.
@@ -127,6 +140,19 @@ def load_shrec14(
     .. [1] Pickup et al., "SHREC'14 Track: Shape Retrieval of Non-Rigid 3D Human Models",
        Eurographics Workshop on 3D Object Retrieval, 2014.
     .. [2] Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
+
+    Examples
+    --------
+    >>> import os
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> os.mkdir("scans")
+    >>> for number in (0, 1):
+    ...     rh.save_mesh(f"scans/{number}.off", bodies[number], bodies.template.faces)
+    >>> with open("scans/test.cla", "w") as file:
+    ...     print("PSB 1\n1 2\n\nanna 0 2\n0\n1", file=file)
+    >>> rh.datasets.load_shrec14("scans").ids
+    ('0', '1')
     """
     root = existing_folder(folder)
     scale = real_number(scale, "scale", minimum=0.0, strict=True)

@@ -30,6 +30,15 @@ class ProjectedAreas:
         Voxels that the surface encloses.
     grid : VoxelGrid
         Where the voxels are.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> transform = rh.descriptors.AreaProjectionTransform()
+    >>> areas = transform.transform(bodies[0], bodies.template.faces)
+    >>> bool((areas.values >= 0).all())
+    True
     """
 
     values: np.ndarray
@@ -79,6 +88,15 @@ class AreaProjectionTransform(Descriptor):
        Multiscale Area Projection Transform", Computer Graphics Forum 31(5), 2012.
     .. [2] Puzicha, Hofmann, Buhmann, "Non-parametric similarity measures for unsupervised texture
        segmentation and image retrieval", CVPR 1997.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.AreaProjectionTransform()
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
     """
 
     radii: tuple[float, ...] = _RADII

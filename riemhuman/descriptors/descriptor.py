@@ -23,6 +23,18 @@ class Descriptor(ABC):
 
     Subclasses are frozen records of parameters. They define `describe`, and `distances` where the
     Euclidean distance is not theirs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> class Height(rh.descriptors.Descriptor):
+    ...     def describe(self, vertices, faces):
+    ...         return np.ptp(vertices[:, 1:2], axis=0)
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> described = [Height().describe(f, bodies.template.faces) for f in bodies.points[:3]]
+    >>> Height().distances(described).shape
+    (3, 3)
     """
 
     # Whether threads share the work, or only wait for each other.

@@ -59,6 +59,15 @@ class HeatKernelSignature(KernelSignature):
        Based on Heat Diffusion", SGP 2009.
     .. [2] Bronstein, Bronstein, Guibas, Ovsjanikov, "Shape Google: Geometric Words and Expressions
        for Invariant Shape Retrieval", ACM Transactions on Graphics 30(1), 2011.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.HeatKernelSignature()
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
     """
 
     times: tuple[float, ...] = _TIMES

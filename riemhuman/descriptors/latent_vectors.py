@@ -41,6 +41,14 @@ class IdMatch:
         Ids of the data set that have none.
     unused : tuple of str
         Ids with a vector that the data set does not have.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> codes = rh.descriptors.LatentVectors(("a", "b"), np.eye(2))
+    >>> codes.match(["b", "c"])
+    IdMatch(found=('b',), missing=('c',), unused=('a',))
     """
 
     found: tuple[str, ...]
@@ -67,6 +75,14 @@ class LatentVectors(Descriptor):
         If an id is neither text nor a whole number, or the vectors are not real numbers.
     ArgumentError
         If an id is empty or there twice, the lengths differ, or a number is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> codes = rh.descriptors.LatentVectors(("a", "b"), np.array([[0.0, 0.0], [3.0, 4.0]]))
+    >>> codes.vectors.shape
+    (2, 2)
     """
 
     ids: tuple[str, ...]

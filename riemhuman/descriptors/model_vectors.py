@@ -109,6 +109,14 @@ class ModelShapeVectors(_ModelVectors):
     ------
     ArgumentTypeError
         If the model cannot fit.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.ModelShapeVectors(bodies.model)
+    >>> descriptor.describe_all(bodies[:2]).shape
+    (2, 16)
     """
 
     def _vectors(self, fit: Any) -> np.ndarray:
@@ -139,6 +147,14 @@ class ModelPoseVectors(_ModelVectors):
         If the model cannot fit.
     ArgumentError
         If there is no such distance.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.ModelPoseVectors(bodies.model)
+    >>> descriptor.describe_all(bodies[:2]).shape[0]
+    2
     """
 
     distance: str = "axis-angle"

@@ -45,6 +45,15 @@ class ShapeDNA(Descriptor):
     ----------
     .. [1] Reuter, Wolter, Peinecke, "Laplace–Beltrami spectra as 'Shape-DNA' of surfaces and
        solids", Computer-Aided Design 38(4), 2006.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.ShapeDNA(n_eigenvalues=10)
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
     """
 
     _in_threads = False

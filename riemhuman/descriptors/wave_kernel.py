@@ -60,6 +60,15 @@ class WaveKernelSignature(KernelSignature):
     ----------
     .. [1] Aubry, Schlickewei, Cremers, "The wave kernel signature: A quantum mechanical approach
        to shape analysis", ICCV Workshops 2011.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.WaveKernelSignature()
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
     """
 
     energies: tuple[float, ...] = _ENERGIES

@@ -45,6 +45,17 @@ class AlignedSurfaces(Manifold):
     scale : {"template"} or None
         Whether surfaces more than eight times as large or as small as the template are refused,
         because they must be in another unit. None takes surfaces of any size.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> space.shape
+    (1202, 3)
+    >>> g, n = space.to_fields(bodies[0])
+    >>> g.shape, n.shape
+    ((2400, 2, 2), (2400, 3))
     """
 
     def __init__(

@@ -53,6 +53,16 @@ class ElasticMetric(SurfaceMetric):
     1e6 that is 1e-9, and 1e-11 was the most that was found. Near surfaces, flat folds, antipodal
     normals and λ from 1e-8 to 1e4 cost nothing more. The entries of g do not come into it: by way
     of `AlignedSurfaces.metric_field`, κ² would count.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> same_pose, same_person = bodies[13], bodies[4]
+    >>> bool(pose.dist(bodies[3], same_pose) < pose.dist(bodies[3], same_person))
+    True
     """
 
     def __init__(

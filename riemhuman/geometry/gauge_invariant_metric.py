@@ -56,6 +56,16 @@ class GaugeInvariantMetric(MidpointMetric):
     Paths over smooth deformations, such as mesh harmonics, are found in a few iterations. Over a
     basis of motions, and between poses far apart, the energy still falls after hundreds: at the
     resolution of a body's mesh there is always a way to slide a little more.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.GaugeInvariantMetric(rh.ElasticMetric(space, a=1.0, lam=1.0, c=1.0))
+    >>> velocity = bodies[1] - bodies[0]
+    >>> bool(metric.norm(velocity, bodies[0]) > 0)
+    True
     """
 
     def __init__(

@@ -58,6 +58,15 @@ class GeneralElasticMetric(SurfaceMetric):
     template at all, while those of `ElasticMetric` with c > 0 do. Normals of triangles without
     area do not count here; there they are an error. (1, λ, 0) is ElasticMetric(1, λ, 0), and
     (0, 1/16, 1) is `SRNFMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.GeneralElasticMetric(space, a=1.0, b=1.0, c=0.1)
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
     """
 
     def __init__(

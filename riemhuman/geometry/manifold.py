@@ -46,6 +46,25 @@ class Manifold(ABC):
         Shape of one point.
     metric : RiemannianMetric
         The metric the manifold was equipped with last.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> class Positive(rh.Manifold):
+    ...     def __init__(self):
+    ...         super().__init__(1, (1,))
+    ...
+    ...     def belongs(self, point, atol=1e-9):
+    ...         return np.asarray(point)[..., 0] > 0
+    ...
+    ...     def to_tangent(self, vector, base_point=None):
+    ...         return vector
+    ...
+    ...     def random_point(self, n_samples=1, bound=1.0, *, rng=None):
+    ...         return np.exp(np.random.default_rng(rng).uniform(-bound, bound, (n_samples, 1)))
+    >>> Positive().belongs(np.array([[2.0], [-1.0]])).tolist()
+    [True, False]
     """
 
     metric: RiemannianMetric

@@ -59,6 +59,17 @@ class RiemannianMetric(DerivedQuantities):
     Notes
     -----
     A metric gets its parameters at construction and keeps them.
+
+    Examples
+    --------
+    >>> import autograd.numpy as np
+    >>> import riemhuman as rh
+    >>> class Weighted(rh.RiemannianMetric):
+    ...     def inner_product(self, tangent_vec_a, tangent_vec_b, base_point):
+    ...         return 4.0 * np.sum(tangent_vec_a * tangent_vec_b, axis=-1)
+    >>> metric = Weighted(rh.VectorSpace((2,)))
+    >>> float(metric.norm(np.array([3.0, 4.0]), np.zeros(2)))
+    10.0
     """
 
     def __init__(

@@ -35,6 +35,16 @@ class MetricFields(Manifold):
         The template T.
     equip : bool
         Whether to equip the manifold with `EbinMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.MetricFields(bodies.template)
+    >>> fields.shape
+    (2400, 2, 2)
+    >>> bool(fields.belongs(fields.random_point(rng=0)))
+    True
     """
 
     def __init__(self, template: Template, equip: bool = True) -> None:
@@ -180,6 +190,17 @@ class EbinMetric(RiemannianMetric):
     ------
     ArgumentError
         If λ is not positive: the metric would be degenerate.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.MetricFields(bodies.template)
+    >>> ebin = rh.EbinMetric(fields, lam=0.5)
+    >>> g = fields.random_point(2, rng=0)
+    >>> velocity = ebin.log(g[1], g[0])
+    >>> float(ebin.norm(velocity, g[0]) / ebin.dist(g[0], g[1])).__round__(6)
+    1.0
     """
 
     space: MetricFields

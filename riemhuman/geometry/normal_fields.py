@@ -30,6 +30,14 @@ class NormalFields(Manifold):
         The template T.
     equip : bool
         Whether to equip the manifold with `NormalFieldMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> fields.shape, fields.dim
+    ((2400, 3), 4800)
     """
 
     def __init__(self, template: Template, equip: bool = True) -> None:
@@ -141,6 +149,17 @@ class NormalFieldMetric(RiemannianMetric):
 
     The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
     transport are those of the sphere on every triangle.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> metric = rh.NormalFieldMetric(fields)
+    >>> n = fields.random_point(2, rng=0)
+    >>> half = metric.geodesic(n[0], n[1])(0.5)[0]
+    >>> float(metric.dist(n[0], half) / metric.dist(n[0], n[1])).__round__(6)
+    0.5
     """
 
     space: NormalFields

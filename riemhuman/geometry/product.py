@@ -27,6 +27,16 @@ class ProductManifold(Manifold):
         Manifolds, each equipped with a metric.
     equip : bool
         Whether to equip the product with `ProductMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> factors = [rh.MetricFields(bodies.template), rh.NormalFields(bodies.template)]
+    >>> product = rh.ProductManifold(factors)
+    >>> g, n = product.project_from_product(product.random_point(rng=0))
+    >>> g.shape, n.shape
+    ((2400, 2, 2), (2400, 3))
     """
 
     def __init__(self, factors: Sequence[Manifold], equip: bool = True) -> None:
@@ -201,6 +211,15 @@ class ProductMetric(RiemannianMetric):
         A weight w_k ≥ 0 for each factor, not all 0; by default all are 1.
     geodesic_solver : object, optional
         Strategy for geodesics that have no closed form.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> product = rh.ProductManifold([rh.VectorSpace((1,)), rh.VectorSpace((1,))])
+    >>> metric = rh.ProductMetric(product, weights=[1.0, 4.0])
+    >>> float(metric.squared_dist(np.array([0.0, 0.0]), np.array([1.0, 1.0])))
+    5.0
     """
 
     space: ProductManifold

@@ -37,6 +37,16 @@ class PullbackMetric(RiemannianMetric):
         Strategy for geodesics, which have no closed form.
     exp_solver, log_solver, transport_solver : object, optional
         Strategies for `exp`, `log` and `parallel_transport`, which have none either.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> heights = rh.VectorSpace((bodies.template.n_vertices,))
+    >>> metric = rh.PullbackMetric(space, heights.metric, lambda f: f[..., 1])
+    >>> float(metric.dist(bodies[0], bodies[0] + [1.0, 0.0, 0.0]))
+    0.0
     """
 
     def __init__(

@@ -39,6 +39,14 @@ class RotationFields(Manifold):
         The template T.
     equip : bool
         Whether to equip the manifold with `RotationFieldMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.RotationFields(bodies.template)
+    >>> fields.shape, fields.dim
+    ((2400, 3, 3), 7200)
     """
 
     def __init__(self, template: Template, equip: bool = True) -> None:
@@ -149,6 +157,17 @@ class RotationFieldMetric(RiemannianMetric):
     exponential, logarithm, geodesics and parallel transport are those of the rotation group with
     its two-sided invariant metric. The cut locus of a rotation is that of half turns from it,
     θ = π: there are two shortest geodesics to them, and no logarithm.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.RotationFields(bodies.template)
+    >>> metric = rh.RotationFieldMetric(fields)
+    >>> R = fields.random_point(2, rng=0)
+    >>> velocity = metric.log(R[1], R[0])
+    >>> round(float(metric.norm(velocity, R[0]) / metric.dist(R[0], R[1])), 6)
+    1.0
     """
 
     space: RotationFields

@@ -54,6 +54,16 @@ class RotationMetric(PullbackMetric):
         Strategy for geodesics, which have no closed form.
     exp_solver, log_solver : object, optional
         Strategies for `exp` and `log`, which have none either.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> pose = rh.RotationMetric(space)
+    >>> same_pose, same_person = bodies[13], bodies[4]
+    >>> bool(pose.dist(bodies[3], same_pose) < pose.dist(bodies[3], same_person))
+    True
     """
 
     space: AlignedSurfaces

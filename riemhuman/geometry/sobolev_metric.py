@@ -60,6 +60,16 @@ class SobolevMetric(MidpointMetric):
 
     With a0 = d1 = a2 = 0 the metric is that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and
     c = c1.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SobolevMetric(space, a1=1.0, b1=1.0, c1=1.0, a2=1e-4)
+    >>> path = rh.solvers.LinearPath(n_nodes=3).solve(metric, bodies[0], bodies[2]).path
+    >>> bool(metric.energy(path) > 0)
+    True
     """
 
     def __init__(

@@ -25,6 +25,15 @@ class SRNFMetric(SurfaceMetric):
         Strategy for geodesics, which have no closed form.
     exp_solver, log_solver, transport_solver : object, optional
         Strategies for `exp`, `log` and `parallel_transport`, which have none either.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SRNFMetric(space)
+    >>> bool(metric.dist(bodies[3], bodies[13]) < metric.dist(bodies[3], bodies[4]))
+    True
     """
 
     def __init__(

@@ -57,6 +57,17 @@ class SurfaceMetric(RiemannianMetric):
     ------
     ArgumentError
         If there is no term.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> terms = [rh.terms.EbinTerm(1.0, lam=1.0), rh.terms.NormalTerm(0.1)]
+    >>> metric = rh.SurfaceMetric(space, terms)
+    >>> elastic = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> bool(abs(metric.dist(bodies[0], bodies[1]) - elastic.dist(bodies[0], bodies[1])) < 1e-12)
+    True
     """
 
     space: AlignedSurfaces

@@ -25,6 +25,13 @@ class VectorSpace(Manifold):
         Shape of the arrays.
     equip : bool
         Whether to equip the space with `FlatMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> space = rh.VectorSpace((2, 3))
+    >>> space.random_point(4, rng=0).shape
+    (4, 2, 3)
     """
 
     def __init__(self, shape: tuple[int, ...], equip: bool = True) -> None:
@@ -98,6 +105,14 @@ class FlatMetric(RiemannianMetric):
         The space.
     weights : array, shape (shape[0],), optional
         A weight w_t ≥ 0 for each index of the first axis of a point; by default all are 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> metric = rh.FlatMetric(rh.VectorSpace((2,)), weights=np.array([1.0, 4.0]))
+    >>> float(metric.squared_dist(np.zeros(2), np.ones(2)))
+    5.0
     """
 
     def __init__(self, space: Manifold, weights: ndarray | None = None) -> None:

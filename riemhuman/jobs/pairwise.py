@@ -127,6 +127,15 @@ def pairwise_job(
         If a cluster has had no worker for a minute.
     MissingDependencyError
         If a client is given and distributed is not installed, or a worker lacks the library.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = rh.pairwise_job(space.metric, bodies.points[:6], "distances")
+    >>> D.shape
+    (6, 6)
     """
     n_points = _count(points)
     thread_count(n_jobs)

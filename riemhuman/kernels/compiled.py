@@ -80,6 +80,15 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     -------
     callable
         With the Python function as its attribute `py_func`.
+
+    Examples
+    --------
+    >>> from riemhuman.terms import compiled
+    >>> @compiled
+    ... def double(x):
+    ...     return 2.0 * x
+    >>> double.py_func(1.5)
+    3.0
     """
     if function is None:
         return functools.partial(compiled, **options)

@@ -33,6 +33,13 @@ def rotation_matrix(axis_angle: Any) -> Any:
     ------
     ArgumentError
         If the last axis is not of length 3 or an entry is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> rh.bodies.rotation_matrix(np.array([0.0, 0.0, np.pi / 2])).round(6).astype(int).tolist()
+    [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
     """
     vector = real_array(axis_angle, "axis_angle", (3,))
     squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]
@@ -68,6 +75,13 @@ def rotation_derivative(axis_angle: Any) -> Any:
     ------
     ArgumentError
         If the last axis is not of length 3 or an entry is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> rh.bodies.rotation_derivative(np.zeros(3)).tolist()  # turns about the axes
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     """
     vector = real_array(axis_angle, "axis_angle", (3,))
     squared_angle = np.sum(vector * vector, axis=-1)[..., None, None]

@@ -93,6 +93,13 @@ def plot_body(
         If an array does not fit.
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> ax = rh.report.plot_body(bodies[0], bodies.template.faces)
+    >>> ax.figure.savefig("body.png")
     """
     ax = new_axes(ax, 3.2, 4.8)
     view = View() if view is None else view
@@ -159,6 +166,12 @@ def plot_path(
         If an array does not fit.
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> ax = rh.report.plot_path(bodies.points[:6], bodies.template.faces, n_shown=3)
     """
     surfaces = real_array(path, "path", ("n_times", "n_vertices", 3), batched=False)
     chosen = np.arange(len(surfaces))
@@ -209,6 +222,15 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     Returns
     -------
     array, shape (..., F)
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> values = bodies.template.face_areas
+    >>> per_area = rh.report.per_area(values, bodies.template.vertices, bodies.template.faces)
+    >>> bool(abs(per_area - 1).max() < 1e-9)
+    True
     """
     areas = triangle_areas(np.asarray(vertices, dtype=np.float64), np.asarray(faces))
     return real_array(values, "values", (len(areas),)) / np.maximum(areas, 1e-30)

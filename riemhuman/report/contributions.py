@@ -26,6 +26,16 @@ class Contributions:
         m_t, by the change of the first fundamental form.
     normal : array, shape (..., F)
         n_t, by the change of the normals.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)
+    >>> found = rh.report.contributions(metric, bodies[0], bodies[1])
+    >>> found.metric.shape, found.normal.shape
+    ((2400,), (2400,))
     """
 
     metric: ndarray
@@ -57,6 +67,17 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
         If the surfaces do not fit the metric's space.
     DegenerateSurfaceError
         If c > 0 and a triangle has no area, so that it has no normal.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.ElasticMetric(space, 1.0, 1.0, 1.0)
+    >>> found = rh.report.contributions(metric, bodies[0], bodies[1])
+    >>> total = found.metric.sum() + found.normal.sum()
+    >>> bool(abs(total / metric.squared_dist(bodies[0], bodies[1]) - 1) < 1e-9)
+    True
     """
     space = metric.space
     one, other = (

@@ -45,6 +45,15 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     References
     ----------
     .. [1] van der Maaten, Hinton, "Visualizing data using t-SNE", JMLR 2008.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> rh.report.embed(D, method="mds").shape
+    (30, 2)
     """
     matrix = real_array(distances, "distances", ("n", "n"), batched=False)
     one_of(method, "method", METHODS)

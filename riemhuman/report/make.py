@@ -79,6 +79,11 @@ def make_report(
         If matplotlib or scikit-learn is not installed.
     ArgumentError
         If there are fewer than three bodies, or the basis does not fit them.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> page = rh.report.make_report("report", quick=True)  # doctest: +SKIP
     """
     check_folder(output)
     import_optional("matplotlib", "report")

@@ -37,6 +37,14 @@ def precision_recall(
     ------
     ArgumentError
         If the matrix is not square, the number of labels differs, or no two items share a class.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> recall, precision = rh.report.precision_recall(D, bodies.subject[:30])
     """
     matrix, classes, _ = _checked(distances, labels)
     relevant = classes[:, None] == classes[None, :]
@@ -76,6 +84,14 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> nda
     ------
     ArgumentError
         If the matrix is not square or the number of labels differs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.report.confusion(D, ["a", "a", "b", "b"]).tolist()
+    [[2, 0], [0, 2]]
     """
     matrix, classes, n_classes = _checked(distances, labels)
     matrix = matrix.copy()

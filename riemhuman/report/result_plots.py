@@ -65,6 +65,12 @@ def plot_embedding(
         If the arrays do not fit, or one of points and faces is given without the other.
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> ax = rh.report.plot_embedding(bodies.points[:10, 0, :2], bodies.subject[:10])
     """
     places = real_array(positions, "positions", ("n_items", 2), batched=False)
     items = integer_array(labels, "labels", (len(places),))
@@ -122,6 +128,11 @@ def plot_energy(
     ------
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> ax = rh.report.plot_energy({"basis": [3.0, 2.0, 1.9], "straight": [3.0, 2.5]})
     """
     curves = energies if isinstance(energies, Mapping) else {"": energies}
     ax = new_axes(ax, 3.6, 2.6)
@@ -177,6 +188,14 @@ def plot_precision_recall(
         If a matrix does not fit the labels.
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> ax = rh.report.plot_precision_recall({"shape": D}, bodies.subject[:30])
     """
     ax = new_axes(ax, 4.2, 3.2)
     styles = ("-", (0, (5, 1.5)), (0, (1.5, 1)))
@@ -228,6 +247,14 @@ def plot_confusion(
         If the matrix does not fit the labels.
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> ax = rh.report.plot_confusion(D, bodies.subject[:30])
     """
     items = integer_array(labels, "labels", ("n_items",))
     counts = confusion(distances, items)
@@ -273,6 +300,13 @@ def plot_sweep(
         If the scores have another shape.
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> scores = np.array([[90.0, 95.0], [80.0, 99.0]])
+    >>> ax = rh.report.plot_sweep(scores, [1e-4, 1.0], ["c = 0", "c = 1"])
     """
     cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)
     ax = new_axes(ax, 5.2, 3.0)

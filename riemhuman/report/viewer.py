@@ -72,6 +72,13 @@ class Viewer:
         Where the bodies are seen from at first.
     max_vertices : int
         Bodies with more vertices are shown by fewer of them.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> viewer = rh.report.view_bodies(bodies.points[:2], bodies.template.faces)
+    >>> viewer.save("bodies.html")
     """
 
     faces: ndarray
@@ -213,6 +220,13 @@ def view_path(
     ------
     ArgumentError
         If a path or the triangles are malformed, or paths differ in their vertices.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> viewer = rh.report.view_path(bodies.points[:4], bodies.template.faces)
+    >>> viewer.save("path.html")
     """
     paths = path if isinstance(path, Mapping) else {"": path}
     if not paths:
@@ -261,6 +275,13 @@ def view_bodies(
     ------
     ArgumentError
         If an array does not fit.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> viewer = rh.report.view_bodies(bodies.points[:2], bodies.template.faces)
+    >>> viewer.save("bodies.html")
     """
     surfaces = real_array(points, "points", ("n_vertices", 3))
     surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])

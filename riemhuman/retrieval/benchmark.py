@@ -50,6 +50,15 @@ class BenchmarkRecord:
         Time of a distance, on the clock.
     problem : str or None
         Why the representation failed, if it did.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
+    >>> records = rh.retrieval.benchmark(bodies, {"shape": shape})
+    >>> [(record.representation, record.task) for record in records]
+    [('shape', 'shape'), ('shape', 'pose')]
     """
 
     representation: str
@@ -97,6 +106,15 @@ def benchmark(
         If a representation is neither a metric nor a descriptor.
     ArgumentError
         If there is nothing to retrieve: fewer than two surfaces, or none share a label.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
+    >>> records = rh.retrieval.benchmark(bodies, {"shape": shape})
+    >>> [(record.representation, record.task) for record in records]
+    [('shape', 'shape'), ('shape', 'pose')]
     """
     if representations is None:
         representations = table_metrics(bodies)

@@ -69,6 +69,17 @@ class NearestNeighbors:
         Number of pairs whose distance the last `kneighbors` computed.
     exact_share_ : float
         Their share of all pairs of its queries and the points.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> shape = rh.ElasticMetric(space, a=1.0, lam=1e-4, c=0.0)  # who is it?
+    >>> neighbors = rh.NearestNeighbors(shape).fit(bodies.points[10:])
+    >>> distances, indices = neighbors.kneighbors(bodies.points[14:15], 2)
+    >>> [bodies.subject_names[bodies.subject[10 + i]] for i in indices[0]]
+    ['short stout woman', 'short stout woman']
     """
 
     n_samples_fit_: int

@@ -28,6 +28,14 @@ class RetrievalScores:
         Mean over queries of the average precision, per cent.
     n_queries : int
         Number of queries averaged over: those that are not alone in their class.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
+    100.0
     """
 
     nn: float
@@ -81,6 +89,14 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
     .. [1] Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004.
     .. [2] McSherry, Najork, "Computing information retrieval performance measures efficiently in
        the presence of tied scores", ECIR 2008.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
+    100.0
     """
     matrix = _distance_matrix(distances)
     classes = _class_indices(labels, len(matrix))

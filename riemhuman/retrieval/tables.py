@@ -30,6 +30,15 @@ class TableRow:
         What the distances are made of.
     scores : RetrievalScores
         Nearest neighbour, first and second tier, in per cent.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> row = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))[0]
+    >>> row.representation, row.scores.first_tier
+    ('toy', 100.0)
     """
 
     representation: str
@@ -50,6 +59,15 @@ def retrieval_table(distances: Mapping[str, ndarray], labels: ndarray) -> list[T
     -------
     list of TableRow
         In the order of `distances`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> row = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))[0]
+    >>> row.representation, row.scores.first_tier
+    ('toy', 100.0)
     """
     return [TableRow(name, scores(matrix, labels)) for name, matrix in distances.items()]
 
@@ -67,6 +85,16 @@ def format_table(title: str, rows: list[TableRow]) -> str:
     Returns
     -------
     str
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rows = rh.retrieval.retrieval_table({"toy": D}, np.array([0, 0, 1, 1]))
+    >>> print(rh.retrieval.format_table("Who is it?", rows))
+    Who is it?     NN     FT     ST
+    toy         100.0  100.0  100.0
     """
     width = max(len(title), *(len(row.representation) for row in rows))
     lines = [f"{title:<{width}}     NN     FT     ST"]
@@ -96,6 +124,15 @@ def format_benchmark(
     str
         One table a task, the best of each column marked with an asterisk. Below each, in words,
         which representations are better than ours, and which failed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
+    >>> text = rh.retrieval.format_benchmark(rh.retrieval.benchmark(bodies, {"ours": shape}))
+    >>> "ours" in text
+    True
     """
     ours = _OURS if ours is None else ours
     tasks = dict.fromkeys(record.task for record in records)

@@ -54,6 +54,17 @@ class BasisMean:
         Called with (iteration, variance, point) after each iteration.
     progress : bool
         Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> result = rh.solvers.BasisMean(basis).solve(metric, bodies.points[:30:10])
+    >>> result.point.shape, result.converged
+    ((1202, 3), True)
     """
 
     basis: Basis | None = None

@@ -74,6 +74,17 @@ class BasisPath:
         Called with (iteration, energy, path) after each iteration.
     progress : bool
         Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> result = rh.solvers.BasisPath(basis, n_nodes=5).solve(metric, bodies[0], bodies[2])
+    >>> result.path.shape, bool(result.energy >= metric.squared_dist(bodies[0], bodies[2]))
+    ((5, 1202, 3), True)
     """
 
     basis: DeformationBasis

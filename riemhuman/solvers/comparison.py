@@ -45,6 +45,16 @@ class PathMeasures:
     mean_deviation, max_deviation : float
         Distance of the vertices from those of the reference, mean and largest over all vertices
         and times, millimetres; NaN without a reference.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.LinearPath(n_nodes=5).solve(space.metric, bodies[0], bodies[2])
+    >>> measures = rh.solvers.measure_path({"shape": space.metric}, result.path)
+    >>> sorted(measures.energies)
+    ['shape']
     """
 
     energies: dict[str, float]
@@ -71,6 +81,17 @@ class PathComparison:
         Measures of its path.
     seconds : float
         Wall time it took, compilation at first use included.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metrics = {"elastic": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)}
+    >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
+    >>> rows = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
+    >>> [(row.name, row.metric) for row in rows]
+    [('straight', 'elastic')]
     """
 
     name: str
@@ -132,6 +153,17 @@ def compare_paths(
     ArgumentError
         If there is no metric, a solver names one that is not there, the surfaces do not fit, or
         the reference has other times or vertices than a path.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metrics = {"elastic": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)}
+    >>> solvers = {"straight": (rh.solvers.LinearPath(n_nodes=5), "elastic")}
+    >>> rows = rh.solvers.compare_paths(metrics, bodies[0], bodies[2], solvers)
+    >>> [(row.name, row.metric) for row in rows]
+    [('straight', 'elastic')]
     """
     for name, (_, metric_name) in solvers.items():
         if metric_name not in metrics:
@@ -173,6 +205,16 @@ def measure_path(
     ------
     ArgumentError
         If there is no metric, or the path or the reference does not fit.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.LinearPath(n_nodes=5).solve(space.metric, bodies[0], bodies[2])
+    >>> measures = rh.solvers.measure_path({"shape": space.metric}, result.path)
+    >>> sorted(measures.energies)
+    ['shape']
     """
     if not metrics:
         raise ArgumentError("metrics is empty; at least one metric on surfaces is needed")

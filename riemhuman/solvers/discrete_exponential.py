@@ -40,6 +40,19 @@ class ExponentialResult(Result):
         Whether all steps were made, and the equation of each solved within the tolerance.
     message : str
         Why it stopped.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> velocity = 0.02 * basis.vectors[8]
+    >>> solver = rh.solvers.DiscreteExponential(basis, n_steps=4)
+    >>> result = solver.solve(metric, velocity, bodies[0])
+    >>> result.complete, result.path.shape
+    (True, (5, 1202, 3))
     """
 
     path: ndarray
@@ -78,6 +91,19 @@ class DiscreteExponential:
         Error of each step's equation, as a share of the length of its two segments.
     max_iter : int
         Most iterations of each step.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> velocity = 0.02 * basis.vectors[8]
+    >>> solver = rh.solvers.DiscreteExponential(basis, n_steps=4)
+    >>> result = solver.solve(metric, velocity, bodies[0])
+    >>> result.complete, result.path.shape
+    (True, (5, 1202, 3))
     """
 
     basis: DeformationBasis | None = None

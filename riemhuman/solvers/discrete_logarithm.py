@@ -54,6 +54,18 @@ class LogarithmResult(Result):
         is about the length of the path.
     message : str
         Why it stopped.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> end = bodies[0] + 0.02 * basis.vectors[8]
+    >>> result = rh.solvers.DiscreteLogarithm(basis, n_steps=4).solve(metric, end, bodies[0])
+    >>> result.tangent_vec.shape
+    (1202, 3)
     """
 
     tangent_vec: ndarray
@@ -87,6 +99,18 @@ class DiscreteLogarithm:
         Error of the backward step's equation, as a share of the length of its two segments.
     max_iter : int
         Most iterations of the backward step.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> end = bodies[0] + 0.02 * basis.vectors[8]
+    >>> result = rh.solvers.DiscreteLogarithm(basis, n_steps=4).solve(metric, end, bodies[0])
+    >>> result.tangent_vec.shape
+    (1202, 3)
     """
 
     basis: DeformationBasis | None = None

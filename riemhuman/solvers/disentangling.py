@@ -53,6 +53,17 @@ class DisentanglingResult(Result):
         Whether the stopping test was met.
     message : str
         Why it stopped.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
+    >>> result.surface.shape
+    (1202, 3)
     """
 
     surface: ndarray
@@ -95,6 +106,17 @@ class Disentangling:
         Called with (iteration, value, surface) after each iteration.
     progress : bool
         Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> build = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> result = rh.solvers.Disentangling().solve(build, pose, bodies[0], bodies[13])
+    >>> result.surface.shape
+    (1202, 3)
     """
 
     basis: DeformationBasis | None = None

@@ -17,6 +17,17 @@ class SegmentEnergy:
 
     It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
     is refined in time.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> energy = rh.solvers.SegmentEnergy()
+    >>> solver = rh.solvers.LinearPath(n_nodes=5, energy=energy)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> bool(solver.solve(metric, bodies[0], bodies[2]).energy > 0)
+    True
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
@@ -58,6 +69,17 @@ class FiniteDifferenceEnergy:
     """n Σ ‖x_{i+1} − x_i‖² over n segments, by the inner product at their midpoints.
 
     The paper's form of the energy (equation 7), of second order in the time step.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> energy = rh.solvers.FiniteDifferenceEnergy()
+    >>> solver = rh.solvers.LinearPath(n_nodes=5, energy=energy)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> bool(solver.solve(metric, bodies[0], bodies[2]).energy > 0)
+    True
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:

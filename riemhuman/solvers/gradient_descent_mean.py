@@ -31,6 +31,15 @@ class GradientDescentMean:
         deviation.
     max_iter : int
         Most iterations.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> plane = rh.VectorSpace((2,))
+    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 3.0]])
+    >>> rh.solvers.GradientDescentMean().solve(plane.metric, points).point.round(6).tolist()
+    [1.0, 1.0]
     """
 
     step: float = 1.0

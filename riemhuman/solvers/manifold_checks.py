@@ -47,6 +47,13 @@ def check_manifold(
     Returns
     -------
     PropertyReport
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> report = rh.solvers.check_manifold(rh.VectorSpace((2,)))
+    >>> report.passed
+    True
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     sample = _Sample(space, generator(rng), n_points)

@@ -66,6 +66,15 @@ def check_metric(
     ------
     ArgumentError
         If there are fewer than three points, or an array has another shape.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> report = rh.solvers.check_metric(rh.SRNFMetric(space), bodies.points[:3])
+    >>> report.passed
+    True
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     points = metric.check_points(points)

@@ -32,6 +32,14 @@ class ModelParameters(NamedTuple):
         Axis-angle rotation of each joint, radians.
     trans : array, shape (3,)
         Translation, metres.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fit = bodies.model.fit(bodies[0])
+    >>> rh.solvers.ModelParameters(fit.betas, fit.pose, fit.trans).betas.shape
+    (16,)
     """
 
     betas: ndarray
@@ -59,6 +67,20 @@ class ModelPath:
         Energy that the result states.
     parameters : callable, optional
         Takes a surface, shape (V, 3), to its `ModelParameters`, where `solve` is not told them.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> model = bodies.model
+    >>> def parameters(f):
+    ...     fit = model.fit(f)
+    ...     return rh.solvers.ModelParameters(fit.betas, fit.pose, fit.trans)
+    >>> solver = rh.solvers.ModelPath(model, n_nodes=3, parameters=parameters)
+    >>> result = solver.solve(space.metric, bodies[0], bodies[1])
+    >>> result.path.shape
+    (3, 1202, 3)
     """
 
     model: Callable[[ndarray, ndarray, ndarray], ndarray]

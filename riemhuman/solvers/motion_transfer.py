@@ -55,6 +55,16 @@ class MotionTransfer:
     ------
     ArgumentError
         If one of them is none of these, or poses are transferred about the axes of the body.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0][:30:10]
+    >>> moved = rh.solvers.MotionTransfer().solve(space, motion, bodies[0])
+    >>> moved.shape
+    (3, 1202, 3)
     """
 
     axes: str = "world"
@@ -134,6 +144,15 @@ class ShapeTransfer:
 
     The difference between two bodies in one pose is given to a surface of the first body in
     another pose: its triangles take the same stretches along axes that turn with them.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.ShapeTransfer().solve(space, bodies[0], bodies[10], bodies[3])
+    >>> result.shape
+    (1202, 3)
     """
 
     def solve(

@@ -39,6 +39,18 @@ class TransportResult(Result):
         Whether all equations were solved within the tolerance.
     message : str
         How it was found.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> n = fields.random_point(2, rng=0)
+    >>> v = fields.random_tangent_vec(n[0], rng=1)
+    >>> result = rh.solvers.PoleLadder().solve(fields.metric, v, n[0], end_point=n[1])
+    >>> norms = fields.metric.norm(v, n[0]), fields.metric.norm(result.tangent_vec, n[1])
+    >>> bool(abs(norms[0] - norms[1]) < 1e-6)
+    True
     """
 
     tangent_vec: ndarray
@@ -223,6 +235,18 @@ class PoleLadder(_Ladder):
         Error of each equation, as a share of the length of its two segments.
     max_iter : int
         Most iterations of each equation.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> n = fields.random_point(2, rng=0)
+    >>> v = fields.random_tangent_vec(n[0], rng=1)
+    >>> result = rh.solvers.PoleLadder().solve(fields.metric, v, n[0], end_point=n[1])
+    >>> norms = fields.metric.norm(v, n[0]), fields.metric.norm(result.tangent_vec, n[1])
+    >>> bool(abs(norms[0] - norms[1]) < 1e-6)
+    True
     """
 
     def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:
@@ -256,6 +280,18 @@ class SchildLadder(_Ladder):
         Error of each equation, as a share of the length of its two segments.
     max_iter : int
         Most iterations of each equation.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> n = fields.random_point(2, rng=0)
+    >>> v = fields.random_tangent_vec(n[0], rng=1)
+    >>> result = rh.solvers.SchildLadder().solve(fields.metric, v, n[0], end_point=n[1])
+    >>> norms = fields.metric.norm(v, n[0]), fields.metric.norm(result.tangent_vec, n[1])
+    >>> bool(abs(norms[0] - norms[1]) < 1e-6)
+    True
     """
 
     def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:

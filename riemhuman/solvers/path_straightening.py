@@ -80,6 +80,16 @@ class PathStraightening:
         Called with (iteration, energy, path) after each iteration with all times.
     progress : bool
         Whether to show a progress bar.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> plane = rh.VectorSpace((2,))
+    >>> solver = rh.solvers.PathStraightening(n_nodes=5)
+    >>> result = solver.solve(plane.metric, np.zeros(2), np.ones(2))
+    >>> round(result.energy, 6)
+    2.0
     """
 
     n_nodes: int = 11

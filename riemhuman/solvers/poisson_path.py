@@ -43,6 +43,16 @@ class PoissonPath:
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> result = rh.solvers.PoissonPath(n_nodes=5).solve(metric, bodies[0], bodies[2])
+    >>> result.path.shape
+    (5, 1202, 3)
     """
 
     n_nodes: int = 11

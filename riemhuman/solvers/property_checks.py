@@ -24,6 +24,15 @@ class PropertyCheck:
         returned.
     tolerance : float
         Largest error that passes.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> report = rh.solvers.check_metric(rh.SRNFMetric(space), bodies.points[:3])
+    >>> report.passed
+    True
     """
 
     name: str
@@ -50,6 +59,14 @@ class PropertyReport:
         Class of the object.
     checks : tuple of PropertyCheck
         One for every property.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> print(rh.solvers.check_metric(rh.SRNFMetric(space), bodies.points[:3]).name)
+    SRNFMetric
     """
 
     name: str

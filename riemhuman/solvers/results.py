@@ -36,6 +36,15 @@ class Result:
         Whether the solver's stopping test was met.
     message : str
         Why it stopped.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.LinearPath(n_nodes=3).solve(space.metric, bodies[0], bodies[1])
+    >>> result.converged, result.n_iterations
+    (True, 0)
     """
 
     n_iterations: int = 0
@@ -160,6 +169,15 @@ class PathResult(Result):
         Whether the solver's stopping test was met.
     message : str
         Why it stopped.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.LinearPath(n_nodes=3).solve(space.metric, bodies[0], bodies[1])
+    >>> bool((result.path[1] == (bodies[0] + bodies[1]) / 2).all())
+    True
     """
 
     path: ndarray
@@ -186,6 +204,15 @@ class MeanResult(Result):
         Whether the solver's stopping test was met.
     message : str
         Why it stopped.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> plane = rh.VectorSpace((2,))
+    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 3.0]])
+    >>> rh.solvers.GradientDescentMean().solve(plane.metric, points).point.round(6).tolist()
+    [1.0, 1.0]
     """
 
     point: ndarray

@@ -25,6 +25,15 @@ class LinearPath:
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.LinearPath(n_nodes=3).solve(space.metric, bodies[0], bodies[1])
+    >>> bool((result.path[1] == (bodies[0] + bodies[1]) / 2).all())
+    True
     """
 
     n_nodes: int = 11
@@ -63,6 +72,16 @@ class ClosedFormGeodesic:
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> n = fields.random_point(2, rng=0)
+    >>> result = rh.solvers.ClosedFormGeodesic(n_nodes=5).solve(fields.metric, n[0], n[1])
+    >>> bool(abs(result.energy / fields.metric.squared_dist(n[0], n[1]) - 1) < 1e-9)
+    True
     """
 
     n_nodes: int = 11

@@ -72,6 +72,16 @@ def check_solver(
     ------
     ArgumentError
         If the solver has no method `solve` of a known kind, or there are fewer than two points.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> plane = rh.VectorSpace((2,))
+    >>> points = np.random.default_rng(0).normal(size=(3, 2))
+    >>> report = rh.solvers.check_solver(rh.solvers.LinearPath(), plane.metric, points)
+    >>> report.passed
+    True
     """
     tolerance = real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     points = metric.check_points(points)

@@ -49,6 +49,14 @@ class KMedoids(Estimator):
     ----------
     .. [1] Kaufman, Rousseeuw, "Finding Groups in Data", 1990.
     .. [2] Schubert, Rousseeuw, "Faster k-medoids clustering", SISAP 2019.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.statistics.KMedoids(2).fit(D).labels_.tolist()
+    [0, 0, 1, 1]
     """
 
     medoid_indices_: ndarray
@@ -155,6 +163,14 @@ class HierarchicalClustering(Estimator):
         step i.
     distances_ : array, shape (n - 1,)
         Distance of the two.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.statistics.HierarchicalClustering(2).fit(D).labels_.tolist()
+    [1, 1, 0, 0]
     """
 
     labels_: ndarray

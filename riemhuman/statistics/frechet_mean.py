@@ -40,6 +40,16 @@ class FrechetMean(Estimator):
         Iterations of the solver.
     result_ : MeanResult
         All that the solver says.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> normals = rh.NormalFields(bodies.template)
+    >>> samples = normals.random_point(3, rng=0)
+    >>> mean = rh.FrechetMean(normals, solver=rh.solvers.GradientDescentMean()).fit(samples)
+    >>> mean.estimate_.shape
+    (2400, 3)
     """
 
     estimate_: ndarray
@@ -110,6 +120,16 @@ class GeometricMedian(FrechetMean):
         Rounds.
     result_ : MeanResult
         Point and variance; `variances` holds the weighted mean distance after every round.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> plane = rh.VectorSpace((2,))
+    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [100.0, 100.0]])
+    >>> median = rh.GeometricMedian(plane, solver=rh.solvers.GradientDescentMean()).fit(points)
+    >>> median.estimate_.round(3).tolist()
+    [0.5, 0.5]
     """
 
     def __init__(

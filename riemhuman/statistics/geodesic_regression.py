@@ -66,6 +66,17 @@ class GeodesicRegression(Estimator):
     ----------
     .. [1] Fletcher, "Geodesic regression and the theory of least squares on Riemannian manifolds",
        International Journal of Computer Vision 105, 2013.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    >>> heights = bodies.points[:50:10, :, 1].max(axis=1)
+    >>> regression = rh.GeodesicRegression(space).fit(heights, bodies.points[:50:10])
+    >>> regression.predict([1.8]).shape
+    (1, 1202, 3)
     """
 
     mean_: ndarray

@@ -34,6 +34,13 @@ def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> n
     ------
     DegenerateSurfaceError
         If a triangle of the reference has no area.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.statistics.inverted_triangles(bodies[0], bodies[1], bodies.template.faces).shape
+    (2400,)
     """
     reference = real_array(reference, "reference", ("n_vertices", 3), batched=False)
     points = real_array(points, "points", reference.shape)

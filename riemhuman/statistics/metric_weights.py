@@ -70,6 +70,16 @@ class MetricWeights(Estimator):
         The same of each fold.
     fold_weights_ : list of tuple of float
         (a, λ, c) chosen without each fold.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> weights = rh.MetricWeights(space, lams=(1e-4, 1.0))
+    >>> fitted = weights.fit(bodies.points[:30], bodies.subject[:30])
+    >>> type(fitted.metric_).__name__
+    'ElasticMetric'
     """
 
     a_: float

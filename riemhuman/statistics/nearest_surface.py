@@ -58,6 +58,16 @@ class NearestSurface:
         Stop when a step promises to lower the functional by at most this share of its first value.
     max_iter : int
         Most steps tried.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    >>> companion = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> nearest = rh.statistics.NearestSurface(companion)
+    >>> components = rh.TangentPCA(space, n_components=1, nearest=nearest)
     """
 
     companion: ElasticMetric | None = None

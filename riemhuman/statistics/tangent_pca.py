@@ -74,6 +74,16 @@ class TangentPCA(Estimator):
     ----------
     .. [1] Fletcher, Lu, Pizer, Joshi, "Principal geodesic analysis for the study of nonlinear
        statistics of shape", IEEE Transactions on Medical Imaging 23, 2004.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    >>> components = rh.TangentPCA(space, n_components=2).fit(bodies.points[:50:10])
+    >>> components.transform(bodies.points[:50:10]).shape
+    (5, 2)
     """
 
     mean_: ndarray

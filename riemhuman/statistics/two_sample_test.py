@@ -38,6 +38,15 @@ class TwoSampleResult:
         Whether these are all splits there are, each once.
     statistics : array, shape (n_permutations,)
         Their statistics.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.abs(np.subtract.outer([0, 1, 2, 3, 90, 91, 92, 93], [0, 1, 2, 3, 90, 91, 92, 93]))
+    >>> result = rh.statistics.two_sample_test(D, np.arange(8) < 4)
+    >>> result.exact, round(result.p_value, 3)
+    (True, 0.029)
     """
 
     statistic: float
@@ -97,6 +106,15 @@ def two_sample_test(
        of Statistical Planning and Inference 143, 2013.
     .. [2] Phipson, Smyth, "Permutation P-values should never be zero", Statistical Applications
        in Genetics and Molecular Biology 9, 2010.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.abs(np.subtract.outer([0, 1, 2, 3, 90, 91, 92, 93], [0, 1, 2, 3, 90, 91, 92, 93]))
+    >>> result = rh.statistics.two_sample_test(D, np.arange(8) < 4)
+    >>> result.exact, round(result.p_value, 3)
+    (True, 0.029)
     """
     matrix = distance_matrix(distances)
     n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)

@@ -62,6 +62,17 @@ class DeformationBasis:
     ----------
     .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body Surface",
        WACV 2022.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> basis = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> basis.vectors.shape
+    (20, 1202, 3)
+    >>> closest = basis.project(bodies[1] - bodies[0])  # the part of a deformation in the basis
+    >>> closest.shape
+    (1202, 3)
     """
 
     def __init__(

@@ -63,6 +63,12 @@ def save_glb(
         If the file cannot be written.
     FileFormatError
         If the ending is another.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_glb("path.glb", bodies.points[:3], bodies.template.faces, seconds=1.5)
     """
     file = file_path(path)
     if file.suffix.lower() != ".glb":

@@ -54,6 +54,17 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
     FileFormatError
         If the ending names no known format, the file is damaged or holds no faces, a face is not
         a triangle or refers to a vertex that does not exist, or a position is not finite.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    >>> rh.save_mesh("tetrahedron.ply", corners, faces)
+    >>> vertices, triangles = rh.load_mesh("tetrahedron.ply")
+    >>> vertices.shape, triangles.shape
+    ((4, 3), (4, 3))
     """
     file = file_path(path)
     if file.is_dir():
@@ -94,6 +105,16 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
         If the file cannot be written.
     FileFormatError
         If the ending names no known format.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    >>> rh.save_mesh("tetrahedron.obj", corners, faces)
+    >>> bool((rh.load_mesh("tetrahedron.obj")[0] == corners).all())
+    True
     """
     file = file_path(path)
     content = _format_of(file, _WRITERS)(*mesh_arrays(vertices, faces))

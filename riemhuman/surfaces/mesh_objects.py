@@ -152,6 +152,11 @@ def load_with_meshio(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
         If meshio cannot read the file, or it holds no surface.
     MissingDependencyError
         If meshio is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> vertices, faces = rh.surfaces.load_with_meshio("surface.vtk")  # doctest: +SKIP
     """
     meshio = import_optional("meshio", "meshes")
     file = file_path(path)

@@ -58,6 +58,15 @@ def procrustes(
        Acta Crystallographica A32, 1976.
     .. [2] Umeyama, "Least-squares estimation of transformation parameters between two point
        patterns", IEEE PAMI 13(4), 1991, equations 39 to 42.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> moved = bodies[0] + [0.0, 0.0, 2.0]
+    >>> bool(np.allclose(rh.procrustes(moved, to=bodies[0]), bodies[0]))
+    True
     """
     if to is None:
         return generalized_procrustes(points, scale=scale, weights=weights)[0]
@@ -118,6 +127,14 @@ def generalized_procrustes(
     References
     ----------
     .. [1] Gower, "Generalized Procrustes analysis", Psychometrika 40(1), 1975.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> aligned, mean = rh.generalized_procrustes(bodies.points[::10])
+    >>> aligned.shape, mean.shape
+    ((10, 1202, 3), (1202, 3))
     """
     surfaces = real_array(points, "points", ("n_surfaces", "n_vertices", 3))
     tolerance = real_number(tolerance, "tolerance", minimum=0.0)

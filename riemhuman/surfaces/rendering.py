@@ -33,6 +33,15 @@ class View:
         Degrees by which the eye moves about the vertical from the front, +z, towards +x.
     elevation : float
         Degrees by which the eye rises above the horizontal.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> side = rh.report.View(azimuth=90.0)
+    >>> picture = rh.report.render(bodies[0], bodies.template.faces, view=side)
+    >>> picture.shape[0]
+    400
     """
 
     azimuth: float = 20.0
@@ -140,6 +149,13 @@ def render(
     ------
     ArgumentError
         If the mesh is malformed, or a size or colour is.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.report.render(bodies[0], bodies.template.faces, height=100).shape[0]
+    100
     """
     vertices, faces = mesh_arrays(vertices, faces)
     colors = _face_colors(color, len(faces))

@@ -48,6 +48,15 @@ class EbinTerm(Term):
         w > 0.
     lam : float
         λ > 0, the weight of changes of area.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SurfaceMetric(space, [rh.terms.EbinTerm(1.0, lam=1.0)])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
     """
 
     sees_rotations = False

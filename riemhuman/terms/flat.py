@@ -23,6 +23,17 @@ class FlatTerm(Term):
     ----------
     weight : float
         w > 0.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> class AreaVectors(rh.terms.FlatTerm):
+    ...     def field(self, first):
+    ...         return first.area_vectors
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> metric = rh.SurfaceMetric(rh.AlignedSurfaces(bodies.template), [AreaVectors()])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
     """
 
     single = True

@@ -24,6 +24,15 @@ class NormalTerm(Term):
     ----------
     weight : float
         w > 0.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SurfaceMetric(space, [rh.terms.NormalTerm(1.0)])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
     """
 
     needs_area = True

@@ -20,6 +20,15 @@ class RootNormalTerm(FlatTerm):
     ----------
     weight : float
         w > 0.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SurfaceMetric(space, [rh.terms.RootNormalTerm(1.0)])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
     """
 
     area_power = 1.0

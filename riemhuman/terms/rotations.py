@@ -24,6 +24,14 @@ class RotationTerm(Term):
     ----------
     weight : float
         w > 0.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> bool(rh.RotationMetric(space, time=0.0).dist(bodies[0], bodies[1]) > 0)
+    True
     """
 
     needs_area = True

@@ -50,6 +50,26 @@ class Term(ABC):
         Whether features may be kept in single precision.
     area_power : float
         Power of the area ratio A that `form` is multiplied by.
+
+    Examples
+    --------
+    >>> import autograd.numpy as np
+    >>> import riemhuman as rh
+    >>> class LogArea(rh.terms.Term):
+    ...     needs_area = True
+    ...
+    ...     def fields(self, first):
+    ...         return (np.log(first.areas),)
+    ...
+    ...     def squared_dist(self, fields_a, fields_b):
+    ...         return (fields_a[0] - fields_b[0]) ** 2
+    ...
+    ...     def inner_product(self, changes_a, changes_b, fields):
+    ...         return changes_a[0] * changes_b[0]
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> metric = rh.SurfaceMetric(rh.AlignedSurfaces(bodies.template), [LogArea()])
+    >>> metric.dist_pairwise(bodies.points[:3]).shape
+    (3, 3)
     """
 
     sees_rotations = True

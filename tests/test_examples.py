@@ -1,0 +1,65 @@
+"""Every public name has an example in its docstring, and it prints what it says."""
+
+import doctest
+import functools
+import importlib
+import inspect
+import warnings
+
+import pytest
+
+import riemhuman as rh
+
+OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+
+
+def public_objects():
+    """Return everything that `import riemhuman` and its packages offer, by its shortest name."""
+    found = {}
+    for package in ("riemhuman", *(f"riemhuman.{name}" for name in rh.__all__)):
+        try:
+            module = importlib.import_module(package)
+        except ModuleNotFoundError:
+            continue  # a class or a function, not a package
+        for name in getattr(module, "__all__", ()):
+            member = getattr(module, name)
+            if not inspect.ismodule(member) and member not in found.values():
+                found[f"{package}.{name}"] = member
+    return found
+
+
+OBJECTS = public_objects()
+
+
+@pytest.fixture
+def quick(monkeypatch, tmp_path):
+    """Load the open bodies once, write files to a folder of the test, and draw on no screen."""
+    monkeypatch.setattr(rh.datasets, "load_open_bodies", open_bodies)
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    monkeypatch.chdir(tmp_path)
+
+
+open_bodies = functools.cache(rh.datasets.load_open_bodies)
+
+
+def failures(text, name):
+    """Run the examples in a docstring and return what they print wrong."""
+    report = []
+    test = doctest.DocTestParser().get_doctest(text, {}, name, None, 0)
+    with warnings.catch_warnings():
+        doctest.DocTestRunner(optionflags=OPTIONS, verbose=False).run(test, out=report.append)
+    return "".join(report)
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+@pytest.mark.usefixtures("quick")
+def test_examples(name):
+    text = inspect.getdoc(OBJECTS[name])
+    assert "\nExamples\n--------\n" in text, f"{name} has no example"
+    assert not failures(text, name)
+
+
+def test_wrong_examples_are_noticed():
+    assert "Expected:\n    3" in failures(">>> 1 + 1\n3\n", "sum")
+    assert "NameError" in failures(">>> unknown\n", "name")
+    assert not failures(">>> 1 + 1\n2\n", "sum")
