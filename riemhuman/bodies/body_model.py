@@ -265,6 +265,12 @@ class BodyModel:
         """Number of shape coefficients B."""
         return self._shapedirs.shape[-1]
 
+    def __repr__(self) -> str:
+        return (
+            f"<BodyModel: {self.n_joints} joints, {self.n_betas} shape coefficients, "
+            f"{self.n_vertices:,} vertices>"
+        )
+
     def __call__(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
         """Return the surfaces with these shapes, poses and translations.
 

@@ -18,6 +18,7 @@ from riemhuman.checks import (
     whole_number,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.representation import constructed
 
 if TYPE_CHECKING:
     from riemhuman.geometry.metric import RiemannianMetric
@@ -290,6 +291,9 @@ class Manifold(ABC):
             If the shape is wrong or there are NaN or infinite entries.
         """
         return real_array(point, name, self.shape)
+
+    def __repr__(self) -> str:
+        return constructed(self, leave_out=("equip",))
 
     def check_scale(  # noqa: B027, most spaces have no unit
         self, point: ndarray, name: str = "point"

@@ -27,6 +27,7 @@ from riemhuman.protocols import (
     TransportSolver,
     uninterrupted,
 )
+from riemhuman.representation import constructed
 
 if TYPE_CHECKING:
     from riemhuman.geometry.manifold import Manifold
@@ -91,6 +92,9 @@ class RiemannianMetric(DerivedQuantities):
         self.exp_solver = exp_solver
         self.log_solver = log_solver
         self.transport_solver = transport_solver
+
+    def __repr__(self) -> str:
+        return constructed(self, leave_out=("space",))
 
     def __mul__(self, scale: float) -> RiemannianMetric:
         from riemhuman.geometry.scalar_product import ScalarProductMetric

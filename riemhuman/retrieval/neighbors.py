@@ -14,6 +14,7 @@ from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import thread_count
+from riemhuman.representation import constructed
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 from riemhuman.retrieval.neighbor_search import nearest
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
@@ -102,6 +103,9 @@ class NearestNeighbors:
         self.n_components = n_components
         self.n_patches = n_patches
         self.n_jobs = n_jobs
+
+    def __repr__(self) -> str:
+        return constructed(self)
 
     def fit(self, X: Sequence[Any] | ndarray) -> Self:
         r"""Index points; those of before are forgotten.

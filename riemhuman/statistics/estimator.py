@@ -7,6 +7,7 @@ from typing import Any, Self
 
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
+from riemhuman.representation import constructed
 
 
 class Estimator:
@@ -69,8 +70,7 @@ class Estimator:
         return self
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{name}={getattr(self, name)!r}" for name in self._parameter_names())
-        return f"{type(self).__name__}({values})"
+        return constructed(self)
 
     def __sklearn_tags__(self) -> Any:
         """Return the tags that scikit-learn's own tools ask for."""

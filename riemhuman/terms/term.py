@@ -21,6 +21,7 @@ from riemhuman.checks import metric_weight
 from riemhuman.kernels.linear import differential
 from riemhuman.kernels.surface import Derivatives, follow_up
 from riemhuman.kernels.triangles import LENGTH, fill_records
+from riemhuman.representation import constructed
 
 Fields = tuple[ndarray, ...]
 
@@ -79,6 +80,9 @@ class Term(ABC):
 
     def __init__(self, weight: float = 1.0) -> None:
         self.weight = metric_weight(weight, "weight", strict=True)
+
+    def __repr__(self) -> str:
+        return constructed(self)
 
     @abstractmethod
     def fields(self, first: Derivatives) -> Fields:
