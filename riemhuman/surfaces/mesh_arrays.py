@@ -133,22 +133,35 @@ def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> 
         raise ArgumentError(f"{name}[{first}] = {tuple(faces[first].tolist())}{more} {reason}")
 
 
-def refuse_polygons(lengths: np.ndarray) -> None:
-    """Refuse faces that are not triangles, naming the first and saying how many there are.
+def split_polygons(corners: np.ndarray, lengths: np.ndarray) -> np.ndarray:
+    """Return the triangles of polygons, each split from its first corner.
+
+    By the order of the corners alone, (1, 2, 3), (1, 3, 4), …, so that surfaces that share their
+    polygons share their triangles.
 
     Parameters
     ----------
+    corners : array of int, shape (n,)
+        Vertex indices, polygon after polygon.
     lengths : array of int, shape (F,)
-        Number of corners of each face.
+        Number of corners of each polygon.
+
+    Returns
+    -------
+    array of int, shape (n - 2 F, 3)
 
     Raises
     ------
     ArgumentError
-        If any is not 3.
+        If a polygon has fewer than three corners.
     """
-    others = np.flatnonzero(lengths != 3)
-    if len(others):
+    few = np.flatnonzero(lengths < 3)
+    if len(few):
         raise ArgumentError(
-            f"{len(others)} of {len(lengths)} faces are not triangles, the first at index "
-            f"{others[0]} with {lengths[others[0]]} corners; triangulate the mesh"
+            f"a face must have at least 3 corners; {len(few)} of {len(lengths)} have fewer, the "
+            f"first at index {few[0]} with {lengths[few[0]]}"
         )
+    counts = lengths - 2
+    place = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = np.repeat(np.cumsum(lengths) - lengths, counts)
+    return np.stack([corners[first], corners[first + place + 1], corners[first + place + 2]], 1)

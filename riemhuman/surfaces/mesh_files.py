@@ -1,7 +1,7 @@
 """Mesh files: vertex i of the file is vertex i of the array, for registration lives in that order.
 
 They are not left to other libraries, which split the vertices of an OBJ file that has texture
-coordinates or normals, sort its faces by material, turn polygons into triangles without a word, or
+coordinates or normals, sort its faces by material, split polygons by their shape, or
 take all lists of a PLY file for as long as the first. They are written in double precision.
 """
 
@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.surfaces.file_content import file_content, file_path
-from riemhuman.surfaces.mesh_arrays import mesh_arrays, refuse_polygons
+from riemhuman.surfaces.mesh_arrays import mesh_arrays, split_polygons
 from riemhuman.surfaces.number_text import real_field, whole_field
 from riemhuman.surfaces.ply_files import read_ply
 from riemhuman.surfaces.whole_files import whole_file
@@ -32,8 +32,9 @@ _Format = TypeVar("_Format")
 def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
     """Read a triangle mesh from a PLY, OBJ or OFF file, vertices and faces in the file's order.
 
-    Nothing is merged, split, reordered or dropped; normals, texture coordinates, colours and
-    materials are ignored.
+    Nothing is merged, reordered or dropped; normals, texture coordinates, colours and materials
+    are ignored. Faces with more than three corners become triangles by the order of their
+    corners alone, (1, 2, 3), (1, 3, 4), …, so that registered meshes stay registered.
 
     Parameters
     ----------
@@ -52,8 +53,9 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
     FileError
         If the file is missing, is a folder or cannot be read.
     FileFormatError
-        If the ending names no known format, the file is damaged or holds no faces, a face is not
-        a triangle or refers to a vertex that does not exist, or a position is not finite.
+        If the ending names no known format, the file is damaged or holds no faces, a face has
+        fewer than three corners or refers to a vertex that does not exist, or a position is not
+        finite.
 
     Examples
     --------
@@ -224,8 +226,7 @@ def _triangles(positions: array[float], corners: array[int], lengths: array[int]
         raise FileFormatError(
             f"{len(vertices)} vertices and {len(lengths)} faces found; both needed"
         )
-    refuse_polygons(np.array(lengths))
-    return vertices, np.array(corners).reshape(-1, 3)
+    return vertices, split_polygons(np.array(corners), np.array(lengths))
 
 
 def _shown(words: list[bytes]) -> str:

@@ -1,15 +1,11 @@
 """Meshes of other libraries, from and to arrays: trimesh, PyVista and meshio.
 
-Vertices keep their order. A polygon with more than three corners is split into triangles by the
-order of its corners alone, (1, 2, 3), (1, 3, 4), …, so that surfaces that share their polygons
-share their triangles.
+Vertices keep their order, and polygons are split into triangles as in mesh files.
 """
 
 from __future__ import annotations
 
-import itertools
 import os
-from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,39 +15,9 @@ from numpy.typing import ArrayLike
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.file_content import brief, file_path
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.mesh_arrays import mesh_arrays, split_polygons
 
 _SURFACE_CELLS = ("triangle", "quad", "polygon")
-
-
-def split_polygons(polygons: Iterable[Sequence[int] | ndarray]) -> ndarray:
-    """Return the triangles of polygons, each split from its first corner.
-
-    Parameters
-    ----------
-    polygons : iterable of sequence of int
-        Vertex indices of each polygon, at least three.
-
-    Returns
-    -------
-    array of int, shape (F, 3)
-
-    Raises
-    ------
-    ArgumentError
-        If a polygon has fewer than three corners.
-    """
-    triangles: list[tuple[int, int, int]] = []
-    for number, corners in enumerate(polygons):
-        if len(corners) < 3:
-            raise ArgumentError(
-                f"a face must have at least 3 corners; face {number} has {len(corners)}"
-            )
-        triangles += [
-            (int(corners[0]), int(second), int(third))
-            for second, third in itertools.pairwise(corners[1:])
-        ]
-    return np.array(triangles, dtype=np.int64).reshape(-1, 3)
 
 
 def arrays_of_mesh(mesh: Any) -> tuple[ndarray, ndarray]:
@@ -162,11 +128,13 @@ def load_with_meshio(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
     file = file_path(path)
     try:
         mesh = meshio.read(file)
-        blocks = [
-            block.data for block in mesh.cells if block.type in ("triangle", "quad", "polygon")
+        polygons = [
+            np.asarray(polygon)
+            for cells in mesh.cells
+            if cells.type in ("triangle", "quad", "polygon")
+            for polygon in cells.data
         ]
-        faces = split_polygons(polygon for block in blocks for polygon in block)
-        return mesh_arrays(mesh.points, faces)
+        return mesh_arrays(mesh.points, _triangles(polygons))
     except (Exception, SystemExit) as error:  # meshio ends the program on some errors
         raise FileFormatError(f"{file} cannot be read by meshio: {brief(error)}") from error
 
@@ -180,4 +148,9 @@ def _counted(faces: ndarray) -> ndarray:
             raise ArgumentError(f"faces[{place}] = {count} corners are more than there are")
         polygons.append(faces[place + 1 : place + 1 + count])
         place += 1 + count
-    return split_polygons(polygons)
+    return _triangles(polygons)
+
+
+def _triangles(polygons: list[ndarray]) -> ndarray:
+    lengths = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
+    return split_polygons(np.concatenate([np.zeros(0, np.int64), *polygons]), lengths)

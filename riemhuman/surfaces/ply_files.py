@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.errors import FileFormatError
-from riemhuman.surfaces.mesh_arrays import refuse_polygons
+from riemhuman.surfaces.mesh_arrays import split_polygons
 
 # The types of the format, their later names, and those that writers have added.
 _TYPES = {
@@ -90,7 +90,7 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     ------
     FileFormatError
         If the file is damaged, holds no vertices, no faces or more than it declares, a property
-        that is needed is missing or there twice, or a face is not a triangle.
+        that is needed is missing or there twice, or a face has fewer than three corners.
     """
     order, elements, body = _header(content)
     declared = {element.name: element.n_rows for element in elements}
@@ -107,8 +107,7 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     tables = dict(zip(declared, read, strict=True))
     vertices = np.stack([tables["vertex"][axis].values for axis in "xyz"], axis=1)
     corners = tables["face"][wanted["face"][0]]
-    refuse_polygons(corners.lengths)
-    return vertices, corners.values.reshape(-1, 3)
+    return vertices, split_polygons(corners.values, corners.lengths)
 
 
 def _header(content: bytes) -> tuple[str, list[_Element], bytes]:

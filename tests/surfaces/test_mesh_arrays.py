@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError
-from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays
+from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, split_polygons
 
 
 def test_flat_and_folded_triangles_are_a_mesh():
@@ -38,3 +38,14 @@ FACES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]])
 def test_where_triangulations_differ(found, difference):
     assert face_difference(FACES, FACES.copy()) is None
     assert face_difference(found, FACES).startswith(difference)
+
+
+def test_polygons_are_split_by_the_order_of_their_corners():
+    corners = np.array([4, 5, 6, 7, 2, 1, 0, 0, 1, 2, 3, 4])
+    assert split_polygons(corners, np.array([4, 3, 5])).tolist() == [
+        [4, 5, 6], [4, 6, 7], [2, 1, 0], [0, 1, 2], [0, 2, 3], [0, 3, 4],
+    ]  # fmt: skip
+    assert split_polygons(corners[:0], corners[:0]).shape == (0, 3)
+    for few in ([3, 2, 7], [3, 0, 9]):
+        with pytest.raises(ArgumentError, match=f"1 of 3 have fewer, .*index 1 with {few[1]}"):
+            split_polygons(corners, np.array(few))

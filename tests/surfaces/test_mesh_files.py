@@ -298,19 +298,27 @@ def test_obj_and_off_without_faces_are_refused(mesh, tmp_path):
 
 @pytest.mark.parametrize("encoding", BYTE_ORDERS)
 @pytest.mark.parametrize("all_faces", [True, False])
-def test_ply_with_polygons_is_refused(mesh, tmp_path, encoding, all_faces):
+def test_polygons_of_ply_are_split_by_the_order_of_their_corners(
+    mesh, tmp_path, encoding, all_faces
+):
     faces = [[*face, face[0]] if all_faces or i == 7 else face for i, face in enumerate(mesh[1])]
-    file = write(tmp_path, "body.ply", ply(mesh[0], faces, encoding))
-    assert_refused(file, "" if encoding != "ascii" and not all_faces else "triangulate")
+    _, found = load_mesh(write(tmp_path, "body.ply", ply(mesh[0], faces, encoding)))
+    expected = []
+    for face in faces:
+        expected += [face[:3]] if len(face) == 3 else [face[:3], [face[0], face[2], face[3]]]
+    np.testing.assert_array_equal(found, expected)
 
 
-def test_obj_and_off_with_polygons_are_refused_by_index(tmp_path):
+def test_polygons_of_obj_and_off_are_split_by_the_order_of_their_corners(tmp_path):
     corners = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
     text = "v " + corners.replace("\n", "\nv ")[:-2] + "f 1 2 3\nf 1 2 3 4\n"
-    message = "1 of 2 faces are not triangles, the first at index 1 with 4 corners"
-    assert_refused(write(tmp_path, "body.obj", text.encode()), message)
-    text = f"OFF 4 2 0\n{corners}3 0 1 2\n4 0 1 2 3\n"
-    assert_refused(write(tmp_path, "body.off", text.encode()), message)
+    for name, content in (("a.obj", text), ("b.off", f"OFF 4 2 0\n{corners}3 0 1 2\n4 0 1 2 3\n")):
+        _, faces = load_mesh(write(tmp_path, name, content.encode()))
+        assert faces.tolist() == [[0, 1, 2], [0, 1, 2], [0, 2, 3]]
+    message = "1 of 2 have fewer, the first at index 1 with 2"
+    assert_refused(write(tmp_path, "c.obj", text[:-5].encode()), message)
+    text = f"OFF 4 2 0\n{corners}3 0 1 2\n2 0 1\n"
+    assert_refused(write(tmp_path, "d.off", text.encode()), message)
 
 
 @pytest.mark.parametrize("encoding", BYTE_ORDERS)

@@ -13,7 +13,7 @@ from cases import sphere_template
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, MissingDependencyError
 from riemhuman.surfaces import Template, load_with_meshio
-from riemhuman.surfaces.mesh_objects import arrays_of_mesh, split_polygons
+from riemhuman.surfaces.mesh_objects import arrays_of_mesh
 
 
 def test_template_from_trimesh_and_back():
@@ -31,16 +31,6 @@ def test_coincident_vertices_stay_apart():
     mesh = Template(vertices, faces).to_trimesh()
     np.testing.assert_array_equal(mesh.vertices, vertices)
     np.testing.assert_array_equal(mesh.faces, faces)
-
-
-def test_polygons_are_split_by_the_order_of_their_corners():
-    triangles = split_polygons([[4, 5, 6, 7], (2, 1, 0), np.array([0, 1, 2, 3, 4])])
-    assert triangles.tolist() == [
-        [4, 5, 6], [4, 6, 7], [2, 1, 0], [0, 1, 2], [0, 2, 3], [0, 3, 4],
-    ]  # fmt: skip
-    assert split_polygons([]).shape == (0, 3)
-    with pytest.raises(ArgumentError, match="face 1 has 2"):
-        split_polygons([[0, 1, 2], [0, 1]])
 
 
 def test_faces_behind_their_numbers_of_corners():

@@ -48,9 +48,17 @@ def judge_ply(file):
         expect(stream.read() == b"", "more bytes")
     names = [each.name for each in found["face"].properties]
     corners = found["face"]["vertex_indices" if "vertex_indices" in names else "vertex_index"]
-    for each in corners:
-        expect(len(each) == 3, "not a triangle")
-    return mesh(np.stack([found["vertex"][axis] for axis in "xyz"], axis=1), np.stack(corners))
+    return mesh(np.stack([found["vertex"][axis] for axis in "xyz"], axis=1), fans(corners))
+
+
+def fans(polygons):
+    """Return the triangles of polygons around their first corners."""
+    expect(all(len(corners) >= 3 for corners in polygons), "fewer than three corners")
+    return [
+        [corners[0], corners[k], corners[k + 1]]
+        for corners in polygons
+        for k in range(1, len(corners) - 1)
+    ]
 
 
 def _ascii_lines(file):
@@ -77,9 +85,9 @@ def judge_obj(file):
             vertices.append(position(words[1:]))
         elif words[:1] == ["f"]:
             numbers = [whole(re.split("/", word)[0]) for word in words[1:]]
-            expect(0 not in numbers and len(numbers) == 3, "not a triangle")
+            expect(0 not in numbers, "no vertex 0")
             faces.append([k - 1 if k > 0 else len(vertices) + k for k in numbers])
-    return mesh(vertices, faces)
+    return mesh(vertices, fans(faces))
 
 
 def judge_off(file):
@@ -94,9 +102,11 @@ def judge_off(file):
     vertices = [position(row) for row in rows[: counts[0]]]
     faces = rows[counts[0] :]
     for row in faces:
-        expect(whole(row[0]) == 3 and len(row) >= 4, "not a triangle")
-        _ = [real_or_none(word) for word in row[4:]]
-    return mesh(vertices, [[whole(word) for word in row[1:4]] for row in faces])
+        expect(0 <= whole(row[0]) < len(row), "short face")
+        _ = [real_or_none(word) for word in row[1 + whole(row[0]) :]]
+    return mesh(
+        vertices, fans([[whole(word) for word in row[1 : 1 + int(row[0])]] for row in faces])
+    )
 
 
 def read_vectors(file):

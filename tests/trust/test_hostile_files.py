@@ -75,8 +75,8 @@ def test_pipes_and_devices_are_not_waited_for(valid, put):
     target = folder / reader.targets[0]
     target.unlink()
     put(target)
-    if reader.read is read_store:
-        reader.read(folder)
+    if reader.read is read_store and not target.is_symlink():
+        reader.read(folder)  # what is no step is computed again, but through no link
         return
     with pytest.raises(RiemhumanError):
         reader.read(folder)
