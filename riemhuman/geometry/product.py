@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.bulk import Bulk, SumOfFactors
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.linear import entry
 from riemhuman.protocols import GeodesicSolver
 
 
@@ -108,7 +109,7 @@ class ProductManifold(Manifold):
         """
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0
-        flat = point[..., start : self._ends[index]]
+        flat = entry(point, slice(start, self._ends[index]))
         return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:

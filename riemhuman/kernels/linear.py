@@ -1,4 +1,4 @@
-"""Sparse linear operators on the vertex axis, and differentials, as autograd knows them."""
+"""Sparse operators, entries of the last axes, and differentials, as autograd knows them."""
 
 from __future__ import annotations
 
@@ -48,6 +48,67 @@ defjvp(
     apply_operator,
     lambda tangent, answer, operator, values: apply_operator(operator, tangent),
     argnums=(1,),
+)
+
+
+@primitive
+def entry(values: ndarray, *index: int | slice) -> ndarray:
+    """Return ``values[..., *index]``.
+
+    Registered as an autograd primitive, because autograd adds the transpose of any indexing up
+    entry by entry, as it must where an index occurs twice.
+
+    Parameters
+    ----------
+    values : array, shape (..., m, n)
+        Values.
+    *index : int or slice
+        One for each of the last axes.
+
+    Returns
+    -------
+    array, shape (...)
+    """
+    return values[(..., *index)]
+
+
+@primitive
+def entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) -> ndarray:
+    """Return zeros but for one entry of the last axes, the transpose of `entry`.
+
+    Parameters
+    ----------
+    values : array, shape (...)
+        The entry.
+    shape : tuple of int
+        Shape (..., m, n) of what is returned.
+    *index : int or slice
+        One for each of the last axes.
+
+    Returns
+    -------
+    array, shape (..., m, n)
+    """
+    zeros = np.zeros(shape)
+    zeros[(..., *index)] = values
+    return zeros
+
+
+defvjp(
+    entry,
+    lambda answer, values, *index: lambda upstream: entry_alone(upstream, values.shape, *index),
+    argnums=(0,),
+)
+defjvp(entry, lambda tangent, answer, values, *index: entry(tangent, *index), argnums=(0,))
+defvjp(
+    entry_alone,
+    lambda answer, values, shape, *index: lambda upstream: entry(upstream, *index),
+    argnums=(0,),
+)
+defjvp(
+    entry_alone,
+    lambda tangent, answer, values, shape, *index: entry_alone(tangent, shape, *index),
+    argnums=(0,),
 )
 
 

@@ -17,7 +17,7 @@ import autograd.numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from riemhuman.kernels.linear import apply_operator
+from riemhuman.kernels.linear import apply_operator, entry
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
@@ -138,7 +138,8 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
     """
     derivatives = apply_operator(operator, points)
     n_faces = operator.shape[0] // 2
-    return derivatives[..., :n_faces, :], derivatives[..., n_faces:, :]
+    of_u, of_v, axes = slice(n_faces), slice(n_faces, None), slice(None)
+    return entry(derivatives, of_u, axes), entry(derivatives, of_v, axes)
 
 
 def dot(a: ndarray, b: ndarray) -> ndarray:
@@ -168,8 +169,8 @@ def cross(a: ndarray, b: ndarray) -> ndarray:
     -------
     array, shape (..., 3)
     """
-    ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
-    bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
+    ax, ay, az = (entry(a, i) for i in range(3))
+    bx, by, bz = (entry(b, i) for i in range(3))
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 

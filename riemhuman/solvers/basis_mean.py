@@ -146,10 +146,14 @@ class BasisMean:
             return dispersion.metric.check_points(point[None])[0]
         if self.start == "first":
             return points[0]
-        candidates = list(points) if self.start in ("medoid", "lowest") else []
+        candidates = []
+        if self.start in ("medoid", "lowest"):
+            candidates.append(points[dispersion.medoid()])
         if self.start in ("euclidean", "lowest"):
             average = np.tensordot(dispersion.weights, points, axes=1)
             candidates.append(space.projection(average))
+        if len(candidates) == 1:
+            return candidates[0]
         return min(candidates, key=dispersion.value)
 
     def _directions(self, dispersion: Dispersion, origin: ndarray) -> ndarray:

@@ -63,6 +63,16 @@ class Dispersion:
         """
         return float(self.weights @ self.squared_dists(point))
 
+    def medoid(self) -> int:
+        """Return which of the points has the least V.
+
+        Returns
+        -------
+        int
+        """
+        distances = self.metric.dist_pairwise(self.points, precision="double")
+        return int(np.argmin(distances**2 @ self.weights))
+
     def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
         r"""Return V(x) and its gradient, from the energy of paths of one segment.
 

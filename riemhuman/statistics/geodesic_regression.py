@@ -92,7 +92,7 @@ class GeodesicRegression(Estimator):
         mean: Any = None,
         image: str = "auto",
         nearest: NearestSurface | None = None,
-        tolerance: float = 1e-10,
+        tolerance: float = 1e-8,
         max_iter: int = 200,
     ) -> None:
         self.space = space

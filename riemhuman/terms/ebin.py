@@ -25,6 +25,7 @@ from numpy.polynomial import Chebyshev, Polynomial
 
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compiled import FUSED, SUM, compiled, evaluate, polynomial, split
+from riemhuman.kernels.linear import entry
 from riemhuman.kernels.scalars import (
     inverse_hyperbolic_sine_cardinal,
     product_minus_square,
@@ -223,7 +224,7 @@ def determinants(g: ndarray) -> ndarray:
     -------
     array, shape (...)
     """
-    return product_minus_square(g[..., 0, 0], g[..., 1, 1], g[..., 0, 1])
+    return product_minus_square(entry(g, 0, 0), entry(g, 1, 1), entry(g, 0, 1))
 
 
 def is_degenerate(g: ndarray) -> ndarray:
@@ -238,7 +239,12 @@ def is_degenerate(g: ndarray) -> ndarray:
     -------
     array of bool, shape (...)
     """
-    return determinants(g) <= DEGENERATE * g[..., 0, 0] * g[..., 1, 1]
+    return _is_small(determinants(g), g)
+
+
+def _is_small(determinant: ndarray, g: ndarray) -> ndarray:
+    """Return whether det g is rounding error alone."""
+    return determinant <= DEGENERATE * entry(g, 0, 0) * entry(g, 1, 1)
 
 
 def has_lost_its_shape(g: ndarray) -> ndarray:
@@ -254,7 +260,7 @@ def has_lost_its_shape(g: ndarray) -> ndarray:
     array of bool, shape (...)
     """
     # Written so that infinite entries, whose determinants are NaN, are told too.
-    return ~(determinants(g) > _FEW_DIGITS * g[..., 0, 0] * g[..., 1, 1])
+    return ~(determinants(g) > _FEW_DIGITS * entry(g, 0, 0) * entry(g, 1, 1))
 
 
 def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
@@ -271,9 +277,12 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     -------
     x, y, s : array, shape (...)
     """
-    determinant, degenerate = determinants(g), is_degenerate(g)
+    determinant = determinants(g)
+    degenerate = _is_small(determinant, g)
     areas = np.sqrt(np.where(degenerate, 1.0, determinant))
-    return _coordinates(np.where(degenerate, 1.0, g[..., 0, 0]), g[..., 0, 1], areas, degenerate)
+    return _coordinates(
+        np.where(degenerate, 1.0, entry(g, 0, 0)), entry(g, 0, 1), areas, degenerate
+    )
 
 
 def _coordinates(

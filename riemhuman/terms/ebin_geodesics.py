@@ -5,6 +5,7 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
+from riemhuman.kernels.linear import entry
 from riemhuman.kernels.scalars import (
     hyperbolic_sine_cardinal,
     inverse_hyperbolic_sine_cardinal,
@@ -61,8 +62,8 @@ def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
     """Return the sum of the sizes of all terms of the whitened δg, a scale for its rounding."""
     x, y, _ = coordinates(g)
     skew = np.abs(x) / y
-    e, m, last = (np.abs(delta_g[..., i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
-    return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / g[..., 0, 0]
+    e, m, last = (np.abs(entry(delta_g, i, j)) for i, j in ((0, 0), (0, 1), (1, 1)))
+    return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / entry(g, 0, 0)
 
 
 def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:

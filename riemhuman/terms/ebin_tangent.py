@@ -5,6 +5,7 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
+from riemhuman.kernels.linear import entry
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import symmetric_matrices
 from riemhuman.terms.ebin import coordinates, determinants
@@ -22,7 +23,7 @@ def trace(matrices: ndarray) -> ndarray:
     -------
     array, shape (...)
     """
-    return matrices[..., 0, 0] + matrices[..., 1, 1]
+    return entry(matrices, 0, 0) + entry(matrices, 1, 1)
 
 
 def traceless(matrices: ndarray) -> ndarray:
@@ -37,8 +38,8 @@ def traceless(matrices: ndarray) -> ndarray:
     -------
     array, shape (..., 2, 2)
     """
-    half = 0.5 * (matrices[..., 0, 0] - matrices[..., 1, 1])
-    return symmetric_matrices(half, matrices[..., 0, 1], -half)
+    half = 0.5 * (entry(matrices, 0, 0) - entry(matrices, 1, 1))
+    return symmetric_matrices(half, entry(matrices, 0, 1), -half)
 
 
 def symmetric_part(matrices: ndarray) -> ndarray:
@@ -68,7 +69,7 @@ def size(v: ndarray) -> ndarray:
     -------
     array, shape (...)
     """
-    return square_root(v[..., 0, 0] ** 2 + v[..., 0, 1] ** 2)
+    return square_root(entry(v, 0, 0) ** 2 + entry(v, 0, 1) ** 2)
 
 
 def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
@@ -114,11 +115,11 @@ def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
     """
     # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
     x, y, _ = coordinates(g)
-    e = delta_g[..., 0, 0] + np.zeros_like(x)
-    m = 0.5 * (delta_g[..., 0, 1] + delta_g[..., 1, 0])
+    e = entry(delta_g, 0, 0) + np.zeros_like(x)
+    m = 0.5 * (entry(delta_g, 0, 1) + entry(delta_g, 1, 0))
     mixed = (m - x * e) / y
-    last = ((delta_g[..., 1, 1] - x * m) / y - x * mixed) / y
-    return symmetric_matrices(e, mixed, last) / g[..., :1, :1]
+    last = ((entry(delta_g, 1, 1) - x * m) / y - x * mixed) / y
+    return symmetric_matrices(e, mixed, last) / entry(g, slice(1), slice(1))
 
 
 def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
@@ -136,7 +137,9 @@ def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
     array, shape (..., 2, 2)
     """
     x, y, _ = coordinates(g)
-    e = matrices[..., 0, 0] + np.zeros_like(x)
-    m, last = matrices[..., 0, 1], matrices[..., 1, 1]
+    e = entry(matrices, 0, 0) + np.zeros_like(x)
+    m, last = entry(matrices, 0, 1), entry(matrices, 1, 1)
     mixed = x * e + y * m
-    return g[..., :1, :1] * symmetric_matrices(e, mixed, x * mixed + y * (x * m + y * last))
+    return entry(g, slice(1), slice(1)) * symmetric_matrices(
+        e, mixed, x * mixed + y * (x * m + y * last)
+    )

@@ -10,6 +10,7 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
+from riemhuman.kernels.linear import entry
 from riemhuman.kernels.surface import symmetric_matrices
 from riemhuman.terms.ebin import angle_per_distance
 from riemhuman.terms.ebin_geodesics import angle_per_unit, traceless_exp
@@ -59,10 +60,10 @@ def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> 
     # Without shear any direction will do.
     turning = length > 0
     safe = np.where(turning, length, 1.0)
-    a = np.where(turning, shear[..., 0, 0] / safe, 1.0)
-    b = np.where(turning, shear[..., 0, 1] / safe, 0.0)
+    a = np.where(turning, entry(shear, 0, 0) / safe, 1.0)
+    b = np.where(turning, entry(shear, 0, 1) / safe, 0.0)
     omega = 0.5 * trace(vector)
-    difference, mixed = 0.5 * (vector[..., 0, 0] - vector[..., 1, 1]), vector[..., 0, 1]
+    difference, mixed = 0.5 * (entry(vector, 0, 0) - entry(vector, 1, 1)), entry(vector, 0, 1)
     xi, eta = difference * a + mixed * b, mixed * a - difference * b
 
     kappa = np.sqrt(2.0 * lam)

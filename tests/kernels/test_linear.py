@@ -8,7 +8,7 @@ from cases import surfaces
 from scipy.sparse import csr_array, csr_matrix
 from scipy.sparse import random as random_matrix
 
-from riemhuman.kernels.linear import apply_operator, differential
+from riemhuman.kernels.linear import apply_operator, differential, entry
 
 
 def an_operator(kind=csr_array):
@@ -71,3 +71,26 @@ def test_surfaces_of_the_registry_are_seeded():
 
     first, again = (surfaces(sphere_template(), 2, rng=1) for _ in range(2))
     np.testing.assert_array_equal(first, again)
+
+
+@pytest.mark.parametrize("index", [(0, 1), (slice(1), slice(1)), (slice(1, None), 0)])
+def test_entries_and_their_derivatives_are_those_of_indexing(index):
+    rng = np.random.default_rng(4)
+    values, tangent = rng.normal(size=(2, 5, 2, 2))
+
+    def by_entry(x):
+        return anp.sum(anp.sin(entry(x, *index)) ** 2)
+
+    def by_index(x):
+        return anp.sum(anp.sin(x[(..., *index)]) ** 2)
+
+    np.testing.assert_array_equal(entry(values, *index), values[(..., *index)])
+    for derivative in (grad, lambda f: grad(lambda x: anp.sum(tangent * grad(f)(x)))):
+        np.testing.assert_allclose(
+            derivative(by_entry)(values), derivative(by_index)(values), rtol=1e-13
+        )
+    assert make_jvp(by_entry)(values)(tangent)[1] == pytest.approx(
+        make_jvp(by_index)(values)(tangent)[1], rel=1e-13
+    )
+    along = make_jvp(grad(by_entry))(values)(tangent)[1]
+    np.testing.assert_allclose(along, make_jvp(grad(by_index))(values)(tangent)[1], rtol=1e-13)
