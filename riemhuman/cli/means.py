@@ -18,7 +18,6 @@ from riemhuman.cli.metrics import (
 from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
-from riemhuman.protocols import uninterrupted
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -55,6 +54,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _mean(options: argparse.Namespace) -> None:
+    from riemhuman.protocols import uninterrupted
     from riemhuman.solvers import BasisMean
     from riemhuman.surfaces.mesh_files import save_mesh
 

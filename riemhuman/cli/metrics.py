@@ -138,7 +138,8 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
     from riemhuman.geometry.srnf import SRNFMetric
 
     check_metric_options(options)
-    space = AlignedSurfaces(template, equip=False)
+    # Whoever read the surfaces has seen to it that they share a unit.
+    space = AlignedSurfaces(template, equip=False, scale=None)
     if options.extension:
         return extension("metrics", options.extension)(space)
     if options.metric == "srnf":

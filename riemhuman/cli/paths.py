@@ -29,7 +29,6 @@ from riemhuman.cli.terminal import (
     say_json,
 )
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
-from riemhuman.protocols import uninterrupted
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -82,6 +81,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _geodesic(options: argparse.Namespace) -> None:
+    from riemhuman.protocols import uninterrupted
     from riemhuman.solvers import BasisPath
 
     check_metric_options(options)

@@ -11,7 +11,6 @@ from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surf
 from riemhuman.cli.outputs import check_file, check_folder, whole_folder
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
-from riemhuman.protocols import uninterrupted
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -118,7 +117,7 @@ def _transfer(options: argparse.Namespace) -> None:
     reporter = Reporter(options.quiet)
     files = meshes_named(options.motion)
     surfaces = surfaces_in([*files, options.onto], options)
-    space = AlignedSurfaces(surfaces.template, equip=False)
+    space = AlignedSurfaces(surfaces.template, equip=False, scale=None)
     with reporter.task(f"Transfer of {len(files)} meshes"):
         frames = (surfaces[k] for k in range(len(files)))
         solver = MotionTransfer(options.axes, options.transfer)
@@ -157,6 +156,7 @@ def _is_ours(name: str) -> bool:
 def _disentangle(options: argparse.Namespace) -> None:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.protocols import uninterrupted
     from riemhuman.solvers import Disentangling
     from riemhuman.surfaces.deformation_basis import DeformationBasis
     from riemhuman.surfaces.mesh_files import save_mesh
@@ -164,7 +164,7 @@ def _disentangle(options: argparse.Namespace) -> None:
     check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
     reporter = Reporter(options.quiet)
     surfaces = surfaces_in([options.shape, options.pose], options)
-    space = AlignedSurfaces(surfaces.template, equip=False)
+    space = AlignedSurfaces(surfaces.template, equip=False, scale=None)
     basis = DeformationBasis.load(options.basis) if options.basis else None
     solver = Disentangling(basis, pose_weight=options.pose_weight, progress=reporter.bars)
     with reporter.task("Disentangling"):

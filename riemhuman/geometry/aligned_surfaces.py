@@ -361,7 +361,7 @@ class AlignedSurfaces(Manifold):
         DegenerateSurfaceError
             If a triangle has no area, so that g is not invertible there and has no normal.
         """
-        f = self.check_point(f, name)
+        f = self.check_tangent_vec(f, name)
         self.refuse_degenerate(self._is_degenerate(*self.partial_derivatives(f)), name)
         return f
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, whole_number
+from riemhuman.checks import check_shape, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.progress import ProgressBar
 
@@ -238,6 +238,8 @@ class _PointSet:
         self.metric, self.name, self.precision = metric, name, precision
         if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
             points = metric.check_points(points, name)
+        if isinstance(points, np.ndarray):
+            check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
         self.points = points
 
     def __len__(self) -> int:

@@ -245,7 +245,9 @@ class SurfaceMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
-        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
+        surfaces = self.space.check_tangent_vec(base_point, "base_point").reshape(
+            -1, *self.space.shape
+        )
         template = self.space.template
         blocks = np.zeros((template.n_faces, 9, 9))
         for f in surfaces:
@@ -268,7 +270,7 @@ class SurfaceMetric(RiemannianMetric):
         array, shape (..., V, 3)
         """
         vectors = self.space.check_tangent_vec(tangent_vec)
-        surfaces = self.space.check_point(base_point, "base_point")
+        surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.ndim == 2:
             columns = vectors.reshape(-1, self.space.dim).T
             return (self.metric_matrix(surfaces) @ columns).T.reshape(vectors.shape)
@@ -380,7 +382,7 @@ class SurfaceMetric(RiemannianMetric):
 
     def _immersed(self, base_point: Any, name: str) -> Derivatives:
         """Return the first derivatives of surfaces all of whose triangles have an area."""
-        base_point = self.space.check_point(base_point, name)
+        base_point = self.space.check_tangent_vec(base_point, name)
         first = derivatives(base_point, self.space.template.differential_operator)
         self.space.refuse_degenerate(first.degenerate, name)
         return first

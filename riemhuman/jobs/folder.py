@@ -325,7 +325,9 @@ class JobFolder:
         file = self.path / name
         try:
             with self._opened(name, os.O_RDWR if mode == "r+" else os.O_RDONLY) as stream:
-                return map_array(stream, mode)
+                table = map_array(stream, mode)
+            table.filename = str(file)
+            return table
         except FileFormatError as error:
             raise FileFormatError(f"{file} is not a table of a job: {error}") from error
         except FileError:

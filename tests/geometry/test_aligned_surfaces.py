@@ -446,7 +446,6 @@ def test_surfaces_in_another_unit_are_refused_wherever_they_meet():
             lambda metric=metric: metric.dist_pairwise([metres, millimetres]),
             lambda metric=metric: metric.cdist([metres], [millimetres]),
             lambda metric=metric: LinearPath().solve(metric, metres, millimetres),
-            lambda metric=metric: metric.inner_product(metres, metres, millimetres),
         ):
             with pytest.raises(ArgumentError, match=message):
                 call()
