@@ -11,9 +11,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from lengths import FULL
 
 TESTS = Path(__file__).parents[1]
-CASES_A_READER = 300
+CASES_A_READER = 300 if FULL else 60
 GROUPS = {
     "meshes": ["ply text", "ply little", "ply big", "obj", "off"],
     "archives": ["arrays", "basis", "latent npz", "latent npy", "latent csv"],
