@@ -253,7 +253,8 @@ class SurfaceMetric(RiemannianMetric):
         for f in surfaces:
             first = self._immersed(f, "base_point")
             driver.add_blocks(self.terms, template, f, first, blocks)
-        return template.assembler.assemble(blocks / len(surfaces))
+        blocks /= len(surfaces)
+        return template.assembler.assemble(blocks)
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Lower the index of tangent vectors.

@@ -47,7 +47,8 @@ def njit(**options: Any) -> Callable[[Function], Any]:
     """
 
     def decorate(function: Function) -> Any:
-        compiled = numba.njit(**options)(function)
+        # Without it, every division would look whether to raise.
+        compiled = numba.njit(error_model="numpy", **options)(function)
         if compiled is not function:  # numba may be switched off
             try:
                 compiled._cache = _Cache(function, _stamp(function.__globals__))

@@ -13,7 +13,7 @@ import math
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compiled import FUSED, compiled
 from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.kernels.threads import in_chunks
 
@@ -24,7 +24,7 @@ LENGTH = 12
 _WORTH_THREADS = 5_000
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def derivatives(f: ndarray, i: int, face: ndarray, frame: ndarray, both: ndarray) -> None:
     """Fill f_u, then f_v, of one triangle.
 
@@ -48,7 +48,7 @@ def derivatives(f: ndarray, i: int, face: ndarray, frame: ndarray, both: ndarray
         both[3 + k] = (f[three, i, k] - f[one, i, k]) * frame[1] - edge * frame[2]
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def first_forms(
     u0: float, u1: float, u2: float, v0: float, v1: float, v2: float
 ) -> tuple[float, float, float, float, float, float]:
@@ -71,7 +71,7 @@ def first_forms(
     return e, u0 * v0 + u1 * v1 + u2 * v2, n0, n1, n2, area
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def triangle(
     f: ndarray, faces: ndarray, frames: ndarray, t: int
 ) -> tuple[float, float, float, float, float, float]:
@@ -144,16 +144,27 @@ def fill_records(
         Filled.
     """
     for t in range(first, last):
+        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
         for i in range(f.shape[1]):
             r = records[t - first, i]
-            derivatives(f, i, faces[t], frames[t], r)
-            e, m, n0, n1, n2, area = first_forms(r[0], r[1], r[2], r[3], r[4], r[5])
+            x, y, z = (
+                f[two, i, 0] - f[one, i, 0],
+                f[two, i, 1] - f[one, i, 1],
+                f[two, i, 2] - f[one, i, 2],
+            )
+            u0, u1, u2 = x * scale_u, y * scale_u, z * scale_u
+            v0 = (f[three, i, 0] - f[one, i, 0]) * scale_v - x * skew
+            v1 = (f[three, i, 1] - f[one, i, 1]) * scale_v - y * skew
+            v2 = (f[three, i, 2] - f[one, i, 2]) * scale_v - z * skew
+            e, m, n0, n1, n2, area = first_forms(u0, u1, u2, v0, v1, v2)
             scale = 1.0 / area if area > 0.0 else 0.0
+            r[0], r[1], r[2], r[3], r[4], r[5] = u0, u1, u2, v0, v1, v2
             r[6], r[7], r[8], r[9] = n0 * scale, n1 * scale, n2 * scale, area
             r[10], r[11] = e, m
 
 
-@compiled
+@compiled(fastmath=FUSED)
 def add_gradient(
     records: ndarray,
     slopes: ndarray,
@@ -187,11 +198,12 @@ def add_gradient(
             if area == 0.0:
                 continue
             # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
+            scale = 1.0 / area
             radial = r[6] * slope[6] + r[7] * slope[7] + r[8] * slope[8]
-            along = slope[9] - radial / area
-            n0 = along * r[6] + slope[6] / area
-            n1 = along * r[7] + slope[7] / area
-            n2 = along * r[8] + slope[8] / area
+            along = slope[9] - radial * scale
+            n0 = along * r[6] + slope[6] * scale
+            n1 = along * r[7] + slope[7] * scale
+            n2 = along * r[8] + slope[8] * scale
             # f_v × N' and N' × f_u.
             from_u = (r[4] * n2 - r[5] * n1, r[5] * n0 - r[3] * n2, r[3] * n1 - r[4] * n0)
             from_v = (n1 * r[2] - n2 * r[1], n2 * r[0] - n0 * r[2], n0 * r[1] - n1 * r[0])
@@ -205,7 +217,7 @@ def add_gradient(
                 gradient[one, i, k] -= at_two + at_three
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, float]:
     """Fill e₁ ∥ f_u, e₂, n as rows; return p, q, r with f_u = p e₁, f_v = q e₁ + r e₂.
 

@@ -167,7 +167,7 @@ def _parts(first: surface.Derivatives, h: ndarray, operator: csr_array) -> tuple
     )
 
 
-@compiled(error_model="numpy")
+@compiled
 def _squared_norms(
     vectors: ndarray,
     surfaces: ndarray,

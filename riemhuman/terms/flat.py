@@ -67,8 +67,7 @@ class FlatTerm(Term):
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         # Write the field times √w; return the squared distance to what is written.
-        roots = np.repeat(np.sqrt(areas), fields[0].shape[-1])
-        return _pack(of_one_kind(fields[0]).reshape(-1), roots, kept)
+        return pack_vector(of_one_kind(np.sqrt(areas)[:, None] * fields[0]).reshape(-1), kept)
 
     def squared_distances(
         self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
@@ -98,22 +97,33 @@ def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple
     rounding : array, shape (n,)
         Bound on the distance to the vectors that the features stand for.
     """
-    flat = of_one_kind(vectors.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
+    scaled = np.sqrt(weights)[:, None] * vectors
+    flat = of_one_kind(scaled.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
     features = padded(flat.shape, precision)
-    roots = np.repeat(np.sqrt(weights), vectors.shape[2])
-    gaps = [_pack(vector, roots, kept) for vector, kept in zip(flat, features, strict=True)]
+    gaps = [pack_vector(vector, kept) for vector, kept in zip(flat, features, strict=True)]
     return features, rounding(np.array(gaps), flat.shape[1], precision)
 
 
-@compiled
-def _pack(vector: ndarray, roots: ndarray, kept: ndarray) -> float:
+@compiled(fastmath=SUM)
+def pack_vector(vector: ndarray, kept: ndarray) -> float:
+    """Write a vector; return the squared distance to what is written.
+
+    Parameters
+    ----------
+    vector : array, shape (n,)
+        The vector, see `riemhuman.kernels.tiles.of_one_kind`.
+    kept : array of float32 or float64, shape (at least n,)
+        Features.
+
+    Returns
+    -------
+    float
+        Infinite where single precision has no room for it.
+    """
     gap = 0.0
     for k in range(len(vector)):
-        scaled = roots[k] * vector[k]
-        kept[k] = scaled
-        gap += (scaled - kept[k]) ** 2
-        if not abs(scaled) < LARGEST:
-            gap = math.inf
+        kept[k] = vector[k]
+        gap += (vector[k] - kept[k]) ** 2 if abs(vector[k]) < LARGEST else math.inf
     return gap
 
 

@@ -107,7 +107,7 @@ def matrix(normals: ndarray) -> csr_array:
     return csr_array((blocks.ravel(), columns.ravel(), ends), shape=(normals.size,) * 2)
 
 
-@compiled(error_model="numpy")
+@compiled
 def _add_area_vectors(
     surfaces: ndarray, faces: ndarray, first: int, last: int, sums: ndarray, around: ndarray
 ) -> None:
@@ -124,7 +124,7 @@ def _add_area_vectors(
                     sums[corner, i, d] += entry
 
 
-@compiled(error_model="numpy")
+@compiled
 def _add_slopes(
     surfaces: ndarray,
     sum_slopes: ndarray,

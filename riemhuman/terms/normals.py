@@ -180,7 +180,7 @@ defvjp(
 )
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _squared_arc(p: float, q: float) -> tuple[float, float]:
     """Return θ² and dθ²/dp = θ/sin θ of unit vectors n, m with p = ‖n − m‖² and q = ‖n + m‖²."""
     if p < 0.04:
@@ -198,7 +198,7 @@ def _squared_arc(p: float, q: float) -> tuple[float, float]:
     return theta * theta, (2.0 * theta / (a * b) if b > 0.0 else 0.0)
 
 
-@compiled
+@compiled(fastmath=FUSED)
 def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
     total = 0.0
     for t in range(len(records)):
@@ -228,7 +228,7 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
     return total
 
 
-@compiled(inline="always")
+@compiled(forceinline=True)
 def _keep(n0: float, n1: float, n2: float, kept: ndarray, t: int) -> float:
     """Write a normal; return the squared chord to what is written."""
     kept[0, t], kept[1, t], kept[2, t] = n0, n1, n2

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 
 import autograd.numpy as np
+import numpy as onp
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.surface import Derivatives
+from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.kernels.triangles import triangle
-from riemhuman.terms.flat import FlatTerm
+from riemhuman.terms.flat import FlatTerm, pack_vector
 
 
 class RootNormalTerm(FlatTerm):
@@ -66,9 +68,9 @@ class RootNormalTerm(FlatTerm):
     def pack_surface(
         self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
     ) -> float:
-        field = np.empty((len(faces), 3))
-        _fill(f, faces, frames, field)
-        return self.pack((field,), areas, kept)
+        scaled = np.empty(3 * len(faces))
+        _fill(f, faces, frames, areas, scaled)
+        return pack_vector(of_one_kind(scaled), kept)
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)
@@ -76,28 +78,36 @@ class RootNormalTerm(FlatTerm):
 
 @compiled
 def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
-    total = 0.0
+    n_times, total = records.shape[1], 0.0
+    roots = onp.empty(n_times)
     for t in range(len(records)):
         factor = weight * areas[t]
-        for i in range(records.shape[1] - 1):
+        for i in range(n_times):
+            roots[i] = math.sqrt(records[t, i, 9])
+        for i in range(n_times - 1):
             before, after = records[t, i], records[t, i + 1]
-            s1, s2 = math.sqrt(before[9]), math.sqrt(after[9])
+            s1, s2 = roots[i], roots[i + 1]
+            along1 = along2 = 0.0
             for k in range(6, 9):
                 step = s1 * before[k] - s2 * after[k]
                 total += factor * step * step
                 step *= 2.0 * factor
                 slopes[t, i, k] += step * s1
                 slopes[t, i + 1, k] -= step * s2
-                if s1 > 0.0:
-                    slopes[t, i, 9] += 0.5 * step * before[k] / s1
-                if s2 > 0.0:
-                    slopes[t, i + 1, 9] -= 0.5 * step * after[k] / s2
+                along1 += step * before[k]
+                along2 += step * after[k]
+            if s1 > 0.0:
+                slopes[t, i, 9] += 0.5 * along1 / s1
+            if s2 > 0.0:
+                slopes[t, i + 1, 9] -= 0.5 * along2 / s2
     return total
 
 
 @compiled
-def _fill(f: ndarray, faces: ndarray, frames: ndarray, field: ndarray) -> None:
+def _fill(f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, scaled: ndarray) -> None:
+    """Fill q times √w of one surface."""
     for t in range(len(faces)):
         _, _, n0, n1, n2, area = triangle(f, faces, frames, t)
-        scale = 1.0 / math.sqrt(area) if area > 0.0 else 0.0
-        field[t, 0], field[t, 1], field[t, 2] = n0 * scale, n1 * scale, n2 * scale
+        # q = N/√A of N = f_u × f_v.
+        scale = math.sqrt(areas[t] / area) if area > 0.0 else 0.0
+        scaled[3 * t], scaled[3 * t + 1], scaled[3 * t + 2] = n0 * scale, n1 * scale, n2 * scale

@@ -183,7 +183,7 @@ def _half_cotangents(edges: ndarray, area: float) -> tuple[float, float, float]:
     return factor * xy, factor * (xx - xy), factor * (yy - xy)
 
 
-@compiled(error_model="numpy")
+@compiled
 def _add_laplacians(
     vectors: ndarray,
     surfaces: ndarray,
@@ -216,7 +216,7 @@ def _add_laplacians(
     return total
 
 
-@compiled(error_model="numpy")
+@compiled
 def _add_slopes(
     vectors: ndarray,
     surfaces: ndarray,

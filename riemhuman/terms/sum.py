@@ -191,8 +191,11 @@ def path_energy(terms: Sequence[Term], template: Any, path: ndarray) -> tuple[fl
         return total, gradient
 
     parts = in_chunks(run, len(faces), threaded=len(faces) * n_times > _WORTH_THREADS)
-    gradient = (n_times - 1) * sum(slopes for _, slopes in parts)
     energy = (n_times - 1) * sum(value for value, _ in parts)
+    gradient = parts[0][1]
+    for _, more in parts[1:]:
+        gradient += more
+    gradient *= n_times - 1
     return float(energy), np.ascontiguousarray(np.swapaxes(gradient, 0, 1))
 
 

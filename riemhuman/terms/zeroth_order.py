@@ -101,7 +101,7 @@ class ZerothOrderTerm(QuadraticTerm):
         return sums_in_chunks(run, len(faces), threaded=is_worth_threads(surfaces, faces))
 
 
-@compiled(error_model="numpy")
+@compiled
 def _squared_norms(
     vectors: ndarray,
     surfaces: ndarray,
