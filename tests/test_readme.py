@@ -44,7 +44,9 @@ def test_public_names_exist():
             found = getattr(found, name)
 
 
-@pytest.mark.parametrize(("marker", "job"), [("run", "python -m riemhuman"), ("test", "pytest")])
+@pytest.mark.parametrize(
+    ("marker", "job"), [("run", "python -m riemhuman"), ("test", "pytest -n auto")]
+)
 def test_commands_are_marked(marker, job):
     blocks = re.findall(rf"<!-- {marker}-command -->\n+```bash\n(.*?)\n```\n", TEXT, re.DOTALL)
     assert len(blocks) == 1
