@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PulledBackMetric, uninterrupted
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
@@ -234,7 +234,18 @@ class Fields:
         """
         distances = self._pullback.dist_pairwise(points, precision="double")
         medoid = points[np.argmin(np.sum(distances**2, axis=0))]
-        return uninterrupted(self._nearest.solve(self._pullback, self.embed(points), medoid)).point
+        images = self.embed(points)
+        start = self._near_mean(images, medoid)
+        return uninterrupted(self._nearest.solve(self._pullback, images, start)).point
+
+    def _near_mean(self, images: ndarray, medoid: ndarray) -> ndarray:
+        """Return the surface of a mean of fields, by one target in place of all, or the medoid."""
+        base = self.embed(medoid[np.newaxis])[0]
+        try:
+            middle = self.metric.exp(self.metric.log(images, base).mean(axis=0), base)
+        except OutsideManifoldError:
+            return medoid
+        return self.restore(middle[np.newaxis], medoid)[0]
 
 
 def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> ImageSpace:
