@@ -37,7 +37,8 @@ class BasisMean:
         Deformations D_j; without them, the differences of the points alone.
     start : str
         x₀: "first", the first point as in the paper; "medoid", the best of the points;
-        "euclidean", their arithmetic mean; "lowest", the better of the last two.
+        "euclidean", their arithmetic mean, or the medoid where that is no point of the space;
+        "lowest", the better of the last two.
     with_differences : bool
         Whether the differences of the points from x₀ join the basis. A basis of motions knows how
         one body moves, and not how another is built; the paper's algorithm is without.
@@ -150,8 +151,10 @@ class BasisMean:
         if self.start in ("medoid", "lowest"):
             candidates.append(points[dispersion.medoid()])
         if self.start in ("euclidean", "lowest"):
-            average = np.tensordot(dispersion.weights, points, axes=1)
-            candidates.append(space.projection(average))
+            average = space.projection(np.tensordot(dispersion.weights, points, axes=1))
+            # Bodies that face each other average to a flat one: then the medoid is left.
+            is_sound = np.all(space.belongs(average))
+            candidates = [*candidates, average] if is_sound else [points[dispersion.medoid()]]
         if len(candidates) == 1:
             return candidates[0]
         return min(candidates, key=dispersion.value)

@@ -175,7 +175,9 @@ class BasisPath:
         if self.method != "preconditioned":
             return [straight]
         turned = turned_paths(metric, self.energy, start, end, self.n_nodes)
-        if self.energy.value(metric, straight) <= turned[0][1]:
+        # Half a turn of the body flattens the middle of the straight path, at little cost.
+        is_immersed = np.all(metric.space.belongs(straight[1:-1]))
+        if is_immersed and self.energy.value(metric, straight) <= turned[0][1]:
             return [straight]
         return [path for path, _ in turned]
 

@@ -138,7 +138,8 @@ def turned_paths(
             best, other = sorted([best, candidate(turns)], key=itemgetter(0))
             if space.template.face_areas[part].sum() >= limb:
                 rivals.append(other)
-    return [(path, value) for value, path, _ in (best, *rivals) if value <= _RIVAL * best[0]]
+    rivals = [rival for rival in rivals if rival[0] <= _RIVAL * best[0]]
+    return [(path, value) for value, path, _ in (best, *rivals)]
 
 
 def turned_path(

@@ -4,6 +4,7 @@ import autograd.numpy as anp
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import (
     ArgumentError,
@@ -19,10 +20,11 @@ from riemhuman.solvers import (
     BasisPath,
     FiniteDifferenceEnergy,
     LinearPath,
+    PathStraightening,
     PoissonPath,
     SegmentEnergy,
 )
-from riemhuman.solvers.poisson_path import turned_path
+from riemhuman.solvers.poisson_path import turned_path, turned_paths
 from riemhuman.surfaces import DeformationBasis
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
@@ -403,3 +405,40 @@ def test_refuses_what_does_not_fit(solved):
     collapsed[5] = 0.0
     with pytest.raises(DegenerateSurfaceError, match="triangle 0 of item .5"):
         solver.solve(elastic((1, 1, 1)), start, end, initial_path=collapsed)
+
+
+@pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (1.0, 2.0, 3.0)])
+@pytest.mark.parametrize("weights", WEIGHTS)
+@pytest.mark.parametrize("n_nodes", [3, 6, 7])
+def test_a_body_turned_by_half_a_turn_turns(weights, axis, n_nodes):
+    """The straight path is short, and flat in the middle; no surface lies there."""
+    metric, start = elastic(weights), bodies.body("resting")
+    turn = Rotation.from_rotvec(np.pi * np.array(axis) / np.linalg.norm(axis))
+    end = turn.apply(start)
+    line = LinearPath(n_nodes).solve(elastic((1, 1, 0)), start, end).path
+    assert np.all(metric.space.belongs(line)) == (n_nodes % 2 == 0)
+    turned = PoissonPath(n_nodes).solve(metric, start, end)
+    for solver in (
+        BasisPath(bodies.basis(20), n_nodes, tolerance=1e-2),
+        PathStraightening(n_nodes, tolerance=1e-2),
+    ):
+        result = solver.solve(metric, start, end)
+        assert result.converged
+        assert np.all(metric.space.belongs(result.path))
+        assert metric.squared_dist(start, end) <= result.energy <= turned.energy * (1 + 1e-12)
+
+
+def test_half_a_turn_under_an_energy_that_rounds_below_zero():
+    """Energies of rounding errors have either sign; one path is left at any rate."""
+    start = bodies.body("resting")
+    metric, energy = elastic((1, 1, 0)), RoundedBelow()
+    turned = turned_paths(metric, energy, start, start * [-1.0, 1.0, -1.0], 5)
+    assert turned[0][1] == -1e-18
+
+
+class RoundedBelow:
+    """An energy of nothing but a rounding error."""
+
+    def value(self, metric, path):
+        """Return what rounding may leave of nothing."""
+        return -1e-18

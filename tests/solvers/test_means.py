@@ -628,3 +628,15 @@ def test_means_have_a_solver_that_suits_the_metric():
 def test_without_a_basis_the_differences_are_needed():
     with pytest.raises(ArgumentError, match="with_differences must be True where there is no basi"):
         BasisMean(with_differences=False)
+
+
+@pytest.mark.parametrize("start", ["euclidean", "lowest"])
+@pytest.mark.parametrize("weights", [(1.0, 1.0, 0.1), (0.0, 0.0, 1.0)])
+def test_mean_of_a_body_and_itself_turned_by_half_a_turn(weights, start):
+    """Their average has triangles without area; the search starts at one of the two."""
+    points = np.stack([bodies.body("resting"), bodies.body("resting") * [-1.0, 1.0, -1.0]])
+    metric = ElasticMetric(bodies.space(), *weights)
+    assert not metric.space.belongs(points.mean(axis=0))
+    result = BasisMean(start=start, tolerance=1e-3).solve(metric, points)
+    assert metric.space.belongs(result.point)
+    assert result.variances[-1] <= result.variances[0]
