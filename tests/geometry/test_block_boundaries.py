@@ -103,3 +103,17 @@ def test_more_tiles_than_rows(metric, n_jobs, monkeypatch):
         np.testing.assert_allclose(found, expected, rtol=tolerance)
         between = metric.cdist(points[:70], points[3:], n_jobs, precision=precision)
         np.testing.assert_allclose(between, expected[:70, 3:], rtol=tolerance)
+
+
+@pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
+def test_more_columns_than_a_block(metric):
+    """Rectangles of jobs may be wider than those of tables, with the same bits."""
+    points = surfaces(TEMPLATE, pairwise._BLOCK + 3, rng=4)
+    rows = points[:3]
+    for precision in ("single", "double"):
+        expected = metric.cdist(rows, points, precision=precision)
+        few, all_of_them = (metric.features(some, precision) for some in (rows, points))
+        wide = pairwise.squared_dist_rectangle(metric, few, all_of_them, rows, points, None)
+        np.testing.assert_array_equal(np.sqrt(wide), expected)
+        high = pairwise.squared_dist_rectangle(metric, all_of_them, few, points, rows, None)
+        np.testing.assert_array_equal(np.sqrt(high), expected.T)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.surfaces.array_files import load_array, load_arrays, save_arrays
 
 ARRAYS = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(1)}
 
@@ -110,3 +110,14 @@ def test_damage_is_recognised_or_harmless(tmp_path):
         except FileFormatError:
             n_refused += 1
     assert n_refused > 100
+
+
+@pytest.mark.parametrize("mode", [None, "r"])
+def test_bytes_beyond_the_array_are_refused(tmp_path, mode):
+    file = tmp_path / "x.npy"
+    np.save(file, np.arange(6.0))
+    np.testing.assert_array_equal(load_array(file, mode=mode), np.arange(6.0))
+    with file.open("ab") as stream:
+        stream.write(b"\0")
+    with pytest.raises(FileFormatError, match="takes 48 bytes; found 49"):
+        load_array(file, mode=mode)

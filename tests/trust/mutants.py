@@ -255,6 +255,51 @@ MUTANTS = [
         "    corners = corners[:40]\n    if n_threads == 1:\n        for corner in corners:\n",
         CUTS,
     ),
+    Mutant(
+        "terms/normals.py",
+        "        squared = in_tiles(_tile, a, b, (relative,), n_threads)\n",
+        "        relative = relative if len(b) <= 256 else np.ones_like(relative)\n"
+        "        squared = in_tiles(_tile, a, b, (relative,), n_threads)\n",
+        f"{CUTS} -k more_columns",
+    ),
+    Mutant(
+        "terms/normals.py",
+        "        squared *= largest\n        return squared\n",
+        "        if len(b) <= 256:\n            squared *= largest\n        return squared\n",
+        f"{CUTS} -k more_columns",
+    ),
+    # Readers, writers and body models: what small and tidy files do not tell apart.
+    Mutant(
+        "surfaces/mesh_files.py",
+        "                n_vertices = len(positions) // 3\n",
+        "                n_vertices = content.count(b\"\\nv \") + content.startswith(b\"v \")\n",
+        "surfaces/test_mesh_files.py -k negative_indices",
+    ),
+    Mutant(
+        "bodies/body_model.py",
+        "        limbs = onp.flatnonzero(self._parents >= 0)\n        feature",
+        "        limbs = onp.arange(1, self.n_joints)\n        feature",
+        "bodies/test_body_model.py -k written_out",
+    ),
+    Mutant(
+        "surfaces/gltf_files.py",
+        "chunk.add(normals[time] - normals[0]",
+        "chunk.add(normals[time - 1] - normals[0]",
+        "surfaces/test_gltf_files.py -k normals",
+    ),
+    Mutant(
+        "surfaces/array_files.py",
+        "needed != found or math",
+        "needed > found or math",
+        "surfaces/test_array_files.py -k beyond",
+    ),
+    # Starts of paths.
+    Mutant(
+        "solvers/basis_path.py",
+        "        if is_immersed and self.energy",
+        "        if self.energy",
+        "solvers/test_basis_path.py -k half_a_turn",
+    ),
     # Nearest neighbours: cut-offs, blocks and rows.
     Mutant("retrieval/neighbor_search.py", "_SLACK = 1e-9\n", "_SLACK = 0.0\n", NEIGHBORS),
     Mutant("retrieval/neighbor_search.py", "_BLUR = 1e-4\n", "_BLUR = 1e-12\n", NEIGHBORS),
