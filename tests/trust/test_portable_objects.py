@@ -12,6 +12,7 @@ import riemhuman as rh
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.kernels.surface import derivatives
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,
@@ -107,7 +108,10 @@ CALLS = {
         PoleLadder(2),
         lambda s: (
             s.solve(
-                VectorSpace((2,)).metric, np.ones(2), np.zeros(2), end_point=np.arange(2.0)
+                VectorSpace((2,)).metric,
+                np.ones(2),
+                np.zeros(2),
+                end_point=np.arange(2.0),
             ).tangent_vec
         ),
     ),
@@ -146,3 +150,74 @@ def test_results_and_fitted_estimators_travel():
     neighbors = rh.NearestNeighbors(METRIC, 2, n_pivots=2).fit(POINTS)
     for twin in twins(neighbors):
         np.testing.assert_array_equal(twin.kneighbors()[1], neighbors.kneighbors()[1])
+
+
+BODIES = rh.datasets.load_open_bodies("coarse")
+MODEL = BODIES.model
+MOTION = next(iter(rh.datasets.load_open_motions("coarse")))
+
+
+def distances_by(term):
+    """Return squared distances of the points' fields, by a term."""
+    fields = term.fields(derivatives(POINTS, TEMPLATE.differential_operator))
+    return term.squared_dist([f[:2] for f in fields], [f[2:] for f in fields])
+
+
+USED = {
+    "body model": (lambda: MODEL, lambda m: m(pose=np.full((m.n_joints, 3), 0.1))),
+    "model fit": (lambda: MODEL.fit(BODIES[0]), lambda f: f.pose),
+    "bodies": (lambda: BODIES, lambda b: b.points[:2]),
+    "some bodies": (lambda: BODIES[:3], lambda b: b.points),
+    "motion": (lambda: MOTION, lambda m: m[0]),
+    "shape dna": (
+        lambda: rh.descriptors.ShapeDNA(n_eigenvalues=4),
+        lambda d: d.describe(TEMPLATE.vertices, TEMPLATE.faces),
+    ),
+    "heat kernel": (
+        lambda: rh.descriptors.HeatKernelSignature(n_eigenvalues=20),
+        lambda d: d.describe(TEMPLATE.vertices, TEMPLATE.faces),
+    ),
+    "wave kernel": (
+        lambda: rh.descriptors.WaveKernelSignature(n_eigenvalues=20),
+        lambda d: d.describe(TEMPLATE.vertices, TEMPLATE.faces),
+    ),
+    "projected areas": (
+        lambda: rh.descriptors.AreaProjectionTransform(voxel_size=0.1),
+        lambda d: d.describe(TEMPLATE.vertices, TEMPLATE.faces),
+    ),
+    "ebin term": (lambda: rh.terms.EbinTerm(1.0, lam=0.5), distances_by),
+    "normal term": (lambda: rh.terms.NormalTerm(0.1), distances_by),
+    "root normal term": (lambda: rh.terms.RootNormalTerm(0.1), distances_by),
+    "neighbors": (
+        lambda: rh.NearestNeighbors(METRIC, 2, n_pivots=2).fit(POINTS),
+        lambda e: e.kneighbors(POINTS[:2])[0],
+    ),
+    "components": (
+        lambda: rh.TangentPCA(SURFACES, 1).fit(POINTS, base_point=POINTS[0]),
+        lambda e: e.transform(POINTS),
+    ),
+    "mean": (
+        lambda: rh.FrechetMean(VectorSpace((2,))).fit(POINTS[:, 0, :2]),
+        lambda e: e.estimate_,
+    ),
+    "median": (
+        lambda: rh.GeometricMedian(VectorSpace((2,))).fit(POINTS[:, 0, :2]),
+        lambda e: e.estimate_,
+    ),
+    "regression": (
+        lambda: rh.GeodesicRegression(VectorSpace((2,))).fit(
+            np.arange(4.0), POINTS[:, 0, :2]
+        ),
+        lambda e: e.predict(np.arange(2.0)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", USED)
+def test_what_was_made_and_used_travels(name):
+    make, call = USED[name]
+    value = make()
+    unused, expected = twins(value), call(value)
+    for other in (*unused, *twins(value)):
+        assert type(other) is type(value)
+        np.testing.assert_array_equal(call(other), expected)
