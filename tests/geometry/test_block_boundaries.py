@@ -32,9 +32,7 @@ OTHERS = np.concatenate([surfaces(TEMPLATE, 9, rng=2), POINTS[[5, 0, 16]] * (1 +
 def known(request):
     """Return a metric with its distances, one pair at a time, in double precision."""
     metric = METRICS[request.param]
-    within = np.array(
-        [[metric.dist(a, b) if a is not b else 0.0 for b in POINTS] for a in POINTS]
-    )
+    within = np.array([[metric.dist(a, b) if a is not b else 0.0 for b in POINTS] for a in POINTS])
     between = np.array([[metric.dist(a, b) for b in OTHERS] for a in POINTS])
     return metric, within, between
 
@@ -43,9 +41,7 @@ def assert_right(metric, within, between, **options):
     for precision, tolerance in (("single", 2e-5), ("double", 1e-7)):
         found = metric.dist_pairwise(POINTS, precision=precision, **options)
         np.testing.assert_allclose(found, within, rtol=tolerance, atol=1e-15)
-        np.testing.assert_array_equal(
-            found, metric.dist_pairwise(POINTS, precision=precision)
-        )
+        np.testing.assert_array_equal(found, metric.dist_pairwise(POINTS, precision=precision))
         found = metric.cdist(POINTS, OTHERS, precision=precision, **options)
         np.testing.assert_allclose(found, between, rtol=tolerance, atol=1e-15)
         found = metric.cdist(OTHERS, POINTS, precision=precision, **options)
@@ -71,9 +67,7 @@ def test_errors_name_the_body_that_is_wrong(memory, monkeypatch):
     start = 18 - 18 % size
     stop = min(start + size, N_POINTS)
     for points in (flat, wrong):
-        with pytest.raises(
-            ArgumentError, match=rf"points\[{start}:{stop}\]"
-        ) as refused:
+        with pytest.raises(ArgumentError, match=rf"points\[{start}:{stop}\]") as refused:
             METRICS["pose"].dist_pairwise(points, memory=memory)
         assert f"({18 - start}," in str(refused.value)
     with pytest.raises(ArgumentError, match=r"X\[18:19\].*index \(0,"):
@@ -94,9 +88,7 @@ def test_many_close_pairs(metric):
     within = metric.dist_pairwise(points, precision="double")
     np.testing.assert_allclose(metric.dist_pairwise(points), within, rtol=1e-12)
     np.testing.assert_allclose(metric.cdist(points[:2], points), within[:2], rtol=1e-12)
-    np.testing.assert_allclose(
-        metric.cdist(points, points[:2]), within[:, :2], rtol=1e-12
-    )
+    np.testing.assert_allclose(metric.cdist(points, points[:2]), within[:, :2], rtol=1e-12)
 
 
 @pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
@@ -121,11 +113,7 @@ def test_more_columns_than_a_block(metric):
     for precision in ("single", "double"):
         expected = metric.cdist(rows, points, precision=precision)
         few, all_of_them = (metric.features(some, precision) for some in (rows, points))
-        wide = pairwise.squared_dist_rectangle(
-            metric, few, all_of_them, rows, points, None
-        )
+        wide = pairwise.squared_dist_rectangle(metric, few, all_of_them, rows, points, None)
         np.testing.assert_array_equal(np.sqrt(wide), expected)
-        high = pairwise.squared_dist_rectangle(
-            metric, all_of_them, few, points, rows, None
-        )
+        high = pairwise.squared_dist_rectangle(metric, all_of_them, few, points, rows, None)
         np.testing.assert_array_equal(np.sqrt(high), expected.T)

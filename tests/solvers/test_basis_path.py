@@ -44,9 +44,7 @@ def elastic(weights):
 def solved():
     """Return the path of the first pair under (1, 1, 0) with default settings."""
     solver = BasisPath(bodies.basis())
-    return solver.solve(
-        elastic((1, 1, 0)), bodies.body("resting"), bodies.body("arm raised")
-    )
+    return solver.solve(elastic((1, 1, 0)), bodies.body("resting"), bodies.body("arm raised"))
 
 
 @pytest.mark.parametrize("weights", WEIGHTS)
@@ -108,9 +106,7 @@ def test_arms_turn_the_way_that_costs_least(seed):
     shorter = interpolator.turns(start, end)
     solver = BasisPath(bodies.basis())
     reached = [
-        solver.solve(
-            metric, start, end, turned_path(metric, start, end, 11, turns)
-        ).energy
+        solver.solve(metric, start, end, turned_path(metric, start, end, 11, turns)).energy
         for turns in (shorter, interpolator.mended(shorter))
     ]
     assert solver.solve(metric, start, end).energy <= min(reached)
@@ -127,18 +123,14 @@ def test_gradient_vanishes_on_the_basis(solved):
     assert on_basis < 0.02 * np.linalg.norm(basis.coefficients(straight[1:-1]))
 
 
-@pytest.mark.parametrize(
-    "initial", [PoissonPath(), LinearPath()], ids=["poisson", "linear"]
-)
+@pytest.mark.parametrize("initial", [PoissonPath(), LinearPath()], ids=["poisson", "linear"])
 def test_path_differs_from_the_initial_one_by_the_basis(initial):
     metric = elastic((1, 1, 0))
     ends = bodies.body("resting"), bodies.body("arm raised")
     solver = BasisPath(bodies.basis(), initial=initial, remove_drift=False)
     difference = solver.solve(metric, *ends).path - initial.solve(metric, *ends).path
     assert np.abs(difference).max() > 1e-3
-    np.testing.assert_allclose(
-        bodies.basis().project(difference), difference, atol=1e-12
-    )
+    np.testing.assert_allclose(bodies.basis().project(difference), difference, atol=1e-12)
 
 
 def test_drift_costs_nothing(solved):
@@ -307,9 +299,7 @@ def test_evaluations_are_counted_and_seen_by_the_callback(method):
     result = solver.solve(metric, *ends, initial_path=bulge)
     # The start is looked at once for all rounds.
     assert result.n_evaluations == len(energy.counts)
-    assert [iteration for iteration, _, _ in seen] == list(
-        range(1, result.n_iterations + 1)
-    )
+    assert [iteration for iteration, _, _ in seen] == list(range(1, result.n_iterations + 1))
     for iteration, value, path in seen:
         assert value == pytest.approx(result.energies[iteration], rel=1e-12)
         assert metric.energy(path) == pytest.approx(value, rel=1e-12)
@@ -332,9 +322,7 @@ def test_as_geodesic_solver_of_a_metric():
     geodesic = metric.geodesic(ends[0], end_point=ends[1])
     path = solver.solve(metric, *ends).path
     np.testing.assert_allclose(geodesic([0.0, 0.5, 1.0]), path[[0, 2, 4]], atol=1e-12)
-    np.testing.assert_allclose(
-        geodesic(0.125)[0], 0.5 * (path[0] + path[1]), atol=1e-12
-    )
+    np.testing.assert_allclose(geodesic(0.125)[0], 0.5 * (path[0] + path[1]), atol=1e-12)
 
 
 def test_callback_sees_every_iteration(solved):
@@ -369,9 +357,7 @@ def test_interruption_keeps_what_was_reached():
 def test_too_few_iterations_are_said_once():
     solver = BasisPath(bodies.basis(), max_iter=2)
     with pytest.warns(ConvergenceWarning, match="2 iterations") as caught:
-        result = solver.solve(
-            elastic((1, 1, 0)), bodies.body("resting"), bodies.body("elbow bent")
-        )
+        result = solver.solve(elastic((1, 1, 0)), bodies.body("resting"), bodies.body("elbow bent"))
     assert len(caught) == 1
     assert not result.converged
     assert result.n_iterations == 2
@@ -439,11 +425,7 @@ def test_a_body_turned_by_half_a_turn_turns(weights, axis, n_nodes):
         result = solver.solve(metric, start, end)
         assert result.converged
         assert np.all(metric.space.belongs(result.path))
-        assert (
-            metric.squared_dist(start, end)
-            <= result.energy
-            <= turned.energy * (1 + 1e-12)
-        )
+        assert metric.squared_dist(start, end) <= result.energy <= turned.energy * (1 + 1e-12)
 
 
 def test_half_a_turn_under_an_energy_that_rounds_below_zero():

@@ -272,7 +272,7 @@ MUTANTS = [
     Mutant(
         "surfaces/mesh_files.py",
         "                n_vertices = len(positions) // 3\n",
-        "                n_vertices = content.count(b\"\\nv \") + content.startswith(b\"v \")\n",
+        '                n_vertices = content.count(b"\\nv ") + content.startswith(b"v ")\n',
         "surfaces/test_mesh_files.py -k negative_indices",
     ),
     Mutant(

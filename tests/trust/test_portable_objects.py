@@ -205,9 +205,7 @@ USED = {
         lambda e: e.estimate_,
     ),
     "regression": (
-        lambda: rh.GeodesicRegression(VectorSpace((2,))).fit(
-            np.arange(4.0), POINTS[:, 0, :2]
-        ),
+        lambda: rh.GeodesicRegression(VectorSpace((2,))).fit(np.arange(4.0), POINTS[:, 0, :2]),
         lambda e: e.predict(np.arange(2.0)),
     ),
 }
