@@ -221,7 +221,7 @@ class Fields:
         return not inverted_triangles(point, reference, space.template.faces).any()
 
     def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean over all vertices, by a search from the medoid.
+        r"""Return the Karcher mean over all vertices, by a search from near a mean of the fields.
 
         Parameters
         ----------
