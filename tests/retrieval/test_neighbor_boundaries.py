@@ -48,3 +48,24 @@ def test_bounds_that_a_far_point_makes_inexact(name):
     points = np.concatenate([POINTS[0] + spread, 1e5 * POINTS[1:2]])
     neighbors = NearestNeighbors(metric, n_neighbors=3).fit(points)
     assert_same(neighbors.kneighbors(), by_all_distances(metric, None, points, 3))
+
+
+class Blurred(ElasticMetric):
+    """A metric whose distances in single precision are off by half of what is allowed for."""
+
+    def squared_dist_of_features(self, a, b, n_jobs=None):
+        """Return squared distances, off by up to 1e-4 of them, as distances by 5e-5."""
+        squared = super().squared_dist_of_features(a, b, n_jobs)
+        if a[0].dtype != np.float32:
+            return squared
+        return squared * (1 + 1e-4 * np.sin(1e9 * squared))
+
+
+def test_distances_that_are_as_inexact_as_is_allowed_for():
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    base, direction = POINTS[0], POINTS[1] - POINTS[0]
+    steps = 0.2 + 1e-6 * np.random.default_rng(0).permutation(50)
+    points = np.concatenate([base + steps[:, None, None] * direction, POINTS])
+    neighbors = NearestNeighbors(Blurred(space, 1.0, 0.5, 0.0), n_neighbors=5).fit(points)
+    found = neighbors.kneighbors(base[None])
+    assert_same(found, by_all_distances(ElasticMetric(space, 1.0, 0.5, 0.0), base[None], points, 5))
