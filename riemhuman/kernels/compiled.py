@@ -67,7 +67,7 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Mark a function of a module to be compiled by numba when it is first called.
 
     It may call other marked functions, its own module's and those that its module imports by name.
-    It releases the interpreter lock.
+    It releases the interpreter lock. Division by zero gives infinity or NaN, as in NumPy.
 
     Parameters
     ----------
