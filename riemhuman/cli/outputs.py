@@ -142,11 +142,11 @@ def whole_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
     FileError
         If the folder cannot be written.
     """
-    from riemhuman.surfaces.whole_files import new_folder
+    from riemhuman.surfaces.whole_files import new_folder, own_folder
 
     path = Path(os.path.abspath(path))
     try:
-        with new_folder(path) as temporary:
+        with new_folder(path) as temporary, own_folder(temporary.parent):
             yield temporary
             _replace_folder(temporary, path, is_ours)
     except OSError as error:

@@ -13,6 +13,7 @@ from riemhuman.errors import FileError
 from riemhuman.report.text_files import write_text
 from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.file_locks import only_one
+from riemhuman.surfaces.whole_files import own_folder
 
 MARKER = "provenance.json"
 _LOCK = ".report.lock"
@@ -89,6 +90,7 @@ def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             if isinstance(error, FileError):
                 raise
             raise FileError(f"{folder} cannot be written: {error.strerror}") from error
+        stack.enter_context(own_folder(folder))
         yield folder
 
 

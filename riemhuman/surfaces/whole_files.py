@@ -21,6 +21,7 @@ from riemhuman.surfaces.file_locks import is_at, lock
 # Elsewhere an open file cannot be renamed, and a folder cannot be locked.
 _CAN_LOCK = sys.platform != "win32"
 _NO_LOCK = -1
+_own_folders: list[Path] = []
 
 
 @contextmanager
@@ -42,6 +43,7 @@ def whole_file(file: Path) -> Iterator[Path]:
     FileError
         If the file is a link or cannot be written.
     """
+    _refuse_links(file)
     if file.is_symlink():
         raise FileError(f"{file} is a link, which is not followed to write; name another file")
     try:
@@ -75,6 +77,33 @@ def keep_mode(path: Path, new: Path, *, writable: bool = False) -> None:
         return
     if not stat.S_ISLNK(mode):
         new.chmod(stat.S_IMODE(mode) | (stat.S_IRUSR | stat.S_IWUSR if writable else 0))
+
+
+@contextmanager
+def own_folder(folder: Path) -> Iterator[None]:
+    """Write no file below a folder through a link, though one may take a subfolder's place.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, which may itself be reached through links.
+    """
+    _own_folders.append(folder)
+    try:
+        yield
+    finally:
+        _own_folders.remove(folder)
+
+
+def _refuse_links(file: Path) -> None:
+    for folder in _own_folders:
+        if file.is_relative_to(folder):
+            below = [file, *file.parents][: len(file.parts) - len(folder.parts)]
+            for path in below:
+                if path.is_symlink():
+                    raise FileError(
+                        f"{path} is a link, which is not followed to write; move it away"
+                    )
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 
 import pytest
 
@@ -13,6 +14,8 @@ from riemhuman.report.output_folder import (
     opened_folder,
     write_provenance,
 )
+from riemhuman.report.text_files import write_text
+from riemhuman.surfaces.array_files import save_arrays
 
 
 def enter(path):
@@ -97,3 +100,20 @@ def test_no_permission(tmp_path):
     with pytest.raises(FileError, match="cannot be written: Permission denied"):
         enter(tmp_path / "report")
     tmp_path.chmod(0o700)
+
+
+@pytest.mark.parametrize("name", SUBFOLDERS)
+def test_links_that_come_while_a_report_is_made_are_not_followed(tmp_path, name):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with opened_folder(tmp_path / "report") as folder:
+        shutil.rmtree(folder / name)
+        (folder / name).symlink_to(elsewhere, target_is_directory=True)
+        with pytest.raises(FileError, match=f"{name} is a link, which is not followed"):
+            write_text(folder / name / "page.txt", "text")
+        with pytest.raises(FileError, match=f"{name} is a link, which is not followed"):
+            save_arrays(folder / name / "step.npz", {})
+    assert not list(elsewhere.iterdir())
+    # Whoever names a folder behind a link may write there.
+    write_text(tmp_path / "report" / name / "own.txt", "text")
+    assert (elsewhere / "own.txt").read_text() == "text"
