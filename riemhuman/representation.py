@@ -33,7 +33,11 @@ def constructed(value: object, leave_out: Sequence[str] = ()) -> str:
         held = getattr(value, name, getattr(value, f"_{name}", _MISSING))
         if name in leave_out or held is _MISSING:
             continue
-        if isinstance(held, Number) or held is not parameter.default:
+        # Equal texts may be two objects, as after pickling; arrays are not compared.
+        is_default = held is parameter.default or (
+            isinstance(held, str) and held == parameter.default
+        )
+        if isinstance(held, Number) or not is_default:
             shown.append(f"{name}={_brief(held)}")
     return f"{type(value).__name__}({', '.join(shown)})"
 

@@ -1,8 +1,10 @@
 """Every public object shows itself in a line: how it was constructed."""
 
+import pickle
+
 import numpy as np
 import pytest
-from cases import CASES, name_of
+from cases import CASES, name_of, sphere_template
 
 import riemhuman as rh
 from riemhuman.representation import constructed
@@ -19,6 +21,11 @@ def test_calls_are_shown_without_what_is_as_by_default():
         "Recipe(amount=array([0., 0.]), name='soup', how=len)"
     )
     assert constructed(Recipe(1, "soup"), leave_out=("amount",)) == "Recipe(name='soup')"
+
+
+def test_copies_show_themselves_alike():
+    for space in (rh.AlignedSurfaces(sphere_template()), rh.VectorSpace((2,))):
+        assert repr(pickle.loads(pickle.dumps(space))) == repr(space)
 
 
 def test_long_values_are_cut():
