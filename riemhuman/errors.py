@@ -70,5 +70,9 @@ class DamagedFileWarning(UserWarning):
     """A file is not what was written to it; what was lost is computed again."""
 
 
+class UnseenLengthsWarning(UserWarning):
+    """A mean is sought by a metric that does not see how long the edges of a surface are."""
+
+
 class ClusterError(RiemhumanError, RuntimeError):
     """A cluster that cannot go on with its work."""

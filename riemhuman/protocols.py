@@ -433,6 +433,40 @@ class MetricWithMatrix(Protocol):
 
 
 @runtime_checkable
+class MetricOfSurfaces(Protocol):
+    """A metric that tells whether it sees how long the edges of a surface are.
+
+    Where it does not, surfaces of least mean squared distance have limbs like rubber.
+    """
+
+    @property
+    def sees_lengths(self) -> bool:
+        """Whether distances change when edges get longer or shorter."""
+
+
+@runtime_checkable
+class MetricWithCompanion(MetricOfSurfaces, Protocol):
+    """A metric that knows what joins it in searches for surfaces, to see what it does not."""
+
+    @property
+    def unseen_part(self) -> Any:
+        """A metric of what this one does not see, or None if it sees all first derivatives."""
+
+    def seeing_lengths(self, weight: float) -> Any:
+        """Return the metric with one of lengths beside it, or itself if it sees lengths.
+
+        Parameters
+        ----------
+        weight : float
+            Weight above 0 of the metric of lengths, in units of the metric's own weights.
+
+        Returns
+        -------
+        RiemannianMetric
+        """
+
+
+@runtime_checkable
 class MetricWithLowerBound(Protocol):
     """A metric bounded from below by Euclidean distances: they find nearest neighbours early."""
 

@@ -102,6 +102,31 @@ class ElasticMetric(SurfaceMetric):
         )
 
     @property
+    def unseen_part(self) -> ElasticMetric | None:
+        """The part of the family that the metric lacks: (1, 1, 0) if a = 0, (0, 0, 1) if c = 0."""
+        if self._a > 0 and self._c > 0:
+            return None
+        if self._a == 0:
+            return ElasticMetric(self.space, a=1.0, lam=1.0, c=0.0)
+        return ElasticMetric(self.space, a=0.0, lam=0.0, c=1.0)
+
+    def seeing_lengths(self, weight: float) -> ElasticMetric:
+        """Return a metric that sees lengths as well: the metric itself unless a = 0.
+
+        Parameters
+        ----------
+        weight : float
+            Weight above 0 of (1, 1, 0) beside (0, 0, 1).
+
+        Returns
+        -------
+        ElasticMetric
+        """
+        if self._a > 0:
+            return self
+        return ElasticMetric(self.space, a=weight * self._c, lam=1.0, c=self._c)
+
+    @property
     def a(self) -> float:
         """The weight of the Ebin metric."""
         return self._a

@@ -484,6 +484,35 @@ class RiemannianMetric(DerivedQuantities):
         energy, gradient = value_and_grad(self.energy)(path)
         return float(energy), gradient
 
+    def squared_dists_and_gradient(
+        self, point: ndarray, others: ndarray, weights: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        r"""Return the squared distances of a point from others, and the gradient of their sum.
+
+        Distances are energies of paths of one segment.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+        others : array, shape (n, \*shape)
+            Points x_i.
+        weights : array, shape (n,)
+            Weights w_i > 0.
+
+        Returns
+        -------
+        squared : array, shape (n,)
+            d(x_i, x)², infinite where x or x_i leaves the manifold.
+        gradient : array, shape (\*shape,)
+            Gradient of Σ_i w_i d(x_i, x)² with respect to x.
+        """
+        squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
+        for i, (weight, other) in enumerate(zip(weights, others, strict=True)):
+            squared[i], slopes = self.energy_and_gradient(np.stack([other, point]))
+            gradient += weight * slopes[1]
+        return squared, gradient
+
     def remove_drift(self, path: ndarray) -> ndarray:
         r"""Move interior points of a path by motions the metric does not see, if there are any.
 

@@ -67,6 +67,7 @@ class RotationMetric(PullbackMetric):
     """
 
     space: AlignedSurfaces
+    sees_lengths = False
 
     def __init__(
         self,

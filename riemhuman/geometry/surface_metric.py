@@ -201,10 +201,42 @@ class SurfaceMetric(RiemannianMetric):
         path = self._check_path(self.check_points(path, "path"))
         return driver.path_energy(self.terms, self.space.template, path)
 
+    def squared_dists_and_gradient(
+        self, point: ndarray, others: ndarray, weights: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        """Return the squared distances of a surface from others, and the gradient of their sum.
+
+        In compiled loops, which look at each triangle of the surface once.
+
+        Parameters
+        ----------
+        point : array, shape (V, 3)
+            Surface f.
+        others : array, shape (n, V, 3)
+            Surfaces f_i.
+        weights : array, shape (n,)
+            Weights w_i > 0.
+
+        Returns
+        -------
+        squared : array, shape (n,)
+            d(f_i, f)², infinite where a term needs the area of a triangle that has none.
+        gradient : array, shape (V, 3)
+            Gradient of Σ_i w_i d(f_i, f)² with respect to f.
+        """
+        point = self.check_points(point[None], "point")[0]
+        others = self.check_points(others, "others")
+        return driver.squared_dists(self.terms, self.space.template, point, others, weights)
+
     @property
     def bulk(self) -> SumOfTerms:
         """Features of the fields of surfaces, in compiled passes over the triangles of each."""
         return SumOfTerms(self.terms, self.space.template.face_areas, self._features)
+
+    @property
+    def sees_lengths(self) -> bool:
+        """Whether a term sees how long the edges of surfaces are."""
+        return any(term.sees_lengths for term in self.terms)
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Take rigid motions out of a path that the metric does not see.

@@ -20,7 +20,7 @@ from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_ro
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.rounding import rounding_energy
-from riemhuman.solvers.sound_means import refuse_collapse, seeing_lengths
+from riemhuman.solvers.sound_means import AreaCheck, seeing_lengths
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
 
@@ -121,6 +121,8 @@ class BasisMean:
         -----
         ConvergenceWarning
             If the stopping test was not met.
+        UnseenLengthsWarning
+            If neither the metric nor a companion sees how long edges are.
         """
         searched = seeing_lengths(metric, self.companion_weight)
         dispersion = Dispersion(searched, points, weights)
@@ -201,9 +203,11 @@ class BasisMean:
 
             return LocalProblem(objective, position, unit)
 
+        areas = AreaCheck(family.space, dispersion.points)
+
         def report(iteration: int, value: float, coefficients: ndarray) -> None:
             point = family.point(coefficients)
-            refuse_collapse(family.space, dispersion.points, point)
+            areas.refuse_collapse(point)
             if self.callback is not None:
                 self.callback(iteration, value, point)
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+
+# Points whose features are held together.
+_BLOCK = 64
 
 
 class Dispersion:
@@ -47,7 +52,10 @@ class Dispersion:
         -------
         array, shape (n,)
         """
-        return np.array([self.metric.squared_dist(other, point) for other in self.points])
+        metric, one = self.metric, self.metric.features(point[None])
+        blocks = np.split(self.points, range(_BLOCK, len(self.points), _BLOCK))
+        squared = [metric.squared_dist_of_features(one, metric.features(some)) for some in blocks]
+        return np.concatenate(squared, axis=1)[0]
 
     def value(self, point: ndarray) -> float:
         r"""Return V(x).
@@ -86,13 +94,15 @@ class Dispersion:
         value : float
         gradient : array, shape (\*shape,)
         """
-        value, gradient = 0.0, np.zeros_like(point)
-        for weight, other in zip(self.weights, self.points, strict=True):
-            if weight > 0:
-                squared, slopes = self.metric.energy_and_gradient(np.stack([other, point]))
-                value += weight * squared
-                gradient += weight * slopes[1]
-        return value, gradient
+        squared, gradient = self.metric.squared_dists_and_gradient(point, *self._used)
+        return float(self._used[1] @ squared), gradient
+
+    @cached_property
+    def _used(self) -> tuple[ndarray, ndarray]:
+        """The points that have a weight, and their weights."""
+        used = self.weights > 0
+        points = self.points if used.all() else self.points[used]
+        return points, self.weights[used]
 
 
 def check_weights(weights: ndarray | None, n_points: int) -> ndarray:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.protocols import SurfaceSpace
+from riemhuman.errors import DegenerateSurfaceError, UnseenLengthsWarning
+from riemhuman.protocols import MetricOfSurfaces, MetricWithCompanion, SurfaceSpace
 from riemhuman.surfaces.distortion import triangle_areas
 
 # Share of a triangle's area on the points, in the median, below which it has shrunk away.
@@ -17,27 +17,41 @@ _SHRUNK = 1e-2
 
 
 def seeing_lengths(metric: Any, weight: float) -> Any:
-    """Return a metric that sees lengths as well, where one of the elastic family sees none.
+    """Return the metric to search a mean by: with a companion where it does not see lengths.
 
     Parameters
     ----------
     metric : RiemannianMetric
         Any metric.
     weight : float
-        Weight of (a, λ, c) = (1, 1, 0) beside an elastic metric (0, 0, 1).
+        Weight of the companion, 0 for none.
 
     Returns
     -------
     RiemannianMetric
-        The sum of both, or the metric itself if it is no elastic metric with a = 0.
+        The metric itself if it sees lengths, or has no companion.
+
+    Warns
+    -----
+    UnseenLengthsWarning
+        If the metric returned says that it does not see lengths.
     """
-    if not isinstance(metric, ElasticMetric) or metric.a > 0 or weight == 0:
-        return metric
-    return ElasticMetric(metric.space, a=weight * metric.c, lam=1.0, c=metric.c)
+    if isinstance(metric, MetricWithCompanion) and weight > 0:
+        metric = metric.seeing_lengths(weight)
+    if isinstance(metric, MetricOfSurfaces) and not metric.sees_lengths:
+        warnings.warn(
+            f"{metric!r} does not see how long edges are: limbs of the mean may stretch or shrink "
+            "like rubber. Search by a metric that sees lengths, such as ElasticMetric with a > 0, "
+            "let BasisMean have a companion (companion_weight > 0), or take a medoid "
+            "(riemhuman.statistics.KMedoids)",
+            UnseenLengthsWarning,
+            stacklevel=3,
+        )
+    return metric
 
 
-def refuse_collapse(space: Any, points: ndarray, point: ndarray) -> None:
-    """Refuse a surface whose triangles have shrunk away.
+class AreaCheck:
+    """Refuses surfaces whose triangles have shrunk away.
 
     Pointwise, metric fields are points of a cone. Where most of them are farther than a right
     angle apart, θ > π/2, as those of unlike bodies are for small λ, the nearer to the tip of the
@@ -49,23 +63,35 @@ def refuse_collapse(space: Any, points: ndarray, point: ndarray) -> None:
         The space; only surfaces are looked at.
     points : array, shape (n, V, 3)
         Points whose mean is sought.
-    point : array, shape (V, 3)
-        Where the search is.
-
-    Raises
-    ------
-    DegenerateSurfaceError
-        If a triangle has less than a hundredth of the area it has on the points, in the median.
     """
-    if not isinstance(space, SurfaceSpace):
-        return
-    faces = space.template.faces
-    areas = np.median(triangle_areas(points, faces), axis=0)
-    shrunk = triangle_areas(point, faces) < _SHRUNK * areas
-    if np.any(shrunk):
-        raise DegenerateSurfaceError(
-            f"the mean is no surface: {int(shrunk.sum())} of {len(faces)} triangles have shrunk to "
-            "less than a hundredth of their area, and the variance falls as they do. The points "
-            "are too unlike for so small a lam, or for a metric that sees no areas: take lam = 1, "
-            "or a medoid (riemhuman.statistics.KMedoids) in place of the mean"
-        )
+
+    def __init__(self, space: Any, points: ndarray) -> None:
+        self._faces = None
+        if isinstance(space, SurfaceSpace):
+            self._faces = space.template.faces
+            # One by one: the corners of all triangles at once would take much memory.
+            self._areas = np.median([triangle_areas(f, self._faces) for f in points], axis=0)
+
+    def refuse_collapse(self, point: ndarray) -> None:
+        """Refuse a surface whose triangles have shrunk away.
+
+        Parameters
+        ----------
+        point : array, shape (V, 3)
+            Where the search is.
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle has less than a hundredth of the area it has on the points, in the median.
+        """
+        if self._faces is None:
+            return
+        shrunk = triangle_areas(point, self._faces) < _SHRUNK * self._areas
+        if np.any(shrunk):
+            raise DegenerateSurfaceError(
+                f"the mean is no surface: {int(shrunk.sum())} of {len(self._faces)} triangles have "
+                "shrunk to less than a hundredth of their area, and the variance falls as they do. "
+                "The points are too unlike for so small a lam, or for a metric that sees no areas: "
+                "take lam = 1, or a medoid (riemhuman.statistics.KMedoids) in place of the mean"
+            )

@@ -9,11 +9,11 @@ from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.triangle_frames import stacked_derivatives, triangle_frames
 from riemhuman.protocols import PulledBackMetric
 from riemhuman.surfaces.template import Template
+from riemhuman.terms.sum import squared_dists
 
 # How often triangles are turned within their planes as on the last surface.
 _N_ROUNDS = 5
@@ -80,29 +80,24 @@ class _OfElasticMetric:
     """
 
     def __init__(self, metric: ElasticMetric, images: ndarray, weights: ndarray) -> None:
-        template = metric.space.template
-        self._faces, n_corners = template.faces, 3 * template.n_faces
-        separate = Template(
-            template.vertices[self._faces].reshape(-1, 3), np.arange(n_corners).reshape(-1, 3)
+        self._template = template = metric.space.template
+        self._separate = separate = Template(
+            template.vertices[template.faces].reshape(-1, 3),
+            np.arange(3 * template.n_faces).reshape(-1, 3),
         )
-        space = AlignedSurfaces(separate, equip=False)
-        self._metric = ElasticMetric(space, metric.a, metric.lam, metric.c)
-        self._template, self._weights = template, weights
-        self._targets = [_separate_triangles(metric, separate, image) for image in images]
+        self._terms, used = metric.terms, weights > 0
+        self._weights = weights[used]
+        self._targets = np.stack(
+            [_separate_triangles(metric, separate, image) for image in images[used]]
+        )
         self._sees_all = metric.a > 0 and metric.c > 0
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
-        corners = surface[self._faces].reshape(-1, 3)
-        value, slopes = 0.0, np.zeros_like(corners)
-        for weight, target in zip(self._weights, self._targets, strict=True):
-            if weight > 0:
-                squared, gradient = self._metric.energy_and_gradient(np.stack([target, corners]))
-                value += weight * squared
-                slopes += weight * gradient[1]
-        columns = [
-            np.bincount(self._faces.ravel(), column, minlength=len(surface)) for column in slopes.T
-        ]
-        return value, np.stack(columns, axis=1)
+        targets, faces = self._targets, self._separate.faces
+        squared, gradient = squared_dists(
+            self._terms, self._template, surface, targets, self._weights, faces
+        )
+        return float(self._weights @ squared), gradient
 
     def nearby(self, surface: ndarray) -> ndarray:
         """Return the surface whose derivatives are nearest to those of one target's triangles.
@@ -112,9 +107,7 @@ class _OfElasticMetric:
         """
         if len(self._targets) > 1 or not self._sees_all:
             return surface
-        frames = triangle_frames(
-            self._targets[0], self._metric.space.template.differential_operator
-        )
+        frames = triangle_frames(self._targets[0], self._separate.differential_operator)
         operator, assemble = self._template.differential_operator, self._template.interpolator
         for _ in range(_N_ROUNDS):
             there = triangle_frames(surface, operator)[..., :2]

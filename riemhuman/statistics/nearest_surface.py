@@ -13,15 +13,12 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import PulledBackMetric
+from riemhuman.protocols import MetricWithCompanion, PulledBackMetric
 from riemhuman.solvers.dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor, spatial_factor
 from riemhuman.statistics.image_distances import image_distances
-
-# λ of the metric field's share of a companion.
-_COMPANION_LAM = 1.0
 
 # Steps after which the matrix is factored anew, and steps that are remembered.
 _ROUND, _DAMPED_ROUND, _MEMORY = 20, 5, 20
@@ -122,7 +119,9 @@ class NearestSurface:
         images = target.check_points(images, "images")
         weights = check_weights(weights, len(images))
         start = real_array(start, "start", metric.space.shape, batched=False)
-        companion = self.companion or _missing_part(metric)
+        companion = self.companion
+        if companion is None and isinstance(metric, MetricWithCompanion):
+            companion = metric.unseen_part
         if not self.companion_weight:
             companion = None
 
@@ -240,12 +239,3 @@ def _inverse_hessian_times(
     for (s, y, curvature), share in zip(curved, reversed(shares), strict=True):
         found = found + (share - float(np.sum(y * found)) / curvature) * s
     return found
-
-
-def _missing_part(metric: PulledBackMetric) -> ElasticMetric | None:
-    """Return the part of the family that an elastic metric with a = 0 or c = 0 lacks."""
-    if not isinstance(metric, ElasticMetric) or metric.a * metric.c > 0:
-        return None
-    if metric.a == 0:
-        return ElasticMetric(metric.space, a=1.0, lam=_COMPANION_LAM, c=0.0)
-    return ElasticMetric(metric.space, a=0.0, lam=0.0, c=1.0)

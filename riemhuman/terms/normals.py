@@ -36,6 +36,7 @@ class NormalTerm(Term):
     """
 
     needs_area = True
+    sees_lengths = False
     single = True
 
     def fields(self, first: Derivatives) -> Fields:

@@ -35,6 +35,7 @@ class RotationTerm(Term):
     """
 
     needs_area = True
+    sees_lengths = False
     single = True
 
     def fields(self, first: Derivatives) -> Fields:

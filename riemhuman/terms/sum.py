@@ -199,6 +199,85 @@ def path_energy(terms: Sequence[Term], template: Any, path: ndarray) -> tuple[fl
     return float(energy), np.ascontiguousarray(np.swapaxes(gradient, 0, 1))
 
 
+def squared_dists(
+    terms: Sequence[Term],
+    template: Any,
+    point: ndarray,
+    others: ndarray,
+    weights: ndarray,
+    other_faces: ndarray | None = None,
+) -> tuple[ndarray, ndarray]:
+    """Return the squared distances of one surface from others, and the slope of their sum.
+
+    Parameters
+    ----------
+    terms : sequence of Term
+        The terms.
+    template : Template
+        Its `faces`, `frame_coefficients` and `face_areas` are used.
+    point : array, shape (V, 3)
+        Surface f.
+    others : array, shape (n, V, 3)
+        Surfaces f_i.
+    weights : array, shape (n,)
+        Weights w_i > 0.
+    other_faces : array of int, shape (F, 3), optional
+        Where the corners of the others' triangles are, by default where those of f are.
+
+    Returns
+    -------
+    squared : array, shape (n,)
+        d²(f_i, f), infinite where a surface has no fields.
+    gradient : array, shape (V, 3)
+        Gradient of Σ_i w_i d²(f_i, f) with respect to f, 0 in triangles without area.
+    """
+    faces, frames, areas = (
+        template.faces,
+        template.frame_coefficients,
+        template.face_areas,
+    )
+    other_faces = faces if other_faces is None else other_faces
+    surface = np.ascontiguousarray(point)[:, None]
+    kinds = [np.ascontiguousarray(other)[:, None] for other in others]
+
+    def run(first: int, last: int) -> tuple[ndarray, ndarray]:
+        squared, gradient = np.zeros(len(others)), np.zeros((len(point), 1, 3))
+        size = max(1, min(_IN_CACHE // 2, last - first))
+        both = np.empty((size, 2, triangles.LENGTH))
+        one = np.empty((size, 1, triangles.LENGTH))
+        slopes = np.empty_like(both)
+        for start in range(first, last, size):
+            end = min(start + size, last)
+            records, own, added = (
+                both[: end - start],
+                one[: end - start],
+                slopes[: end - start],
+            )
+            triangles.fill_records(surface, faces, frames, start, end, own)
+            records[:, 1] = own[:, 0]
+            added[:] = 0.0
+            for i, other in enumerate(kinds):
+                triangles.fill_records(other, other_faces, frames, start, end, own)
+                # The slopes by these are added up as well, and not used.
+                records[:, 0] = own[:, 0]
+                weighted = weights[i] * areas[start:end]
+                for term in terms:
+                    squared[i] += term.add_segments(records, added, weighted)
+            own[:, 0] = added[:, 1]
+            slope = own.copy()
+            own[:, 0] = records[:, 1]
+            triangles.add_gradient(own, slope, faces, frames, start, end, gradient)
+        return squared, gradient
+
+    threaded = len(faces) * len(others) > _WORTH_THREADS
+    parts = in_chunks(run, len(faces), threaded=threaded)
+    squared, gradient = parts[0]
+    for more_squared, more_gradient in parts[1:]:
+        squared += more_squared
+        gradient += more_gradient
+    return squared / weights, gradient[:, 0]
+
+
 def add_blocks(
     terms: Sequence[Term], template: Any, f: ndarray, first: Derivatives, blocks: ndarray
 ) -> None:

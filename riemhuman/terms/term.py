@@ -45,6 +45,8 @@ class Term(ABC):
     ----------
     sees_rotations : bool
         Whether the term changes when one of two surfaces is rotated. No term sees translations.
+    sees_lengths : bool
+        Whether the term changes when edges get longer or shorter.
     needs_area : bool
         Whether the fields exist only on triangles that have an area.
     single : bool
@@ -74,6 +76,7 @@ class Term(ABC):
     """
 
     sees_rotations = True
+    sees_lengths = True
     needs_area = False
     single = False
     area_power = 0.0

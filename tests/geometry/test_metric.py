@@ -240,6 +240,17 @@ def test_energy_and_gradient(case):
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
+def test_squared_dists_and_gradient_are_those_of_single_segments(case):
+    others, point = case.points[1:], case.points[0]
+    weights = np.linspace(0.5, 2.0, len(others))
+    squared, gradient = case.metric.squared_dists_and_gradient(point, others, weights)
+    segments = [case.metric.energy_and_gradient(np.stack([other, point])) for other in others]
+    np.testing.assert_allclose(squared, [value for value, _ in segments], rtol=1e-12)
+    expected = sum(w * slopes[1] for w, (_, slopes) in zip(weights, segments, strict=True))
+    np.testing.assert_allclose(gradient, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_gradients_of_squared_norm(case):
     metric, projection, x, v = (
         case.metric,

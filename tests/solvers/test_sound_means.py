@@ -4,8 +4,9 @@ import bodies_in_motion as bodies
 import pytest
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError, UnseenLengthsWarning
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.solvers import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.surfaces.distortion import edge_lengths
@@ -30,8 +31,15 @@ def test_arms_of_a_pose_mean_are_no_rubber():
 
 
 def test_a_metric_of_normals_alone_sees_no_lengths():
-    shortest, _ = edge_range(0.0)
+    with pytest.warns(UnseenLengthsWarning, match=r"c=1.0\) does not see how long edges are"):
+        shortest, _ = edge_range(0.0)
     assert shortest < 0.75
+
+
+def test_a_mean_by_rotations_alone_warns_too():
+    points = load_open_bodies("coarse").points[:2]
+    with pytest.warns(UnseenLengthsWarning, match=r"RotationMetric"):
+        BasisMean(tolerance=0.5).solve(RotationMetric(bodies.space()), points)
 
 
 def test_triangles_that_shrink_away_are_said():
