@@ -1,17 +1,18 @@
-"""A headless Chromium, driven by its own WebDriver over plain HTTP."""
+"""A headless Chromium, driven by Selenium with the events of a mouse, a keyboard and fingers."""
 
 from __future__ import annotations
 
-import base64
 import json
+import os
 import shutil
-import subprocess
-import time
-import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-ARGUMENTS = [
+import pytest
+
+_ARGUMENTS = (
     "--headless=new",
     "--no-sandbox",
     "--disable-dev-shm-usage",
@@ -19,138 +20,141 @@ ARGUMENTS = [
     "--use-gl=angle",
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
-]
-BINARIES = ("chromium", "chromium-browser", "google-chrome")
+)
+_BINARIES = ("chromium", "chromium-browser", "google-chrome")
 
 
-def is_available() -> bool:
-    """Tell whether Chromium and its driver are installed."""
-    return shutil.which("chromedriver") is not None and any(map(shutil.which, BINARIES))
+@contextmanager
+def opened_browser(*more: str) -> Iterator[Browser]:
+    """Open a browser, and close it in the end.
+
+    Without Chromium and its driver the test is skipped; in continuous integration, where the
+    variable CI is set, it fails.
+
+    Parameters
+    ----------
+    *more : str
+        Further arguments of the browser.
+    """
+    binary = next((path for path in map(shutil.which, _BINARIES) if path), None)
+    driver = shutil.which("chromedriver")
+    if binary is None or driver is None:
+        missing = "Chromium and its driver are not installed"
+        pytest.fail(missing) if os.environ.get("CI") else pytest.skip(missing)
+    webdriver = pytest.importorskip("selenium.webdriver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    for argument in (*_ARGUMENTS, *more):
+        options.add_argument(argument)
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    chrome = webdriver.Chrome(options, webdriver.ChromeService(driver))
+    try:
+        yield Browser(chrome)
+    finally:
+        chrome.quit()
 
 
 class Browser:
-    """One window; closed with everything it started when the `with` block ends."""
+    """One window.
 
-    def __init__(self, width: int, height: int, dark: bool = False) -> None:
-        self._size = (width, height)
-        self._dark = dark
+    Attributes
+    ----------
+    driver : selenium.webdriver.Chrome
+        What Selenium offers.
+    """
 
-    def __enter__(self) -> Browser:
-        self._driver = subprocess.Popen(
-            ["chromedriver", "--port=0"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
-        )
-        self._address = f"http://127.0.0.1:{self._port()}"
-        binary = next(path for path in map(shutil.which, BINARIES) if path)
-        options = {
-            "binary": binary,
-            "args": [*ARGUMENTS, "--window-size={},{}".format(*self._size)],
-        }
-        capabilities = {
-            "browserName": "chrome",
-            "goog:chromeOptions": options,
-            "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"},
-        }
-        answer = self._send("POST", "/session", {"capabilities": {"alwaysMatch": capabilities}})
-        self._session = f"/session/{answer['sessionId']}"
-        width, height = self._size
+    def __init__(self, driver: Any) -> None:
+        self.driver = driver
+
+    def open(self, page: Path, width: int, height: int, *, dark: bool = False) -> None:
+        """Open a file in a window, or on a screen, of this size."""
         # Windows have a least width that phones fall below; the emulated screen has none.
         self.devtools(
             "Emulation.setDeviceMetricsOverride",
             width=width, height=height, deviceScaleFactor=1, mobile=width < 500,
         )  # fmt: skip
-        scheme = "dark" if self._dark else "light"
+        scheme = "dark" if dark else "light"
         features = [{"name": "prefers-color-scheme", "value": scheme}]
         self.devtools("Emulation.setEmulatedMedia", features=features)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        try:
-            self._send("DELETE", self._session)
-        finally:
-            self._driver.terminate()
-            self._driver.wait(10)
-            self._driver.stdout.close()
-
-    def open(self, page: Path) -> None:
-        """Open a file."""
-        self._send("POST", f"{self._session}/url", {"url": page.resolve().as_uri()})
+        self.driver.get("about:blank")
+        self.console()
+        self.requests()
+        self.driver.get(page.resolve().as_uri())
 
     def run(self, script: str, *arguments: Any) -> Any:
         """Run a script in the page and return what it returns."""
-        body = {"script": script, "args": list(arguments)}
-        return self._send("POST", f"{self._session}/execute/sync", body)
+        return self.driver.execute_script(script, *arguments)
 
-    def wait_for(self, script: str, seconds: float = 60.0) -> Any:
+    def find(self, selector: str) -> Any:
+        """Return the first element that a CSS selector names."""
+        return self.driver.find_element("css selector", selector)
+
+    def wait_for(self, script: str, seconds: float = 30.0) -> Any:
         """Run a script until it returns something true."""
-        deadline = time.monotonic() + seconds
-        while time.monotonic() < deadline:
-            found = self.run(script)
-            if found:
-                return found
-            time.sleep(0.05)
-        raise AssertionError(f"waited {seconds} s in vain for: {script}")
+        from selenium.webdriver.support.wait import WebDriverWait
 
-    def press(self, key: str) -> None:
-        """Press a key where the focus is."""
-        strokes = [{"type": kind, "value": key} for kind in ("keyDown", "keyUp")]
-        actions = [{"type": "key", "id": "keyboard", "actions": strokes}]
-        self._send("POST", f"{self._session}/actions", {"actions": actions})
+        waiting = WebDriverWait(self.driver, seconds, poll_frequency=0.02)
+        return waiting.until(lambda _: self.run(script), f"waited in vain for: {script}")
 
-    def drag(self, selector: str, right: int, down: int) -> None:
-        """Drag the pointer from the middle of an element."""
-        element = self._send(
-            "POST", f"{self._session}/element", {"using": "css selector", "value": selector}
-        )
-        moves = [
-            {"type": "pointerMove", "origin": element, "x": 0, "y": 0, "duration": 0},
-            {"type": "pointerDown", "button": 0},
-            {"type": "pointerMove", "origin": element, "x": right, "y": down, "duration": 100},
-            {"type": "pointerUp", "button": 0},
-        ]
-        actions = [{"type": "pointer", "id": "mouse", "actions": moves}]
-        self._send("POST", f"{self._session}/actions", {"actions": actions})
+    def actions(self) -> Any:
+        """Return a chain of actions of the mouse and the keyboard, without pauses."""
+        from selenium.webdriver.common.action_chains import ActionChains
+
+        return ActionChains(self.driver, duration=20)
+
+    def press(self, *keys: str) -> None:
+        """Press keys where the focus is."""
+        self.actions().send_keys(*keys).perform()
+
+    def wheel(self, element: Any, right: int, below: int, pixels: int) -> None:
+        """Turn the wheel at a place, from the middle of an element; up is negative."""
+        from selenium.webdriver.common.actions.wheel_input import ScrollOrigin
+
+        origin = ScrollOrigin.from_element(element, right, below)
+        self.actions().scroll_from_origin(origin, 0, pixels).perform()
+
+    def drag(
+        self, element: Any, right: int, below: int, *, shift: bool = False, button: int = 0
+    ) -> None:
+        """Drag from the middle of an element, with Shift or another button of the mouse."""
+        from selenium.webdriver.common.actions.action_builder import ActionBuilder
+
+        builder = ActionBuilder(self.driver, duration=20)
+        if shift:
+            builder.key_action.key_down("\ue008")
+        for _ in range(2):
+            builder.key_action.pause()
+        builder.pointer_action.move_to(element)
+        builder.pointer_action.pointer_down(button)
+        builder.pointer_action.move_to(element, right, below)
+        builder.pointer_action.pointer_up(button)
+        builder.perform()
+        builder.clear_actions()
+
+    def touch(self, kind: str, *fingers: tuple[float, float]) -> None:
+        """Put fingers on the screen, move them, or lift them all: touchStart, touchMove, touchEnd.
+
+        Places are pixels of the window.
+        """
+        points = [{"x": x, "y": y, "id": index} for index, (x, y) in enumerate(fingers)]
+        self.devtools("Input.dispatchTouchEvent", type=kind, touchPoints=points)
 
     def console(self) -> list[str]:
         """Return the messages of the console since the last call."""
-        return [entry["message"] for entry in self._log("browser")]
+        return [entry["message"] for entry in self.driver.get_log("browser")]
 
     def requests(self) -> list[str]:
         """Return the addresses asked for since the last call, without data that is inline."""
-        entries = [json.loads(entry["message"])["message"] for entry in self._log("performance")]
+        logged = self.driver.get_log("performance")
+        entries = [json.loads(entry["message"])["message"] for entry in logged]
         sent = [
             entry["params"]["request"]["url"]
             for entry in entries
             if entry["method"] == "Network.requestWillBeSent"
         ]
-        return [address for address in sent if not address.startswith(("data:", "blob:"))]
-
-    def screenshot(self, path: Path, *, whole: bool = False) -> None:
-        """Write a picture of the window, or of the whole page."""
-        result = self.devtools("Page.captureScreenshot", captureBeyondViewport=whole)
-        path.write_bytes(base64.b64decode(result["data"]))
+        inline = ("data:", "blob:", "about:")
+        return [address for address in sent if not address.startswith(inline)]
 
     def devtools(self, command: str, **parameters: Any) -> Any:
         """Run a command of the browser's developer tools."""
-        body = {"cmd": command, "params": parameters}
-        return self._send("POST", f"{self._session}/goog/cdp/execute", body)
-
-    def _log(self, kind: str) -> Any:
-        return self._send("POST", f"{self._session}/se/log", {"type": kind})
-
-    def _port(self) -> int:
-        for line in self._driver.stdout:
-            if b"started successfully on port" in line:
-                return int(line.split()[-1].rstrip(b"."))
-        raise RuntimeError("chromedriver ended before it was ready")
-
-    def _send(self, method: str, path: str, body: Any = None) -> Any:
-        request = urllib.request.Request(
-            self._address + path,
-            data=None if body is None else json.dumps(body).encode(),
-            method=method,
-            headers={"Content-Type": "application/json"},
-        )
-        # Loopback only: a proxy of the environment has no say.
-        opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with opener.open(request, timeout=60) as answer:
-            return json.load(answer)["value"]
+        return self.driver.execute_cdp_cmd(command, parameters)

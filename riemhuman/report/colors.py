@@ -14,7 +14,7 @@ _CLASSES = (
 )
 
 # From the colour of an unpainted body to that of the largest value.
-_VALUES = ("d4c8bb", "ecb169", "d95f30", "8c1d3f")
+VALUE_COLORS = ("#d4c8bb", "#ecb169", "#d95f30", "#8c1d3f")
 
 
 def rgb(hexadecimal: str) -> tuple[float, float, float]:
@@ -71,6 +71,6 @@ def value_colors(values: ndarray, largest: float | None = None) -> ndarray:
     values = np.asarray(values, dtype=np.float64)
     top = float(values.max(initial=0.0)) if largest is None else largest
     share = np.clip(values / (top if top > 0 else 1.0), 0.0, 1.0)
-    stops = np.array([rgb(color) for color in _VALUES])
+    stops = np.array([rgb(color) for color in VALUE_COLORS])
     places = np.linspace(0.0, 1.0, len(stops))
     return np.stack([np.interp(share, places, stops[:, channel]) for channel in range(3)], axis=-1)

@@ -8,7 +8,8 @@ from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
 from riemhuman.report.path_experiments import OURS
 from riemhuman.report.plan import name_of
-from riemhuman.report.viewer import ViewedBody, Viewer
+from riemhuman.report.viewer import Viewer
+from riemhuman.report.viewer_data import ViewedBody
 from riemhuman.surfaces.rendering import MEAN
 
 
@@ -42,7 +43,9 @@ def difference_section(materials: Materials) -> Section | None:
         for part in ("metric", "normal"):
             values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
             label = f"{name_of(bodies, other)}: {part} part"
-            shown.append(ViewedBody(label, bodies.points[[other]], values=values))
+            shown.append(
+                ViewedBody(label, bodies.points[[other]], values=values, value_label="per m²")
+            )
         choices[name] = shown
     viewer = Viewer(template.faces, choices, "Pair", "Where two bodies differ")
     parts = [

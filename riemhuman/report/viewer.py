@@ -1,6 +1,6 @@
 """Bodies to turn and paths to play, in a notebook or as one HTML file that needs nothing else.
 
-The surfaces travel inside the page, every coordinate as a 16-bit integer; three.js draws them.
+The surfaces travel inside the page, where three.js draws them; where it cannot, pictures stand in.
 """
 
 from __future__ import annotations
@@ -9,9 +9,9 @@ import base64
 import json
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
-from typing import Any
+from string import Template
 
 import numpy as np
 from numpy import ndarray
@@ -21,37 +21,14 @@ from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.report.body_plots import colour_limit
 from riemhuman.report.colors import value_colors
-from riemhuman.report.reduction import lighter_mesh
 from riemhuman.report.text_files import write_text
-from riemhuman.report.web_files import scripts, styles
+from riemhuman.report.viewer_data import ViewedBody, payload
+from riemhuman.report.web_files import scripts, styles, web_file
+from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
-from riemhuman.surfaces.rendering import SKIN, View
+from riemhuman.surfaces.rendering import View
 
-# Above this, a body shows no more in a window, and a path becomes heavy.
-MAX_VERTICES = 7000
-_LEVELS = 2**16 - 1
-
-
-@dataclass(frozen=True)
-class ViewedBody:
-    """A body, or a body in motion, as a viewer shows it.
-
-    Attributes
-    ----------
-    label : str
-        What is written below it.
-    frames : array, shape (n_times, V, 3)
-        Surfaces at equally spaced times, metres.
-    color : tuple of float
-        Red, green and blue between 0 and 1.
-    values : array, shape (F,), optional
-        Values of the triangles, shown as colours.
-    """
-
-    label: str
-    frames: ndarray
-    color: tuple[float, float, float] = SKIN
-    values: ndarray | None = None
+_STILL_HEIGHT = 320
 
 
 @dataclass(frozen=True)
@@ -70,8 +47,11 @@ class Viewer:
         What is shown.
     view : View
         Where the bodies are seen from at first.
-    max_vertices : int
-        Bodies with more vertices are shown by fewer of them.
+    max_vertices : int, optional
+        Bodies with more vertices are shown by fewer of them; by default 7,000, or 30,000 for
+        triangles with values.
+    description : str
+        What the page of the viewer says below its title.
 
     Examples
     --------
@@ -86,7 +66,8 @@ class Viewer:
     legend: str = "Show"
     title: str = "Bodies"
     view: View = field(default_factory=View)
-    max_vertices: int = MAX_VERTICES
+    max_vertices: int | None = None
+    description: str = ""
 
     def __repr__(self) -> str:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
@@ -108,15 +89,19 @@ class Viewer:
             f"{' checked' if index == 0 else ''}> {escape(name)}</label>"
             for index, name in enumerate(self.choices)
         )
-        hidden = " hidden" if len(self.choices) == 1 else ""
-        payload = json.dumps(self._payload(), separators=(",", ":")).replace("<", "\\u003c")
-        return _FRAGMENT.format(
+        stills = "".join(
+            f'<img class="still" src="{self._still(bodies)}" alt=""{" hidden" if index else ""}>'
+            for index, bodies in enumerate(self.choices.values())
+        )
+        data = payload(self.choices, self.faces, self.view, self.max_vertices)
+        return Template(web_file("viewer.html")).substitute(
             identifier=escape(identifier, quote=True),
             title=escape(self.title, quote=True),
             legend=escape(self.legend),
             options=options,
-            hidden=hidden,
-            payload=payload,
+            hidden=" hidden" if len(self.choices) == 1 else "",
+            stills=stills,
+            payload=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         )
 
     def page(self) -> str:
@@ -126,8 +111,12 @@ class Viewer:
         -------
         str
         """
-        return _PAGE.format(
-            title=escape(self.title), styles=styles(), body=self.fragment("viewer"), end=scripts()
+        return Template(web_file("viewer_page.html")).substitute(
+            title=escape(self.title),
+            description=f"<p>{escape(self.description)}</p>" if self.description else "",
+            styles=styles(),
+            body=self.fragment("viewer"),
+            end=scripts(),
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -153,37 +142,19 @@ class Viewer:
             f'srcdoc="{escape(self.page(), quote=True)}"></iframe>'
         )
 
-    def _payload(self) -> dict[str, Any]:
-        every = [body for bodies in self.choices.values() for body in bodies]
-        kept, light = lighter_mesh(every[0].frames[0], self.faces, self.max_vertices)
-        dtype = "<u4" if len(kept) > _LEVELS else "<u2"
-        return {
-            "faces": _encode(light.astype(dtype)),
-            "n_vertices": len(kept),
-            "azimuth": self.view.azimuth,
-            "elevation": self.view.elevation,
-            "choices": [
-                {"name": name, "bodies": [self._body(body, kept) for body in bodies]}
-                for name, bodies in self.choices.items()
-            ],
-        }
-
-    def _body(self, body: ViewedBody, kept: ndarray) -> dict[str, Any]:
-        packed, low, step = quantized(body.frames[:, kept])
-        red, green, blue = (round(255 * channel) for channel in body.color)
-        written = {
-            "label": body.label,
-            "n_frames": len(packed),
-            "frames": _encode(packed.astype("<u2")),
-            "low": low.tolist(),
-            "step": step.tolist(),
-            "color": f"#{red:02x}{green:02x}{blue:02x}",
-        }
-        if body.values is not None:
-            values = _at_vertices(body.values, self.faces, body.frames.shape[1])[kept]
-            colors = value_colors(values, colour_limit(body.values))
-            written["colors"] = _encode(np.round(255 * colors).astype(np.uint8))
-        return written
+    def _still(self, bodies: Sequence[ViewedBody]) -> str:
+        """Return a picture of a choice: its bodies half way or, of one alone, times of its path."""
+        if len(bodies) == 1:
+            (body,) = bodies
+            places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
+            bodies = [replace(body, frames=body.frames[[round(place)]]) for place in places]
+        surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
+        colors = [
+            body.color if body.values is None else value_colors(body.values, body.limit)
+            for body in bodies
+        ]
+        picture = strip_picture(surfaces, self.faces, colors, self.view, _STILL_HEIGHT)
+        return f"data:image/png;base64,{base64.b64encode(png_bytes(picture)).decode('ascii')}"
 
 
 def view_path(
@@ -193,6 +164,7 @@ def view_path(
     side_by_side: bool = False,
     legend: str = "Path",
     title: str = "Path of bodies",
+    description: str = "",
     view: View | None = None,
 ) -> Viewer:
     """Show a path to play, scrub and turn, or several to choose from.
@@ -209,6 +181,8 @@ def view_path(
         What is chosen.
     title : str
         What is shown.
+    description : str
+        What the page of the viewer says below its title.
     view : View, optional
         Where the bodies are seen from at first.
 
@@ -238,7 +212,7 @@ def view_path(
     choices = {name: [ViewedBody("", body.frames)] for name, body in bodies.items()}
     if side_by_side:
         choices = {title: list(bodies.values())}
-    return _viewer(faces, choices, legend, title, view)
+    return _viewer(faces, choices, legend, title, description, view)
 
 
 def view_bodies(
@@ -247,7 +221,9 @@ def view_bodies(
     names: Sequence[str] | None = None,
     *,
     values: ArrayLike | None = None,
+    value_label: str = "",
     title: str = "Bodies",
+    description: str = "",
     view: View | None = None,
 ) -> Viewer:
     """Show bodies side by side, to turn.
@@ -261,9 +237,14 @@ def view_bodies(
     names : sequence of str, length n, optional
         What is written below each.
     values : array_like, shape (n, F) or (F,), optional
-        A value of at least 0 for every triangle, such as `contributions` per area.
+        A value of at least 0 for every triangle, such as `contributions` per area. All bodies
+        share one colour scale, which ends where 1 % of the values pass it.
+    value_label : str
+        What the values are, in a word or a unit, written beside the colour scale.
     title : str
         What is shown.
+    description : str
+        What the page of the viewer says below its title.
     view : View, optional
         Where the bodies are seen from at first.
 
@@ -290,37 +271,18 @@ def view_bodies(
     if len(labels) != n_bodies or n_bodies == 0:
         raise ArgumentError(f"{len(labels)} names found for {n_bodies} bodies")
     shades: list[ndarray | None] = [None] * n_bodies
+    largest = None
     if values is not None:
         n_faces = len(np.asarray(faces))
         shades = list(real_array(values, "values", (n_faces,)).reshape(-1, n_faces))
         if len(shades) != n_bodies:
             raise ArgumentError(f"{len(shades)} rows of values found for {n_bodies} bodies")
+        largest = colour_limit(np.stack(shades))
     bodies = [
-        ViewedBody(label, surface[None], values=shade)
+        ViewedBody(label, surface[None], values=shade, largest=largest, value_label=value_label)
         for label, surface, shade in zip(labels, surfaces, shades, strict=True)
     ]
-    return _viewer(faces, {title: bodies}, "Show", title, view)
-
-
-def quantized(frames: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return coordinates as integers of 16 bits.
-
-    Parameters
-    ----------
-    frames : array, shape (n_times, V, 3)
-        Surfaces.
-
-    Returns
-    -------
-    packed : array of uint16, shape (n_times, V, 3)
-        Steps above the lowest value.
-    low, step : array, shape (3,)
-        Lowest value and size of a step of each axis, so that low + step · packed is within half a
-        step of the surfaces.
-    """
-    low = frames.min(axis=(0, 1))
-    step = np.maximum(frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
-    return np.round((frames - low) / step).astype(np.uint16), low, step
+    return _viewer(faces, {title: bodies}, "Show", title, description, view)
 
 
 def _viewer(
@@ -328,6 +290,7 @@ def _viewer(
     choices: dict[str, list[ViewedBody]],
     legend: str,
     title: str,
+    description: str,
     view: View | None,
 ) -> Viewer:
     every = [body for bodies in choices.values() for body in bodies]
@@ -335,68 +298,4 @@ def _viewer(
     sizes = {body.frames.shape[1] for body in every}
     if len(sizes) > 1:
         raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
-    return Viewer(triangles, choices, legend, title, View() if view is None else view)
-
-
-def _at_vertices(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
-    """Return the mean of the values of the triangles at each vertex."""
-    sums, counts = np.zeros(n_vertices), np.zeros(n_vertices)
-    for corner in faces.T:
-        np.add.at(sums, corner, values)
-        np.add.at(counts, corner, 1.0)
-    return sums / np.maximum(counts, 1.0)
-
-
-def _encode(array: ndarray) -> str:
-    return base64.b64encode(np.ascontiguousarray(array).tobytes()).decode("ascii")
-
-
-_FRAGMENT = """<div class="viewer" id="{identifier}" role="group" aria-label="{title}">
-<div class="stage" data-part="stage">
-<canvas data-part="canvas" tabindex="0" role="img"
-aria-label="{title}. Drag, or use the arrow keys, to turn; plus and minus change the size.">
-</canvas>
-<div data-part="labels" aria-hidden="true"></div>
-</div>
-<noscript><p class="message">Turning the bodies needs JavaScript.</p></noscript>
-<p class="message" data-part="message" hidden>This browser draws no 3-D graphics (WebGL).</p>
-<div class="controls" data-part="controls">
-<fieldset{hidden}><legend>{legend}</legend>{options}</fieldset>
-<div class="time" data-part="running">
-<button type="button" data-part="play">Play</button>
-<label for="{identifier}-time">Time</label>
-<input id="{identifier}-time" data-part="time" type="range" min="0" max="200" value="0">
-<output for="{identifier}-time" data-part="moment">0.00</output>
-</div>
-<div class="turn" role="group" aria-label="View">
-<button type="button" data-action="left" aria-label="Turn left">←</button>
-<button type="button" data-action="right" aria-label="Turn right">→</button>
-<button type="button" data-action="farther" aria-label="Smaller">−</button>
-<button type="button" data-action="closer" aria-label="Larger">+</button>
-<button type="button" data-action="reset">Reset</button>
-</div>
-</div>
-<script type="application/json" data-part="data">{payload}</script>
-</div>"""
-
-_PAGE = """<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark">
-<title>{title}</title>
-<style>
-:root {{ color-scheme: light dark; }}
-body {{ margin: 0.8rem; font: 1rem/1.5 system-ui, sans-serif; }}
-h1 {{ font-size: 1rem; font-weight: 600; margin: 0; }}
-</style>
-{styles}
-</head>
-<body>
-<h1>{title}</h1>
-{body}
-{end}
-</body>
-</html>
-"""
+    return Viewer(triangles, choices, legend, title, view or View(), description=description)

@@ -39,7 +39,8 @@ def scripts() -> str:
     -------
     str
     """
+    own = "".join(web_file(f"viewer{part}.js") for part in ("_body", "_gestures", ""))
     return (
         "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
-        f"{web_file('three.min.js')}</script>\n<script>{web_file('viewer.js')}</script>"
+        f"{web_file('three.min.js')}</script>\n<script>(() => {{\n{own}}})();</script>"
     )

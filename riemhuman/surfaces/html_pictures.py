@@ -10,6 +10,7 @@ from html import escape
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 
 from riemhuman.surfaces.rendering import SKIN, View, Window, render, window_around
 
@@ -59,24 +60,68 @@ def vertices_html(surfaces: Sequence[ndarray] | ndarray, caption: str) -> str:
     return _figure(surfaces, _draw_vertices, caption)
 
 
+def strip_picture(
+    surfaces: Sequence[ndarray],
+    faces: ndarray,
+    colors: Sequence[ArrayLike],
+    view: View,
+    height: int = _HEIGHT,
+) -> ndarray:
+    """Return a picture of at most eight surfaces side by side, in one scale.
+
+    Parameters
+    ----------
+    surfaces : sequence of array, each of shape (V, 3)
+        At least one surface, metres, y up; of more than eight, eight evenly spaced ones are shown.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    colors : sequence of array_like, each of shape (3,) or (F, 3)
+        Colour of each surface, or colours of its triangles.
+    view : View
+        Where the surfaces are seen from.
+    height : int
+        Height of the picture in pixels.
+
+    Returns
+    -------
+    array of uint8, shape (height, width, 4)
+    """
+    shown = _shown(len(surfaces))
+    drawn = iter([colors[i] for i in shown])
+
+    def draw(f: ndarray, view: View, window: Window) -> ndarray:
+        return render(f, faces, height=height, view=view, window=window, color=next(drawn))
+
+    return _strip([surfaces[i] for i in shown], draw, view)
+
+
 def _figure(
     surfaces: Sequence[ndarray] | ndarray,
     draw: Callable[[ndarray, View, Window], ndarray],
     caption: str,
 ) -> str:
-    """Return a strip of pictures, each of a surface on the same spot, in one scale."""
+    """Return a strip of pictures with a caption."""
     text = f"<figcaption>{escape(caption)}</figcaption>"
     if len(surfaces) == 0:
         return f"<figure>{text}</figure>"
-    shown = np.linspace(0, len(surfaces) - 1, min(len(surfaces), _MOST_SHOWN)).round().astype(int)
-    chosen = np.stack([surfaces[i] for i in shown])
-    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
-    view = View()
-    window = window_around(chosen, view)
-    strip = np.concatenate([draw(f, view, window) for f in chosen], axis=1)
+    strip = _strip([surfaces[i] for i in _shown(len(surfaces))], draw, View())
     source = base64.b64encode(png_bytes(strip)).decode()
     image = f'<img src="data:image/png;base64,{source}" alt="{escape(caption, quote=True)}">'
     return f'<figure style="margin:0">{image}{text}</figure>'
+
+
+def _shown(n_surfaces: int) -> ndarray:
+    return np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
+
+
+def _strip(
+    surfaces: Sequence[ndarray], draw: Callable[[ndarray, View, Window], ndarray], view: View
+) -> ndarray:
+    """Return pictures beside each other, each of a surface on the same spot, in one scale."""
+    chosen = np.stack(surfaces)
+    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
+    window = window_around(chosen, view)
+    return np.concatenate([draw(f, view, window) for f in chosen], axis=1)
 
 
 def _draw_vertices(f: ndarray, view: View, window: Window) -> ndarray:

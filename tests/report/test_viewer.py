@@ -10,7 +10,8 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, FileError
-from riemhuman.report.viewer import quantized, view_bodies, view_path
+from riemhuman.report.viewer import view_bodies, view_path
+from riemhuman.report.viewer_data import quantized
 from riemhuman.report.web_files import web_file
 
 TEMPLATE = sphere_template()
@@ -84,8 +85,8 @@ def test_the_page_asks_for_nothing():
     page = view_path(PATH, TEMPLATE.faces, title="A <path> & more").page()
     assert "<title>A &lt;path&gt; &amp; more</title>" in page
     without_scripts = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
-    assert not re.findall(r"(?:src|href)=|url\(|@import|https?:", without_scripts)
-    own = web_file("viewer.js")
+    assert not re.findall(r'(?:src|href)="(?!data:)|url\(|@import|https?:', without_scripts)
+    own = "".join(web_file(f"viewer{part}.js") for part in ("", "_body", "_gestures"))
     assert not re.findall(r"fetch|XMLHttpRequest|import\(|https?:", own)
     identifiers = re.findall(r'\bid="([^"]+)"', without_scripts)
     assert len(identifiers) == len(set(identifiers)) > 1

@@ -1,316 +1,355 @@
-// Turns bodies, plays and scrubs paths. Every element of class "viewer" holds its data as JSON.
+// Bodies to turn, paths to play. Every element of class "viewer" holds its data as JSON.
+// Part of one script with viewer_body.js and viewer_gestures.js.
 "use strict";
 
-(() => {
-  const SECONDS = 2.4; // one run of a path
-  const PITCH_LIMIT = 1.2;
-  const TURN = Math.PI / 12; // one press of a key or button
+const SECONDS = 2.4; // one run of a path
+const PITCH_LIMIT = 1.5;
+const ZOOM_LIMITS = [0.5, 60];
+const FRAMED = 0.22; // height of what is framed, as a share of the tallest body
 
-  const bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
-  const linear = (value) => Math.pow(value / 255, 2.2);
-
-  // Vertices of one body at all times, and its surface in the scene.
-  class Body {
-    constructor(data, faces, nVertices) {
-      this.label = data.label;
-      this.nFrames = data.n_frames;
-      this.size = 3 * nVertices;
-      this.packed = new Uint16Array(bytes(data.frames).buffer);
-      this.low = data.low;
-      this.step = data.step;
-      this.geometry = new THREE.BufferGeometry();
-      this.positions = new Float32Array(this.size);
-      this.geometry.setAttribute("position", new THREE.BufferAttribute(this.positions, 3));
-      this.geometry.setIndex(new THREE.BufferAttribute(faces, 1));
-      const material = new THREE.MeshStandardMaterial({ roughness: 0.82, metalness: 0 });
-      if (data.colors) {
-        const colors = Float32Array.from(bytes(data.colors), linear);
-        this.geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
-        material.vertexColors = true;
-      } else {
-        material.color = new THREE.Color(data.color);
-      }
-      this.turning = new THREE.Group();
-      this.turning.add(new THREE.Mesh(this.geometry, material));
-      this.holder = new THREE.Group();
-      this.holder.add(this.turning);
-      this.measure();
-      this.show(0);
+class Viewer {
+  constructor(element) {
+    this.element = element;
+    this.find = (name) => element.querySelector(`[data-part="${name}"]`);
+    const data = JSON.parse(this.find("data").textContent);
+    const raw = bytes(data.faces).buffer;
+    this.faces = data.n_vertices > 65535 ? new Uint32Array(raw) : new Uint16Array(raw);
+    this.data = data;
+    this.chosen = 0;
+    this.time = 0;
+    this.startYaw = (-data.azimuth * Math.PI) / 180;
+    this.startPitch = (data.elevation * Math.PI) / 180;
+    this.toStart();
+    this.built = [];
+    this.playing = 0;
+    this.stage = this.find("stage");
+    this.canvas = this.find("canvas");
+    if (!this.light()) {
+      this.beStill();
+      return;
     }
-
-    // The upright cylinder around the body at all times: its axis is what it turns about.
-    measure() {
-      const low = [Infinity, Infinity, Infinity];
-      const high = [-Infinity, -Infinity, -Infinity];
-      for (let i = 0; i < this.packed.length; i += 1) {
-        const axis = i % 3;
-        const value = this.low[axis] + this.step[axis] * this.packed[i];
-        if (value < low[axis]) low[axis] = value;
-        if (value > high[axis]) high[axis] = value;
-      }
-      this.centre = low.map((value, axis) => (value + high[axis]) / 2);
-      this.height = high[1] - low[1];
-      let square = 0;
-      for (let i = 0; i < this.packed.length; i += 3) {
-        const x = this.low[0] + this.step[0] * this.packed[i] - this.centre[0];
-        const z = this.low[2] + this.step[2] * this.packed[i + 2] - this.centre[2];
-        square = Math.max(square, x * x + z * z);
-      }
-      this.radius = Math.sqrt(square);
-    }
-
-    show(time) {
-      const place = time * (this.nFrames - 1);
-      const first = Math.min(Math.floor(place), Math.max(this.nFrames - 2, 0));
-      const share = place - first;
-      const start = first * this.size;
-      const next = this.nFrames > 1 ? start + this.size : start;
-      for (let i = 0; i < this.size; i += 1) {
-        const axis = i % 3;
-        const value = this.packed[start + i] * (1 - share) + this.packed[next + i] * share;
-        this.positions[i] = this.low[axis] + this.step[axis] * value - this.centre[axis];
-      }
-      this.geometry.attributes.position.needsUpdate = true;
-      this.geometry.computeVertexNormals();
-      this.geometry.computeBoundingSphere();
-    }
+    this.canvas.addEventListener("webglcontextlost", () => this.beStill());
+    listen(this);
+    this.choose(0);
+    new ResizeObserver(() => this.resize()).observe(this.stage);
+    element.dataset.ready = "true";
   }
 
-  class Viewer {
-    constructor(element) {
-      this.element = element;
-      this.find = (name) => element.querySelector(`[data-part="${name}"]`);
-      const data = JSON.parse(this.find("data").textContent);
-      const raw = bytes(data.faces).buffer;
-      this.faces = data.n_vertices > 65535 ? new Uint32Array(raw) : new Uint16Array(raw);
-      this.data = data;
-      this.chosen = 0;
-      this.time = 0;
-      this.yaw = this.startYaw = (-data.azimuth * Math.PI) / 180;
-      this.pitch = this.startPitch = (data.elevation * Math.PI) / 180;
-      this.zoom = 1;
-      this.built = [];
-      this.playing = 0;
-      this.stage = this.find("stage");
-      this.canvas = this.find("canvas");
-      try {
-        this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: true });
-      } catch {
-        this.stage.hidden = true;
-        this.find("controls").hidden = true;
-        this.find("message").hidden = false;
-        return;
-      }
-      this.scene = new THREE.Scene();
-      this.camera = new THREE.PerspectiveCamera(8, 1, 0.1, 400);
-      this.scene.add(new THREE.HemisphereLight(0xffffff, 0x6a6560, 1.15));
-      const key = new THREE.DirectionalLight(0xffffff, 2.1);
-      key.position.set(-0.45, 0.65, 0.61);
-      const fill = new THREE.DirectionalLight(0xffffff, 0.7);
-      fill.position.set(0.8, 0.1, 0.59);
-      this.scene.add(key, fill);
-      this.listen();
-      this.choose(0);
-      new ResizeObserver(() => this.resize()).observe(this.stage);
-      element.dataset.ready = "true";
+  // Set up what draws the bodies, and tell whether the browser can.
+  light() {
+    try {
+      this.renderer = new THREE.WebGLRenderer({ canvas: this.canvas, alpha: true, antialias: true });
+    } catch {
+      return false;
     }
-
-    bodies(index) {
-      if (!this.built[index]) {
-        this.built[index] = this.data.choices[index].bodies.map(
-          (body) => new Body(body, this.faces, this.data.n_vertices),
-        );
-      }
-      return this.built[index];
-    }
-
-    listen() {
-      const slider = this.find("time");
-      slider.addEventListener("input", () => {
-        this.pause();
-        this.seek(Number(slider.value) / Number(slider.max));
-      });
-      this.find("play").addEventListener("click", () => (this.playing ? this.pause() : this.play()));
-      this.element.querySelectorAll('input[type="radio"]').forEach((radio) => {
-        radio.addEventListener("change", () => this.choose(Number(radio.value)));
-      });
-      const actions = {
-        left: () => this.turn(-TURN, 0),
-        right: () => this.turn(TURN, 0),
-        up: () => this.turn(0, TURN),
-        down: () => this.turn(0, -TURN),
-        closer: () => this.magnify(1.2),
-        farther: () => this.magnify(1 / 1.2),
-        reset: () => this.reset(),
-      };
-      this.element.querySelectorAll("button[data-action]").forEach((button) => {
-        button.addEventListener("click", actions[button.dataset.action]);
-      });
-      const keys = {
-        ArrowLeft: "left", ArrowRight: "right", ArrowUp: "up", ArrowDown: "down",
-        "+": "closer", "=": "closer", "-": "farther", Home: "reset",
-      };
-      this.canvas.addEventListener("keydown", (event) => {
-        const action = keys[event.key];
-        if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
-        event.preventDefault();
-        actions[action]();
-      });
-      let last = null;
-      this.canvas.addEventListener("pointerdown", (event) => {
-        last = event;
-        this.canvas.setPointerCapture(event.pointerId);
-      });
-      this.canvas.addEventListener("pointermove", (event) => {
-        if (!last || event.pointerId !== last.pointerId) return;
-        this.turn((event.clientX - last.clientX) / 120, (event.clientY - last.clientY) / 200);
-        last = event;
-      });
-      ["pointerup", "pointercancel"].forEach((name) =>
-        this.canvas.addEventListener(name, () => { last = null; }),
-      );
-    }
-
-    choose(index) {
-      this.bodies(this.chosen).forEach((body) => this.scene.remove(body.holder));
-      this.chosen = index;
-      const bodies = this.bodies(index);
-      bodies.forEach((body) => this.scene.add(body.holder));
-      const moving = bodies.some((body) => body.nFrames > 1);
-      this.find("running").hidden = !moving;
-      if (!moving) this.pause();
-      this.element.dataset.choice = this.data.choices[index].name;
-      const labels = this.find("labels");
-      labels.replaceChildren(
-        ...bodies.map((body) => {
-          const label = document.createElement("span");
-          label.className = "label";
-          label.textContent = body.label;
-          return label;
-        }),
-      );
-      this.seek(this.time);
-      this.resize();
-    }
-
-    seek(time) {
-      this.time = Math.min(1, Math.max(0, time));
-      const slider = this.find("time");
-      slider.value = String(Math.round(this.time * Number(slider.max)));
-      this.find("moment").textContent = this.time.toFixed(2);
-      this.element.dataset.time = this.time.toFixed(3);
-      this.bodies(this.chosen).forEach((body) => body.show(this.time));
-      this.draw();
-    }
-
-    play() {
-      if (this.time >= 1) this.seek(0);
-      const began = performance.now() - this.time * SECONDS * 1000;
-      const advance = (now) => {
-        const time = (now - began) / (SECONDS * 1000);
-        this.seek(time);
-        if (time >= 1) this.pause();
-        else this.playing = requestAnimationFrame(advance);
-      };
-      this.playing = requestAnimationFrame(advance);
-      this.find("play").textContent = "Pause";
-    }
-
-    pause() {
-      cancelAnimationFrame(this.playing);
-      this.playing = 0;
-      this.find("play").textContent = "Play";
-    }
-
-    turn(yaw, pitch) {
-      this.yaw += yaw;
-      this.pitch = Math.min(PITCH_LIMIT, Math.max(-PITCH_LIMIT, this.pitch + pitch));
-      this.element.dataset.yaw = this.yaw.toFixed(3);
-      this.draw();
-    }
-
-    magnify(factor) {
-      this.zoom = Math.min(6, Math.max(0.5, this.zoom * factor));
-      this.draw();
-    }
-
-    reset() {
-      this.yaw = this.startYaw;
-      this.pitch = this.startPitch;
-      this.zoom = 1;
-      this.draw();
-    }
-
-    resize() {
-      const width = this.stage.clientWidth;
-      const height = this.stage.clientHeight;
-      if (!width || !height) return;
-      this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
-      this.renderer.setSize(width, height, false);
-      this.camera.aspect = width / height;
-      this.arrange(width / height);
-      this.draw();
-    }
-
-    // As many columns as let the bodies appear largest.
-    arrange(aspect) {
-      const bodies = this.bodies(this.chosen);
-      const wide = 2 * Math.max(...bodies.map((body) => body.radius)) * 0.94;
-      const tall = 1.2 * Math.max(...bodies.map((body) => body.height));
-      let best = { extent: Infinity };
-      for (let columns = 1; columns <= bodies.length; columns += 1) {
-        const rows = Math.ceil(bodies.length / columns);
-        const extent = Math.max(rows * tall, (columns * wide) / aspect);
-        if (extent < best.extent) best = { extent, columns, rows };
-      }
-      const tallest = Math.max(...bodies.map((body) => body.height));
-      this.extent = best.extent;
-      this.below = tall / 2;
-      bodies.forEach((body, index) => {
-        const row = Math.floor(index / best.columns);
-        const inRow = Math.min(best.columns, bodies.length - row * best.columns);
-        body.holder.position.set(
-          ((index % best.columns) - (inRow - 1) / 2) * wide,
-          ((best.rows - 1) / 2 - row) * tall + 0.07 * tall,
-          0,
-        );
-        // All stand on one floor.
-        body.holder.position.y -= (tallest - body.height) / 2;
-        body.floor = body.holder.position.y + (tallest - body.height) / 2 - this.below * 0.87;
-      });
-    }
-
-    draw() {
-      if (!this.extent) return;
-      const half = Math.tan((this.camera.fov * Math.PI) / 360);
-      this.camera.position.set(0, 0, this.extent / 2 / half / this.zoom + 0.5);
-      this.camera.updateProjectionMatrix();
-      const bodies = this.bodies(this.chosen);
-      bodies.forEach((body) => {
-        body.holder.rotation.x = this.pitch;
-        body.turning.rotation.y = this.yaw;
-      });
-      this.renderer.render(this.scene, this.camera);
-      const scale = (this.stage.clientHeight / this.extent) * this.zoom;
-      const labels = this.find("labels").children;
-      bodies.forEach((body, index) => {
-        const { x } = body.holder.position;
-        labels[index].style.left = `${this.stage.clientWidth / 2 + x * scale}px`;
-        labels[index].style.top =
-          `${this.stage.clientHeight / 2 - body.floor * scale}px`;
-      });
-    }
+    this.scene = new THREE.Scene();
+    this.camera = new THREE.PerspectiveCamera(8, 1, 0.1, 400);
+    this.ray = new THREE.Raycaster();
+    this.scene.add(new THREE.HemisphereLight(0xffffff, 0x6a6560, 1.15));
+    const key = new THREE.DirectionalLight(0xffffff, 2.1);
+    key.position.set(-0.45, 0.65, 0.61);
+    const fill = new THREE.DirectionalLight(0xffffff, 0.7);
+    fill.position.set(0.8, 0.1, 0.59);
+    this.scene.add(key, fill);
+    return true;
   }
 
-  // Started when near the window, so that the page is there at once.
-  const observer = new IntersectionObserver(
-    (entries) => {
-      entries.filter((entry) => entry.isIntersecting).forEach((entry) => {
-        observer.unobserve(entry.target);
-        new Viewer(entry.target);
-      });
-    },
-    { rootMargin: "200px" },
-  );
-  document.querySelectorAll(".viewer").forEach((element) => observer.observe(element));
-})();
+  // Pictures in place of bodies that turn; what is shown can still be chosen.
+  beStill() {
+    this.pause();
+    delete this.element.dataset.ready;
+    ["running", "turning", "help", "labels", "hint"].forEach((part) => { this.find(part).hidden = true; });
+    this.find("message").hidden = false;
+    const stills = this.element.querySelectorAll(".still");
+    const show = (index) => stills.forEach((still, i) => { still.hidden = i !== index; });
+    this.element.querySelectorAll('input[type="radio"]').forEach((radio) => {
+      radio.addEventListener("change", () => show(Number(radio.value)));
+    });
+    show(this.chosen);
+  }
+
+  bodies(index = this.chosen) {
+    if (!this.built[index]) {
+      this.built[index] = this.data.choices[index].bodies.map(
+        (body) => new Body(body, this.faces, this.data.n_vertices),
+      );
+    }
+    return this.built[index];
+  }
+
+  choose(index) {
+    const pivot = this.bodies()[0].pivot;
+    this.bodies().forEach((body) => this.scene.remove(body.holder));
+    this.chosen = index;
+    const bodies = this.bodies();
+    bodies.forEach((body) => {
+      body.turnAbout(pivot);
+      this.scene.add(body.holder);
+    });
+    const moving = bodies.some((body) => body.nFrames > 1);
+    this.find("running").hidden = !moving;
+    if (!moving) this.pause();
+    this.element.dataset.choice = this.data.choices[index].name;
+    this.find("labels").replaceChildren(...bodies.map((body) => this.label(body)));
+    this.hush();
+    this.seek(this.time);
+    this.resize();
+  }
+
+  // The name of a body and, where it is coloured by values, what the colours mean.
+  label(body) {
+    const label = document.createElement("div");
+    label.className = "label";
+    const write = (parent, kind, text = "") => {
+      const part = document.createElement(kind);
+      part.textContent = text;
+      parent.append(part);
+      return part;
+    };
+    if (body.label) write(label, "span", body.label);
+    if (body.values) {
+      const scale = write(label, "span");
+      scale.className = "scale";
+      write(scale, "span", "0");
+      const bar = write(scale, "i");
+      bar.style.background = `linear-gradient(to right, ${this.data.scale.join(", ")})`;
+      write(scale, "span", `${Number(body.largest.toPrecision(2))} ${body.valueLabel}`.trim());
+    }
+    return label;
+  }
+
+  seek(time) {
+    this.time = Math.min(1, Math.max(0, time));
+    const slider = this.find("time");
+    slider.value = String(Math.round(this.time * Number(slider.max)));
+    slider.setAttribute("aria-valuetext", `${Math.round(100 * this.time)} % of the path`);
+    this.find("moment").textContent = this.time.toFixed(2);
+    this.element.dataset.time = this.time.toFixed(3);
+    this.bodies().forEach((body) => body.show(this.time));
+    this.draw();
+  }
+
+  toggle() {
+    if (this.find("running").hidden) return;
+    if (this.playing) this.pause();
+    else this.play();
+  }
+
+  play() {
+    if (this.time >= 1) this.seek(0);
+    let before = performance.now();
+    const advance = (now) => {
+      const passed = ((now - before) / (SECONDS * 1000)) * Number(this.find("speed").value);
+      before = now;
+      const time = this.time + Math.max(passed, 0);
+      if (time < 1) this.seek(time);
+      else if (this.find("loop").checked) this.seek(time % 1);
+      else this.seek(1);
+      if (this.time >= 1) this.pause();
+      else this.playing = requestAnimationFrame(advance);
+    };
+    this.playing = requestAnimationFrame(advance);
+    this.find("play").textContent = "Pause";
+  }
+
+  pause() {
+    cancelAnimationFrame(this.playing);
+    this.playing = 0;
+    this.find("play").textContent = "Play";
+  }
+
+  turn(yaw, pitch) {
+    this.yaw += yaw;
+    this.pitch = Math.min(PITCH_LIMIT, Math.max(-PITCH_LIMIT, this.pitch + pitch));
+    this.draw();
+  }
+
+  // Metres a pixel, where the bodies stand.
+  metresPerPixel() {
+    const half = Math.tan((this.camera.fov * Math.PI) / 360);
+    return (2 * half * this.distance) / this.zoom / this.stage.clientHeight;
+  }
+
+  move(right, below) {
+    this.panX -= right * this.metresPerPixel();
+    this.panY += below * this.metresPerPixel();
+    this.draw();
+  }
+
+  // Zoom, so that what is at a place of the stage stays there.
+  magnify(factor, place = this.middle()) {
+    const right = place.x - this.stage.clientWidth / 2;
+    const below = place.y - this.stage.clientHeight / 2;
+    const before = this.metresPerPixel();
+    this.zoom = Math.min(ZOOM_LIMITS[1], Math.max(ZOOM_LIMITS[0], this.zoom * factor));
+    const less = before - this.metresPerPixel();
+    this.panX += right * less;
+    this.panY -= below * less;
+    this.draw();
+  }
+
+  middle() {
+    return { x: this.stage.clientWidth / 2, y: this.stage.clientHeight / 2 };
+  }
+
+  place(event) {
+    const box = this.canvas.getBoundingClientRect();
+    return { x: event.clientX - box.left, y: event.clientY - box.top };
+  }
+
+  // The nearest body at a place of the stage, with the triangle and its nearest corner.
+  hit(place) {
+    const { x, y } = this.middle();
+    this.ray.setFromCamera(new THREE.Vector2(place.x / x - 1, 1 - place.y / y), this.camera);
+    const bodies = this.bodies();
+    const [found] = this.ray.intersectObjects(bodies.map((body) => body.mesh), false);
+    if (!found) return null;
+    const body = bodies.find((each) => each.mesh === found.object);
+    const point = body.mesh.worldToLocal(found.point.clone()).toArray();
+    const gap = (vertex) =>
+      Math.hypot(...point.map((value, axis) => value - body.positions[3 * vertex + axis]));
+    const { a, b, c } = found.face;
+    const vertex = [a, b, c].reduce((best, each) => (gap(each) < gap(best) ? each : best));
+    return { body, face: found.faceIndex, vertex };
+  }
+
+  // Say what the pointer is on.
+  point(place) {
+    const found = this.hit(place);
+    const hint = this.find("hint");
+    const text = found ? found.body.describe(found.face, this.data.choices[this.chosen].name) : "";
+    hint.hidden = !text;
+    hint.textContent = text;
+    if (!text) return;
+    hint.style.left = this.within(place.x + 12, hint.offsetWidth, this.stage.clientWidth);
+    hint.style.top = this.within(place.y - 12 - hint.offsetHeight, hint.offsetHeight, this.stage.clientHeight);
+  }
+
+  hush() {
+    this.find("hint").hidden = true;
+  }
+
+  within(start, length, whole) {
+    return `${Math.max(0, Math.min(start, whole - length))}px`;
+  }
+
+  // Bring a point of a body to the middle, close, and turn all bodies about it; reset beside them.
+  frame(place) {
+    const found = this.hit(place);
+    if (!found) {
+      this.reset();
+      return;
+    }
+    this.bodies().forEach((body) => body.turnAbout(found.vertex));
+    this.panX = found.body.holder.position.x;
+    this.panY = found.body.holder.position.y;
+    const tallest = Math.max(...this.bodies().map((body) => body.height));
+    this.zoom = Math.max(this.zoom, Math.min(ZOOM_LIMITS[1], this.extent / (FRAMED * tallest)));
+    this.draw();
+  }
+
+  toStart() {
+    this.yaw = this.startYaw;
+    this.pitch = this.startPitch;
+    this.zoom = 1;
+    this.panX = this.panY = 0;
+  }
+
+  reset() {
+    this.toStart();
+    this.bodies().forEach((body) => body.turnAbout(null));
+    this.draw();
+  }
+
+  resize() {
+    const width = this.stage.clientWidth;
+    const height = this.stage.clientHeight;
+    if (!width || !height) return;
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio || 1, 2));
+    this.renderer.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.arrange(width / height);
+    this.draw();
+  }
+
+  // As many columns as let the bodies appear largest.
+  arrange(aspect) {
+    const bodies = this.bodies();
+    const wide = 2 * Math.max(...bodies.map((body) => body.radius)) * 0.94;
+    const tall = 1.2 * Math.max(...bodies.map((body) => body.height));
+    let best = { extent: Infinity };
+    for (let columns = 1; columns <= bodies.length; columns += 1) {
+      const rows = Math.ceil(bodies.length / columns);
+      const extent = Math.max(rows * tall, (columns * wide) / aspect);
+      if (extent < best.extent) best = { extent, columns, rows };
+    }
+    const tallest = Math.max(...bodies.map((body) => body.height));
+    this.extent = best.extent;
+    this.distance = this.extent / 2 / Math.tan((this.camera.fov * Math.PI) / 360) + 0.5;
+    this.cell = { wide, tall };
+    const below = tall / 2;
+    bodies.forEach((body, index) => {
+      const row = Math.floor(index / best.columns);
+      const inRow = Math.min(best.columns, bodies.length - row * best.columns);
+      body.holder.position.set(
+        ((index % best.columns) - (inRow - 1) / 2) * wide,
+        ((best.rows - 1) / 2 - row) * tall + 0.07 * tall,
+        0,
+      );
+      // All stand on one floor.
+      body.holder.position.y -= (tallest - body.height) / 2;
+      body.floor = body.holder.position.y + (tallest - body.height) / 2 - below * 0.87;
+    });
+  }
+
+  draw() {
+    if (!this.extent) return;
+    this.camera.position.set(this.panX, this.panY, this.distance);
+    this.camera.zoom = this.zoom;
+    this.camera.updateProjectionMatrix();
+    this.bodies().forEach((body) => {
+      body.holder.rotation.x = this.pitch;
+      body.turning.rotation.y = this.yaw;
+    });
+    this.renderer.render(this.scene, this.camera);
+    this.placeLabels();
+    const { dataset } = this.element;
+    Object.assign(dataset, {
+      yaw: this.yaw.toFixed(3), zoom: this.zoom.toFixed(3),
+      panX: this.panX.toFixed(4), panY: this.panY.toFixed(4), // metres
+      scale: (1 / this.metresPerPixel()).toFixed(2), // pixels a metre
+    });
+    // While the whole is seen, a finger that goes up or down scrolls the page.
+    this.canvas.style.touchAction = this.zoom > 1.01 ? "none" : "pan-y";
+  }
+
+  // Below each body that is seen, and always within the stage.
+  placeLabels() {
+    const { clientWidth, clientHeight } = this.stage;
+    const scale = 1 / this.metresPerPixel();
+    const labels = this.find("labels").children;
+    this.bodies().forEach((body, index) => {
+      const label = labels[index];
+      const x = clientWidth / 2 + (body.holder.position.x - this.panX) * scale;
+      const y = clientHeight / 2 - (body.floor - this.panY) * scale;
+      const aside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (this.cell.wide / 2) * scale;
+      const seen = !aside && y > 0 && y - this.cell.tall * scale < clientHeight;
+      label.style.visibility = seen ? "" : "hidden";
+      label.style.maxWidth = `${Math.min(clientWidth, Math.max(80, this.cell.wide * scale))}px`;
+      label.style.left = this.within(x - label.offsetWidth / 2, label.offsetWidth, clientWidth);
+      label.style.top = this.within(y, label.offsetHeight, clientHeight);
+    });
+  }
+}
+
+// Started when near the window, so that the page is there at once.
+const observer = new IntersectionObserver(
+  (entries) => {
+    entries.filter((entry) => entry.isIntersecting).forEach((entry) => {
+      observer.unobserve(entry.target);
+      new Viewer(entry.target);
+    });
+  },
+  { rootMargin: "200px" },
+);
+document.querySelectorAll(".viewer").forEach((element) => observer.observe(element));

@@ -1,0 +1,92 @@
+// One body of a viewer. Part of one script with viewer_gestures.js and viewer.js.
+"use strict";
+
+const bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+const linear = (value) => Math.pow(value / 255, 2.2);
+
+// Vertices of one body at all times, and its surface in the scene.
+class Body {
+  constructor(data, faces, nVertices) {
+    this.label = data.label;
+    this.nFrames = data.n_frames;
+    this.size = 3 * nVertices;
+    this.packed = new Uint16Array(bytes(data.frames).buffer);
+    this.low = data.low;
+    this.step = data.step;
+    this.values = data.values && new Float32Array(bytes(data.values).buffer);
+    this.largest = data.largest;
+    this.valueLabel = data.value_label;
+    this.geometry = new THREE.BufferGeometry();
+    this.positions = new Float32Array(this.size);
+    this.geometry.setAttribute("position", new THREE.BufferAttribute(this.positions, 3));
+    this.geometry.setIndex(new THREE.BufferAttribute(faces, 1));
+    const material = new THREE.MeshStandardMaterial({ roughness: 0.82, metalness: 0 });
+    if (data.colors) {
+      const colors = Float32Array.from(bytes(data.colors), linear);
+      this.geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
+      material.vertexColors = true;
+    } else {
+      material.color = new THREE.Color(data.color);
+    }
+    this.mesh = new THREE.Mesh(this.geometry, material);
+    this.turning = new THREE.Group();
+    this.turning.add(this.mesh);
+    this.holder = new THREE.Group();
+    this.holder.add(this.turning);
+    this.pivot = null;
+    this.measure();
+    this.show(0);
+  }
+
+  // The upright cylinder around the body at all times: its axis is what it turns about at first.
+  measure() {
+    const low = [Infinity, Infinity, Infinity];
+    const high = [-Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < this.packed.length; i += 1) {
+      const axis = i % 3;
+      const value = this.low[axis] + this.step[axis] * this.packed[i];
+      if (value < low[axis]) low[axis] = value;
+      if (value > high[axis]) high[axis] = value;
+    }
+    this.centre = low.map((value, axis) => (value + high[axis]) / 2);
+    this.height = high[1] - low[1];
+    let square = 0;
+    for (let i = 0; i < this.packed.length; i += 3) {
+      const x = this.low[0] + this.step[0] * this.packed[i] - this.centre[0];
+      const z = this.low[2] + this.step[2] * this.packed[i + 2] - this.centre[2];
+      square = Math.max(square, x * x + z * z);
+    }
+    this.radius = Math.sqrt(square);
+  }
+
+  show(time) {
+    const place = time * (this.nFrames - 1);
+    const first = Math.min(Math.floor(place), Math.max(this.nFrames - 2, 0));
+    const share = place - first;
+    const start = first * this.size;
+    const next = this.nFrames > 1 ? start + this.size : start;
+    for (let i = 0; i < this.size; i += 1) {
+      const axis = i % 3;
+      const value = this.packed[start + i] * (1 - share) + this.packed[next + i] * share;
+      this.positions[i] = this.low[axis] + this.step[axis] * value - this.centre[axis];
+    }
+    this.geometry.attributes.position.needsUpdate = true;
+    this.geometry.computeVertexNormals();
+    this.geometry.computeBoundingSphere();
+    this.turnAbout(this.pivot);
+  }
+
+  // Keep a vertex where the body turns, at all times; null stands for the axis of the body.
+  turnAbout(vertex) {
+    this.pivot = vertex;
+    const [x, y, z] = vertex === null ? [0, 0, 0] : this.positions.slice(3 * vertex, 3 * vertex + 3);
+    this.mesh.position.set(-x, -y, -z);
+  }
+
+  // What the pointer is on: the body's name and the value of a triangle.
+  describe(face, name) {
+    const parts = [this.label || name];
+    if (this.values) parts.push(`${this.values[face].toPrecision(3)} ${this.valueLabel}`.trim());
+    return parts.filter(Boolean).join(": ");
+  }
+}
