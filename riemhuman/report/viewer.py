@@ -274,10 +274,10 @@ def view_bodies(
     largest = None
     if values is not None:
         n_faces = len(np.asarray(faces))
-        shades = list(real_array(values, "values", (n_faces,)).reshape(-1, n_faces))
+        rows = real_array(values, "values", (n_faces,)).reshape(-1, n_faces)
+        shades, largest = list(rows), colour_limit(rows)
         if len(shades) != n_bodies:
             raise ArgumentError(f"{len(shades)} rows of values found for {n_bodies} bodies")
-        largest = colour_limit(np.stack(shades))
     bodies = [
         ViewedBody(label, surface[None], values=shade, largest=largest, value_label=value_label)
         for label, surface, shade in zip(labels, surfaces, shades, strict=True)
