@@ -42,8 +42,10 @@ def values_of(array: Any, name: str = "array") -> np.ndarray:
     """
     while array is not (value := getval(array)):
         array = value
-    parts = array if isinstance(array, (list, tuple)) else [array]
-    masked = sum(np.ma.count_masked(part) for part in parts if isinstance(part, np.ma.MaskedArray))
+    masked = 0
+    for part in array if isinstance(array, (list, tuple)) else [array]:
+        if isinstance(part, np.ma.MaskedArray):
+            masked += np.ma.count_masked(part)
     if masked:
         raise ArgumentTypeError(
             f"{name} has {masked} masked entries; fill them, or leave their surfaces out"
@@ -131,12 +133,10 @@ def check_shape(
     ArgumentError
         If the shape is another.
     """
-    trailing = values.shape[values.ndim - len(shape) :] if values.ndim >= len(shape) else None
-    fits = trailing is not None and all(
-        isinstance(expected, str) or expected == found
-        for expected, found in zip(shape, trailing, strict=True)
-    )
-    if not fits or (not batched and values.ndim != len(shape)):
+    fits = values.ndim >= len(shape) if batched else values.ndim == len(shape)
+    for expected, found in zip(reversed(shape), reversed(values.shape), strict=False):
+        fits = fits and (isinstance(expected, str) or expected == found)
+    if not fits:
         expected = ", ".join(str(length) for length in (["..."] if batched else []) + list(shape))
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
 

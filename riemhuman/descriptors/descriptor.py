@@ -13,7 +13,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
-from riemhuman.geometry.pairwise import thread_count
+from riemhuman.kernels.threads import thread_count
 
 Mesh = tuple[ArrayLike, ArrayLike]
 

@@ -11,9 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.geometry.pairwise import Features, pair_by_pair, thread_count
-from riemhuman.terms.sum import field_features, roundings, squared_distances
-from riemhuman.terms.term import Fields, Term
+from riemhuman.kernels.threads import for_each
+from riemhuman.terms.sum import Features
 
 
 class Bulk(Protocol):
@@ -49,14 +48,14 @@ class Bulk(Protocol):
         array, shape (n,)
         """
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
         """Return all squared distances between two sets of points.
 
         Parameters
         ----------
         a, b : tuple of array
             Features; the same object twice for the distances within one set.
-        n_jobs : int, optional
+        n_threads : int
             Number of threads.
 
         Returns
@@ -85,63 +84,17 @@ class PairByPair(Bulk):
     def rounding(self, features: Features) -> ndarray:
         return np.zeros(len(features[0]))
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
-        return pair_by_pair(self._squared_dist, a, b, n_jobs)
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        squared = np.zeros((len(a[0]), len(b[0])))
 
+        def fill_row(i: int) -> None:
+            for j in range(i + 1 if a is b else 0, len(b[0])):
+                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
+                if a is b:
+                    squared[j, i] = squared[i, j]
 
-class SumOfTerms(Bulk):
-    """Features of fields, term by term, in compiled loops.
-
-    Parameters
-    ----------
-    terms : sequence of Term
-        The terms.
-    areas : array, shape (F,)
-        Template areas.
-    features : callable
-        Takes points and a precision to their features.
-    """
-
-    def __init__(
-        self,
-        terms: Sequence[Term],
-        areas: ndarray,
-        features: Callable[[ndarray, str], Features],
-    ) -> None:
-        self._terms, self._areas, self._features = tuple(terms), areas, features
-        self.n_arrays = 2 * len(self._terms)
-
-    @classmethod
-    def of_fields(cls, term: Term, areas: ndarray, fields: Callable[[ndarray], Fields]) -> Any:
-        """Return the bulk work of one term on fields.
-
-        Parameters
-        ----------
-        term : Term
-            The term.
-        areas : array, shape (F,)
-            Template areas.
-        fields : callable
-            Takes points to the term's fields.
-
-        Returns
-        -------
-        SumOfTerms
-        """
-        return cls(
-            [term],
-            areas,
-            lambda points, precision: field_features(term, fields(points), areas, precision),
-        )
-
-    def features(self, points: ndarray, precision: str) -> Features:
-        return self._features(points, precision)
-
-    def rounding(self, features: Features) -> ndarray:
-        return roundings(self._terms, features)
-
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
-        return squared_distances(self._terms, self._areas, a, b, thread_count(n_jobs))
+        for_each(fill_row, range(len(squared)), n_threads)
+        return squared
 
 
 class SumOfFactors(Bulk):
@@ -167,11 +120,11 @@ class SumOfFactors(Bulk):
     def rounding(self, features: Features) -> ndarray:
         return np.sqrt(sum(w * bulk.rounding(part) ** 2 for w, bulk, part in self._split(features)))
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
         parts = list(self._split(a))
         others = parts if b is a else list(self._split(b))
         return sum(
-            w * bulk.squared_distances(part, other, n_jobs)
+            w * bulk.squared_distances(part, other, n_threads)
             for (w, bulk, part), (_, _, other) in zip(parts, others, strict=True)
         )
 
@@ -202,5 +155,5 @@ class OfImages(Bulk):
     def rounding(self, features: Features) -> ndarray:
         return self._bulk.rounding(features)
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
-        return self._bulk.squared_distances(a, b, n_jobs)
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        return self._bulk.squared_distances(a, b, n_threads)

@@ -10,23 +10,12 @@ from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import (
-    ArgumentError,
-    ArgumentTypeError,
-    NotDefinedError,
-    OutsideManifoldError,
-)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.derived_quantities import DerivedQuantities
 from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances
 from riemhuman.kernels.scalars import square_root
-from riemhuman.protocols import (
-    ExpSolver,
-    GeodesicSolver,
-    LogSolver,
-    TransportSolver,
-    uninterrupted,
-)
+from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver, uninterrupted
 from riemhuman.representation import constructed
 
 if TYPE_CHECKING:
@@ -563,11 +552,6 @@ class RiemannianMetric(DerivedQuantities):
         """
         return real_array(points, name, ("n_points", *self.space.shape), batched=False)
 
-    @property
-    def n_feature_arrays(self) -> int:
-        """The number of arrays in `features`."""
-        return self.bulk.n_arrays
-
     def dist_pairwise(
         self,
         points: Points,
@@ -670,11 +654,13 @@ class RiemannianMetric(DerivedQuantities):
         to_neighbors = self.cdist(point.reshape(-1, *self.space.shape), neighbors)
         return np.argmin(to_neighbors, axis=1).reshape(leading)
 
-    def features(self, points: Points, precision: str = "double") -> tuple[ndarray, ...]:
+    def features(
+        self, points: Points, precision: str = "double", name: str = "points"
+    ) -> tuple[ndarray, ...]:
         r"""Return what a distance needs to know of each point, computed once a point.
 
-        The first axis of every array is that of the points, so features may be sliced, stored and
-        mapped from memory.
+        Distances of features are the work of `bulk`. The first axis of every array is that of the
+        points, so features may be sliced, stored and mapped from memory.
 
         Parameters
         ----------
@@ -682,6 +668,8 @@ class RiemannianMetric(DerivedQuantities):
             Points.
         precision : {"single", "double"}
             Precision to keep them in, where there are compiled loops for both.
+        name : str
+            Name of the points, for messages.
 
         Returns
         -------
@@ -689,49 +677,11 @@ class RiemannianMetric(DerivedQuantities):
             C-contiguous.
         """
         one_of(precision, "precision", PRECISIONS)
-        return self.bulk.features(self.check_points(points), precision)
+        return self.bulk.features(self._members(points, name), precision)
 
-    def rounding(self, features: tuple[ndarray, ...]) -> ndarray:
-        """Return how far each point is, at most, from the point its features stand for.
-
-        By the triangle inequality no distance of features is wrong by more than two of these; see
-        `squared_dist_rectangle`.
-
-        Parameters
-        ----------
-        features : tuple of array
-            Features of n points.
-
-        Returns
-        -------
-        array, shape (n,)
-        """
-        return self.bulk.rounding(features)
-
-    def squared_dist_of_features(
-        self,
-        features_a: tuple[ndarray, ...],
-        features_b: tuple[ndarray, ...],
-        n_jobs: int | None = None,
-    ) -> ndarray:
-        """Return all squared distances between two sets of points given by their `features`.
-
-        Pairs that are too close for the precision of the features are not put right here:
-        `squared_dist_rectangle` does.
-
-        Parameters
-        ----------
-        features_a, features_b : tuple of array
-            Features of n_a and of n_b points; the same object twice for the distances within one
-            set, of which only half are computed.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
-
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
-        return self.bulk.squared_distances(features_a, features_b, n_jobs)
+    def _members(self, points: Points, name: str) -> ndarray:
+        """Return a set of points that `bulk` takes."""
+        return self.check_points(points, name)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         before: Any = (..., slice(None, -1), *self._whole_point)
@@ -796,8 +746,8 @@ class RiemannianMetric(DerivedQuantities):
             raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
         return np.expand_dims(times, self.space._point_axes)
 
-    def _check_path(self, path: ndarray) -> ndarray:
-        path = real_array(path, "path", ("n_times", *self.space.shape))
+    def _check_path(self, path: ndarray, batched: bool = True) -> ndarray:
+        path = real_array(path, "path", ("n_times", *self.space.shape), batched=batched)
         n_times = path.shape[-len(self.space.shape) - 1]
         if n_times < 2:
             raise ArgumentError(f"path must have at least two times; found {n_times}")

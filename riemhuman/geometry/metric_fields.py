@@ -8,19 +8,14 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import (
-    Rng,
-    generator,
-    real_array,
-    refuse_triangles,
-    values_of,
-)
+from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry.bulk import Bulk, SumOfTerms
+from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms import ebin, ebin_geodesics, ebin_tangent, ebin_transport
+from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -206,10 +201,7 @@ class EbinMetric(RiemannianMetric):
     space: MetricFields
 
     def __init__(
-        self,
-        space: MetricFields,
-        lam: float = 0.5,
-        geodesic_solver: GeodesicSolver | None = None,
+        self, space: MetricFields, lam: float = 0.5, geodesic_solver: GeodesicSolver | None = None
     ) -> None:
         super().__init__(space, geodesic_solver)
         self._term = ebin.EbinTerm(lam=lam)
@@ -261,9 +253,9 @@ class EbinMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """Features x, y and s of the cones, in compiled loops."""
-        return SumOfTerms.of_fields(
+        return TermOfFields(
             self._term,
-            self.space.template.face_areas,
+            self.space.template,
             lambda points: ebin.coordinates(
                 self.space.check_point(points, "points", completion=True)
             ),
@@ -383,10 +375,7 @@ class EbinMetric(RiemannianMetric):
             ebin_tangent.traceless(
                 ebin_tangent.whiten(real_array(vector, name, self.space.shape), g)
             )
-            for vector, name in (
-                (tangent_vec_a, "tangent_vec_a"),
-                (tangent_vec_b, "tangent_vec_b"),
-            )
+            for vector, name in ((tangent_vec_a, "tangent_vec_a"), (tangent_vec_b, "tangent_vec_b"))
         )
         squares = ebin_tangent.trace(first @ first) * ebin_tangent.trace(second @ second)
         areas = squares - ebin_tangent.trace(first @ second) ** 2

@@ -143,9 +143,12 @@ class MidpointMetric(RiemannianMetric):
         gradient : array, shape (n_times, V, 3)
             Derivatives with respect to all vertices.
         """
-        path = self._check_path(self.check_points(path, "path"))
+        path = self._check_path(path, batched=False)
         n_segments = len(path) - 1
-        surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
+        surfaces, steps = (
+            by_vertex(0.5 * (path[:-1] + path[1:])),
+            by_vertex(np.diff(path, axis=0)),
+        )
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
         values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
         gradient = np.zeros(path.shape)

@@ -10,12 +10,13 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.bulk import Bulk, SumOfTerms
+from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot
 from riemhuman.terms.normals import NormalTerm
+from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -207,9 +208,9 @@ class NormalFieldMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """Features are the components of the normals, in compiled loops."""
-        return SumOfTerms.of_fields(
+        return TermOfFields(
             NormalTerm(),
-            self.space.template.face_areas,
+            self.space.template,
             lambda points: (self.space.check_point(points, "points"),),
         )
 

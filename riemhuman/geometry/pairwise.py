@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,13 +10,14 @@ from numpy import ndarray
 
 from riemhuman.checks import check_shape, one_of, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.threads import thread_count
 from riemhuman.progress import ProgressBar
+from riemhuman.terms.sum import Features
 
 if TYPE_CHECKING:
     from riemhuman.geometry.metric import RiemannianMetric
 
 Points = Sequence[Any] | ndarray
-Features = tuple[ndarray, ...]
 
 PRECISIONS = ("single", "double")
 """What features are kept in."""
@@ -33,78 +32,6 @@ ROUNDING_SHARE = 5e-6
 _BLOCK = 256
 # Bodies of one block of pairs too close for single precision.
 _CLOSE_BLOCK = 16
-
-
-def thread_count(n_jobs: int | None) -> int:
-    """Return the number of threads that `n_jobs` asks for.
-
-    Parameters
-    ----------
-    n_jobs : int or None
-        Number of threads: None is 1, -1 is one a core.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the number is not an integer.
-    ArgumentError
-        If it is 0 or below -1.
-    """
-    if n_jobs is None:
-        return 1
-    n_jobs = whole_number(n_jobs, "n_jobs")
-    if n_jobs == -1:
-        return os.cpu_count() or 1
-    if n_jobs < 1:
-        raise ArgumentError(f"n_jobs must be -1, or at least 1; found {n_jobs}")
-    return n_jobs
-
-
-def pair_by_pair(
-    squared_dist: Callable[..., ndarray],
-    features_a: Features,
-    features_b: Features,
-    n_jobs: int | None = None,
-) -> ndarray:
-    """Return a function of all pairs of points, computed pair by pair.
-
-    Parameters
-    ----------
-    squared_dist : callable
-        Takes the features of one point and those of another to a number, 0 for the same.
-    features_a, features_b : tuple of array
-        Features of n_a and of n_b points; the same object twice for the pairs within one set.
-    n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
-
-    Returns
-    -------
-    array, shape (n_a, n_b)
-    """
-    within = features_a is features_b
-    n_a, n_b = len(features_a[0]), len(features_b[0])
-    squared = np.zeros((n_a, n_b))
-
-    def fill_row(i: int) -> None:
-        one = [feature[i] for feature in features_a]
-        for j in range(i + 1 if within else 0, n_b):
-            other = [feature[j] for feature in features_b]
-            squared[i, j] = squared_dist(*one, *other)
-            if within:
-                squared[j, i] = squared[i, j]
-
-    n_threads = thread_count(n_jobs)
-    if n_threads == 1:
-        for i in range(n_a):
-            fill_row(i)
-    else:
-        with ThreadPoolExecutor(n_threads) as pool:
-            list(pool.map(fill_row, range(n_a)))
-    return squared
 
 
 def squared_dist_rectangle(
@@ -136,8 +63,9 @@ def squared_dist_rectangle(
     -------
     array, shape (n_a, n_b)
     """
-    squared = metric.squared_dist_of_features(features_a, features_b, n_jobs)
-    rounding = metric.rounding(features_a)[:, None] + metric.rounding(features_b)
+    bulk, n_threads = metric.bulk, thread_count(n_jobs)
+    squared = bulk.squared_distances(features_a, features_b, n_threads)
+    rounding = bulk.rounding(features_a)[:, None] + bulk.rounding(features_b)
     # Written so that NaN, from an overflow in single precision, counts as not settled.
     close = ~((ROUNDING_SHARE * np.sqrt(squared) >= rounding) & np.isfinite(squared))
     within = features_a is features_b
@@ -146,7 +74,7 @@ def squared_dist_rectangle(
     for rows, columns in _blocks_of(close):
         exact_a = metric.features([points_a[i] for i in rows], "double")
         exact_b = metric.features([points_b[j] for j in columns], "double")
-        exact = metric.squared_dist_of_features(exact_a, exact_b, n_jobs)
+        exact = bulk.squared_distances(exact_a, exact_b, n_threads)
         window = np.ix_(rows, columns)
         squared[window] = np.where(close[window], exact, squared[window])
         if not np.isfinite(exact).all():
@@ -192,47 +120,48 @@ def distances(
     -------
     array, shape (n_a, n_b)
     """
-    thread_count(n_jobs)
+    n_jobs = thread_count(n_jobs)
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
-    names = ("points", "points") if points_b is None else ("points_a", "points_b")
     within = points_b is None
-    rows = _PointSet(metric, points_a, names[0], precision)
-    columns = rows if points_b is None else _PointSet(metric, points_b, names[1], precision)
-    result = np.zeros((len(rows), len(columns)))
+    rows = _PointSet(metric, points_a, "points" if within else "points_a", precision)
+    columns = rows if points_b is None else _PointSet(metric, points_b, "points_b", precision)
+    result = np.zeros((len(rows.points), len(columns.points)))
     if not result.size:
         return result
-    n_pairs = len(rows) * (len(rows) - 1) // 2 if within else result.size
-    size = _block_size(rows, columns, memory)
+    n_points = len(result) if within else sum(result.shape)
+    a_point = max(rows.n_bytes(), columns.n_bytes())
+    # Without room for the features of all, there is for those of as many rows as columns.
+    n_held = n_points if n_points * a_point <= memory else max(1, memory // (2 * a_point))
+    n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
-        for row in _slices(len(rows), size):
-            features_a = rows.features(row)
-            for column in _slices(len(columns), size):
-                if within and column.start < row.start:
-                    continue
-                same = within and column == row
-                features_b = features_a if same else columns.features(column)
-                for i, j in _windows(row, column, same):
-                    part_a = _part(features_a, row, i)
-                    part_b = part_a if same and i == j else _part(features_b, column, j)
-                    block = np.sqrt(
-                        squared_dist_rectangle(
-                            metric, part_a, part_b, rows.points[i], columns.points[j], n_jobs
+        for first in range(0, len(rows.points), n_held):
+            kept_rows = rows.features(first, first + n_held)
+            for start in range(first if within else 0, len(columns.points), n_held):
+                same = within and start == first
+                kept_columns = kept_rows if same else columns.features(start, start + n_held)
+                for i, one in kept_rows:
+                    for j, other in kept_columns:
+                        if same and j.start < i.start:
+                            continue
+                        block = np.sqrt(
+                            squared_dist_rectangle(
+                                metric, one, other, rows.points[i], columns.points[j], n_jobs
+                            )
                         )
-                    )
-                    result[i, j] = block
-                    if within:
-                        result[j, i] = block.T
-                    diagonal = part_a is part_b
-                    bar.update(len(block) * (len(block) - 1) // 2 if diagonal else block.size)
+                        result[i, j] = block
+                        if within:
+                            result[j, i] = block.T
+                        diagonal = one is other
+                        bar.update(len(block) * (len(block) - 1) // 2 if diagonal else block.size)
                 # The next features take the place of these.
-                del features_b, part_a, part_b
-            del features_a
+                del kept_columns, other
+            del kept_rows, one
     return result
 
 
 class _PointSet:
-    """Points, and the features of slices of them."""
+    """Points, and the features of some of them."""
 
     def __init__(self, metric: RiemannianMetric, points: Any, name: str, precision: str) -> None:
         self.metric, self.name, self.precision = metric, name, precision
@@ -242,62 +171,30 @@ class _PointSet:
             check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
         self.points = points
 
-    def __len__(self) -> int:
-        return len(self.points)
+    def n_bytes(self) -> int:
+        """Return how much memory the features of a point take."""
+        total = 0
+        for array in self._features(slice(0, 1)):
+            total += array.nbytes
+        return total
 
-    def features(self, part: slice) -> Features:
-        """Return the features of a slice, of which few points are looked at together."""
-        n_points = part.stop - part.start
-        kept: Features = ()
-        for some in _slices(part.stop, _BLOCK, part.start):
-            features = self._features(some)
-            if some == part:
-                return features
-            kept = kept or tuple(np.empty((n_points, *f.shape[1:]), f.dtype) for f in features)
-            for array, feature in zip(kept, features, strict=True):
-                array[some.start - part.start : some.stop - part.start] = feature
-        return kept
+    def features(self, first: int, last: int) -> list[tuple[slice, Features]]:
+        """Return the features of points from `first` to `last`, block by block."""
+        last = min(last, len(self.points))
+        parts = [slice(k, min(k + _BLOCK, last)) for k in range(first, last, _BLOCK)]
+        return [(part, self._features(part)) for part in parts]
 
     def _features(self, part: slice) -> Features:
         points = self.points[part]
-        whole = len(points) == len(self)
+        whole = len(points) == len(self.points)
         # Errors count from the start of what was looked at together.
         where = self.name if whole else f"{self.name}[{part.start}:{part.stop}]"
-        points = self.metric.check_points(points, where)
         try:
-            return self.metric.features(points, self.precision)
+            return self.metric.features(points, self.precision, where)
         except ArgumentError as error:
-            if whole:
+            if whole or where in str(error):
                 raise
             raise type(error)(f"{where}: {error}") from error
-
-
-def _block_size(rows: _PointSet, columns: _PointSet, memory: int) -> int:
-    """Return how many points of each set to hold at once."""
-    sizes = [
-        sum(array.nbytes for array in points.features(slice(0, 1))) for points in (rows, columns)
-    ]
-    n_points = len(rows) if rows is columns else len(rows) + len(columns)
-    if n_points * max(sizes) <= memory:
-        return max(len(rows), len(columns))
-    return max(1, memory // (2 * max(sizes)))
-
-
-def _slices(n_points: int, size: int, start: int = 0) -> Iterator[slice]:
-    for first in range(start, n_points, size):
-        yield slice(first, min(first + size, n_points))
-
-
-def _windows(row: slice, column: slice, same: bool) -> Iterator[tuple[slice, slice]]:
-    for i in _slices(row.stop, _BLOCK, row.start):
-        for j in _slices(column.stop, _BLOCK, column.start):
-            if not same or j.start >= i.start:
-                yield i, j
-
-
-def _part(features: Features, held: slice, wanted: slice) -> Features:
-    inside = slice(wanted.start - held.start, wanted.stop - held.start)
-    return tuple(feature[inside] for feature in features)
 
 
 def _blocks_of(close: ndarray) -> Iterator[tuple[ndarray, ndarray]]:

@@ -10,19 +10,15 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.bulk import Bulk, SumOfTerms
+from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
-from riemhuman.kernels.special_orthogonal import (
-    axial,
-    nearest_rotations,
-    quaternions,
-    transpose,
-)
+from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
 from riemhuman.kernels.surface import dot
 from riemhuman.terms.rotations import RotationTerm
+from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -215,9 +211,9 @@ class RotationFieldMetric(RiemannianMetric):
     @property
     def bulk(self) -> Bulk:
         """Features are the components of quaternions, in compiled loops."""
-        return SumOfTerms.of_fields(
+        return TermOfFields(
             RotationTerm(),
-            self.space.template.face_areas,
+            self.space.template,
             lambda points: (quaternions(self.space.check_point(points, "points")),),
         )
 

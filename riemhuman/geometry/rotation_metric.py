@@ -8,17 +8,18 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, values_of
-from riemhuman.geometry.bulk import Bulk, SumOfTerms
+from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.rotation_fields import RotationFields
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.kernels.special_orthogonal import nearest_rotations, quaternions, transpose
-from riemhuman.kernels.surface import is_degenerate
+from riemhuman.kernels.surface import is_degenerate, refuse_degenerate
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.terms.rotations import RotationTerm
+from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -110,7 +111,7 @@ class RotationMetric(PullbackMetric):
             If a triangle has no area, so that it has no normal.
         """
         f_u, f_v = self.space.partial_derivatives(f)
-        self.space.refuse_degenerate(is_degenerate(values_of(f_u), values_of(f_v)))
+        refuse_degenerate(is_degenerate(values_of(f_u), values_of(f_v)))
         rotations = np.matmul(polar_frames(f_u, f_v), transpose(self._axes))
         if self.time == 0:
             return rotations
@@ -129,7 +130,7 @@ class RotationMetric(PullbackMetric):
                 found[i] = quaternions(self.rotations(f))
             return (found,)
 
-        return SumOfTerms.of_fields(RotationTerm(), self.space.template.face_areas, fields)
+        return TermOfFields(RotationTerm(), self.space.template, fields)
 
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.

@@ -7,28 +7,23 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
+from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.checks import values_of
+from riemhuman.checks import check_shape
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.bulk import SumOfTerms
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Features
+from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.term_fields import TermFields
+from riemhuman.kernels import surface
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.known_gradient import with_known_gradient
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
-from riemhuman.kernels.surface import (
-    Derivatives,
-    derivatives,
-    frame_components,
-    partial_derivatives,
-)
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
-from riemhuman.terms import sum as driver
-from riemhuman.terms.term import Fields, Term
+from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms.term import Term
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -92,7 +87,7 @@ class SurfaceMetric(RiemannianMetric):
         self.terms = tuple(terms)
         if not self.terms:
             raise ArgumentError("terms must hold at least one term; found none")
-        self._needs_area = any(term.needs_area for term in self.terms)
+        self._sum = SumOfTerms(self.terms, space.template)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5).
@@ -113,7 +108,7 @@ class SurfaceMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
-        return self._squared_dist_of_fields(self._fields(point_a), self._fields(point_b))
+        return self._sum.squared_dist(self._sum.fields(point_a), self._sum.fields(point_b))
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
@@ -136,17 +131,12 @@ class SurfaceMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
-        first = self._immersed(base_point, "base_point")
-        h = self._components(first, tangent_vec_a, "tangent_vec_a")
+        base_point = self.space.check_tangent_vec(base_point, "base_point")
+        h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
         k = h
         if tangent_vec_b is not tangent_vec_a:
-            k = self._components(first, tangent_vec_b, "tangent_vec_b")
-        total: Any = 0.0
-        for term in self.terms:
-            values = np.einsum("...i,...ij,...j->...", h, term.form(first), k)
-            scale = term.weight * self.space.template.face_areas * first.areas**term.area_power
-            total = total + np.sum(scale * values, axis=-1)
-        return total
+            k = self.space.check_tangent_vec(tangent_vec_b, "tangent_vec_b")
+        return self._sum.inner_product(h, k, base_point)
 
     def energy(self, path: ndarray) -> ndarray:
         """Return the closed-form energy n Σ d²(f_i, f_{i+1}) of paths with n segments.
@@ -168,8 +158,10 @@ class SurfaceMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a term needs the area of a triangle that has none.
         """
-        if values_of(path, "path").ndim == 3:
-            energy = self._compiled_energy(path)
+        path = self._check_path(path)
+        if path.ndim == 3:
+            traced = isbox(path)
+            energy: Any = self._compiled_energy(path) if traced else self._sum.path_energy(path)[0]
             if np.isfinite(energy):
                 return energy
         return super().energy(path)
@@ -177,7 +169,7 @@ class SurfaceMetric(RiemannianMetric):
     @cached_property
     def _compiled_energy(self) -> Callable[[Any], Any]:
         # Once: autograd keeps every primitive for good.
-        return with_known_gradient(self.energy_and_gradient, super().energy)
+        return with_known_gradient(self._sum.path_energy, super().energy)
 
     def __getstate__(self) -> dict[str, Any]:
         # The primitive is made anew by whoever gets the copy: it knows the metric it was made of.
@@ -198,8 +190,7 @@ class SurfaceMetric(RiemannianMetric):
         gradient : array, shape (n_times, V, 3)
             Derivatives with respect to all vertices.
         """
-        path = self._check_path(self.check_points(path, "path"))
-        return driver.path_energy(self.terms, self.space.template, path)
+        return self._sum.path_energy(self._check_path(path, batched=False))
 
     def squared_dists_and_gradient(
         self, point: ndarray, others: ndarray, weights: ndarray
@@ -226,12 +217,12 @@ class SurfaceMetric(RiemannianMetric):
         """
         point = self.check_points(point[None], "point")[0]
         others = self.check_points(others, "others")
-        return driver.squared_dists(self.terms, self.space.template, point, others, weights)
+        return self._sum.squared_dists(point, others, weights)
 
     @property
     def bulk(self) -> SumOfTerms:
         """Features of the fields of surfaces, in compiled passes over the triangles of each."""
-        return SumOfTerms(self.terms, self.space.template.face_areas, self._features)
+        return self._sum
 
     @property
     def sees_lengths(self) -> bool:
@@ -277,16 +268,8 @@ class SurfaceMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
-        surfaces = self.space.check_tangent_vec(base_point, "base_point").reshape(
-            -1, *self.space.shape
-        )
-        template = self.space.template
-        blocks = np.zeros((template.n_faces, 9, 9))
-        for f in surfaces:
-            first = self._immersed(f, "base_point")
-            driver.add_blocks(self.terms, template, f, first, blocks)
-        blocks /= len(surfaces)
-        return template.assembler.assemble(blocks)
+        surfaces = self.space.check_tangent_vec(base_point, "base_point")
+        return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Lower the index of tangent vectors.
@@ -349,7 +332,7 @@ class SurfaceMetric(RiemannianMetric):
             patches = triangle_patches(template.vertices, template.faces, n_patches)
         points = self.space.check_point(points, "points")
         sketches = [np.zeros((*points.shape[:-2], 0))]
-        for term, fields in zip(self.terms, self._fields(points), strict=True):
+        for term, fields in zip(self.terms, self._sum.fields(points), strict=True):
             chart = term.chart(fields)
             if chart is not None:
                 chart = np.sqrt(term.weight) * chart
@@ -379,7 +362,11 @@ class SurfaceMetric(RiemannianMetric):
         -------
         array, shape (..., \*target_shape)
         """
-        return self._images.of(self._derivatives(self.space.check_point(f, "f")))
+        operator = self.space.template.differential_operator
+        first = surface.derivatives(self.space.check_point(f, "f"), operator)
+        if any(term.needs_area for term in self.terms):
+            surface.refuse_degenerate(first.degenerate)
+        return self._images.of(first)
 
     def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the derivatives of the fields along deformations, as tangent vectors.
@@ -395,56 +382,24 @@ class SurfaceMetric(RiemannianMetric):
         -------
         array, shape (..., \*target_shape)
         """
-        first = self._immersed(base_point, "base_point")
+        operator = self.space.template.differential_operator
         tangent_vec = self.space.check_tangent_vec(tangent_vec)
-        return self._images.changes(first, *self._partial_derivatives(tangent_vec))
+        first = surface.derivatives(self.space.check_immersed(base_point, "base_point"), operator)
+        return self._images.changes(first, *surface.partial_derivatives(tangent_vec, operator))
 
     @cached_property
     def _images(self) -> TermFields:
         return TermFields(self.terms, self.space.template)
 
-    def _partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:
-        return partial_derivatives(f, self.space.template.differential_operator)
-
-    def _derivatives(self, f: ndarray) -> Derivatives:
-        """Return first derivatives; refuse triangles without area where a term needs areas."""
-        first = derivatives(f, self.space.template.differential_operator)
-        if self._needs_area:
-            self.space.refuse_degenerate(first.degenerate)
-        return first
-
-    def _immersed(self, base_point: Any, name: str) -> Derivatives:
-        """Return the first derivatives of surfaces all of whose triangles have an area."""
-        base_point = self.space.check_tangent_vec(base_point, name)
-        first = derivatives(base_point, self.space.template.differential_operator)
-        self.space.refuse_degenerate(first.degenerate, name)
-        return first
-
-    def _components(self, first: Derivatives, tangent_vec: ndarray, name: str) -> ndarray:
-        tangent_vec = self.space.check_tangent_vec(tangent_vec, name)
-        return frame_components(first, *self._partial_derivatives(tangent_vec))
-
-    def _fields(self, f: ndarray) -> list[Fields]:
-        first = self._derivatives(f)
-        return [term.fields(first) for term in self.terms]
-
-    def _squared_dist_of_fields(self, a: list[Fields], b: list[Fields]) -> ndarray:
-        areas = self.space.template.face_areas
-        total: Any = 0.0
-        for term, one, other in zip(self.terms, a, b, strict=True):
-            total = total + term.weight * np.sum(term.squared_dist(one, other) * areas, axis=-1)
-        return total
-
     def _squared_segments(self, path: ndarray) -> ndarray:
-        fields, times = self._fields(path), (slice(None),) * (path.ndim - 3)
+        fields, times = self._sum.fields(path), (slice(None),) * (path.ndim - 3)
         before, after = (
             [tuple(field[(*times, part)] for field in some) for some in fields]
             for part in (slice(None, -1), slice(1, None))
         )
-        return self._squared_dist_of_fields(before, after)
+        return self._sum.squared_dist(before, after)
 
-    def _features(self, points: ndarray, precision: str) -> Features:
-        points = self.space.check_point(points, "points")
-        return driver.surface_features(
-            self.terms, self.space.template, points, precision, self.space.refuse_degenerate
-        )
+    def _members(self, points: Points, name: str) -> ndarray:
+        points = self.space.check_point(points, name)
+        check_shape(points, name, ("n_points", *self.space.shape), batched=False)
+        return points

@@ -12,8 +12,8 @@ from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Features, thread_count
 from riemhuman.terms.flat import flat_distances, vector_features
+from riemhuman.terms.sum import Features
 
 
 class VectorSpace(Manifold):
@@ -248,10 +248,7 @@ class FlatMetric(RiemannianMetric):
         return np.full(leading, np.inf)
 
     def curvature_form(
-        self,
-        tangent_vec_a: ndarray,
-        tangent_vec_b: ndarray,
-        base_point: ndarray | None = None,
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         r"""Return 0: vector spaces are flat.
 
@@ -292,5 +289,5 @@ class _Vectors(Bulk):
     def rounding(self, features: Features) -> ndarray:
         return features[1]
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
-        return flat_distances(a[0], b[0], thread_count(n_jobs))
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        return flat_distances(a[0], b[0], n_threads)

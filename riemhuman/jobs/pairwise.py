@@ -20,7 +20,7 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import PRECISIONS, thread_count
+from riemhuman.geometry.pairwise import PRECISIONS
 from riemhuman.jobs.checksums import are_marks, checksums, mark
 from riemhuman.jobs.cluster import tiles_on_cluster
 from riemhuman.jobs.folder import JobFolder
@@ -33,6 +33,7 @@ from riemhuman.jobs.tiles import (
     memory_of_tile,
     tiles_of,
 )
+from riemhuman.kernels.threads import thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.storage.fingerprint import describe, digest
 

@@ -8,15 +8,12 @@ times side by side, so that what one triangle reads lies close together.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.surface import DEGENERATE
-from riemhuman.kernels.threads import in_chunks
 
 # Below this many triangles times surfaces, threads cost more than they bring.
 _WORTH_THREADS = 20_000
@@ -248,29 +245,3 @@ def is_worth_threads(surfaces: ndarray, faces: ndarray) -> bool:
     bool
     """
     return len(faces) * surfaces.shape[1] > _WORTH_THREADS
-
-
-def sums_in_chunks(
-    task: Callable[[int, int], tuple[Any, ...]], size: int, *, threaded: bool
-) -> tuple[Any, ...]:
-    """Return the sums of what a task returns for parts of range(size).
-
-    Parameters
-    ----------
-    task : callable
-        Called with the first and last + 1 index of each part, returns numbers and new arrays.
-    size : int
-        Number of items.
-    threaded : bool
-        Whether to run in threads.
-
-    Returns
-    -------
-    tuple
-    """
-    first, *others = in_chunks(task, size, threaded=threaded)
-    totals = list(first)
-    for part in others:
-        for k, value in enumerate(part):
-            totals[k] += value
-    return tuple(totals)

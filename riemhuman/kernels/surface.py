@@ -17,6 +17,8 @@ import autograd.numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
+from riemhuman.checks import refuse_triangles
+from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels.linear import apply_operator, entry
 
 DEGENERATE = 8 * np.finfo(float).eps
@@ -169,8 +171,8 @@ def cross(a: ndarray, b: ndarray) -> ndarray:
     -------
     array, shape (..., 3)
     """
-    ax, ay, az = (entry(a, i) for i in range(3))
-    bx, by, bz = (entry(b, i) for i in range(3))
+    ax, ay, az = entry(a, 0), entry(a, 1), entry(a, 2)
+    bx, by, bz = entry(b, 0), entry(b, 1), entry(b, 2)
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
@@ -273,3 +275,26 @@ def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
     array of bool, shape (..., F)
     """
     return follow_up(f_u, f_v).degenerate
+
+
+def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
+    """Refuse surfaces with triangles without area.
+
+    Parameters
+    ----------
+    degenerate : array of bool, shape (..., F)
+        Which triangles of the surfaces have no area.
+    name : str
+        Name of the argument, for messages.
+
+    Raises
+    ------
+    DegenerateSurfaceError
+        If there is one.
+    """
+    refuse_triangles(
+        degenerate,
+        f"every triangle of {name} must have an area, for its normal to exist and g to be "
+        "invertible",
+        DegenerateSurfaceError,
+    )

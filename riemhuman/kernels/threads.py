@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -15,8 +15,12 @@ from numpy import ndarray
 from scipy import sparse
 from threadpoolctl import ThreadpoolController
 
+from riemhuman.checks import whole_number
+from riemhuman.errors import ArgumentError
+
 N_CHUNKS = 4
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
@@ -40,6 +44,82 @@ def in_chunks(task: Callable[[int, int], Result], size: int, *, threaded: bool) 
     ends = np.linspace(0, size, N_CHUNKS + 1).astype(np.int64)
     run = _pool().map if threaded else map
     return list(run(task, ends[:-1], ends[1:]))
+
+
+def sums_in_chunks(
+    task: Callable[[int, int], tuple[Any, ...]], size: int, *, threaded: bool
+) -> tuple[Any, ...]:
+    """Return the sums of what a task returns for parts of range(size).
+
+    Parameters
+    ----------
+    task : callable
+        Called with the first and last + 1 index of each part, returns numbers and new arrays.
+    size : int
+        Number of items.
+    threaded : bool
+        Whether to run in threads.
+
+    Returns
+    -------
+    tuple
+    """
+    first, *others = in_chunks(task, size, threaded=threaded)
+    totals = list(first)
+    for part in others:
+        for k, value in enumerate(part):
+            totals[k] += value
+    return tuple(totals)
+
+
+def thread_count(n_jobs: int | None) -> int:
+    """Return the number of threads that `n_jobs` asks for.
+
+    Parameters
+    ----------
+    n_jobs : int or None
+        Number of threads: None is 1, -1 is one a core.
+
+    Returns
+    -------
+    int
+
+    Raises
+    ------
+    ArgumentTypeError
+        If the number is not an integer.
+    ArgumentError
+        If it is 0 or below -1.
+    """
+    if n_jobs is None:
+        return 1
+    n_jobs = whole_number(n_jobs, "n_jobs")
+    if n_jobs == -1:
+        return os.cpu_count() or 1
+    if n_jobs < 1:
+        raise ArgumentError(f"n_jobs must be -1, or at least 1; found {n_jobs}")
+    return n_jobs
+
+
+def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int) -> None:
+    """Do a task for every item, in threads of their own if there are several.
+
+    Parameters
+    ----------
+    task : callable
+        Takes an item.
+    items : iterable
+        Items.
+    n_threads : int
+        Number of threads; one is the calling thread.
+    """
+    if n_threads == 1:
+        for item in items:
+            task(item)
+    else:
+        with ThreadPoolExecutor(n_threads) as pool:
+            for _ in pool.map(task, items):
+                pass
 
 
 @contextmanager

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
+
+from riemhuman.kernels.threads import for_each
 
 LANES = 64
 """Rows of features are as long as a multiple of this."""
@@ -25,8 +26,9 @@ CHUNK = 512
 LARGEST, SMALLEST = 1e15, 1e-15
 """Squares of numbers beyond these, and their products, leave the range of single precision."""
 
-# What squares too small for single precision may add to a squared distance, per term.
-_UNDERFLOW = 1e-34
+UNDERFLOW = 1e-34
+"""What a square too small for single precision may add to a sum."""
+
 # Pairs times values of one tile: some milliseconds of work, so that features read are used often.
 _TILE_WORK = 20_000_000
 
@@ -69,15 +71,13 @@ def padded(shape: tuple[int, ...], precision: str) -> ndarray:
     return np.zeros((*leading, whole), dtype=np.float32 if precision == "single" else np.float64)
 
 
-def rounding(gaps: ndarray, n_values: float, precision: str) -> ndarray:
+def rounding(gaps: Any, precision: str) -> ndarray:
     """Return how far points are, at most, from those that their features stand for.
 
     Parameters
     ----------
-    gaps : array, shape (n,)
+    gaps : array_like, shape (n,)
         Squares of the distances, infinite where single precision has no room for the features.
-    n_values : float
-        Number of values that squares may underflow in, with their weights.
     precision : {"single", "double"}
         Precision of the features; rounding of double precision counts as none.
 
@@ -85,9 +85,8 @@ def rounding(gaps: ndarray, n_values: float, precision: str) -> ndarray:
     -------
     array, shape (n,)
     """
-    if precision == "double":
-        return np.zeros(len(gaps))
-    return np.sqrt(np.asarray(gaps, dtype=np.float64) + _UNDERFLOW * n_values)
+    gaps = np.asarray(gaps, dtype=np.float64)
+    return np.sqrt(gaps) if precision == "single" else np.zeros(len(gaps))
 
 
 def in_tiles(
@@ -131,10 +130,5 @@ def in_tiles(
     corners = [
         (i, j) for i in range(0, len(a), size) for j in range(i if within else 0, len(b), size)
     ]
-    if n_threads == 1:
-        for corner in corners:
-            fill(corner)
-    else:
-        with ThreadPoolExecutor(n_threads) as pool:
-            list(pool.map(fill, corners))
+    for_each(fill, corners, n_threads)
     return squared

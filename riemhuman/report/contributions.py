@@ -8,7 +8,7 @@ from typing import Any
 from numpy import ndarray
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.kernels.surface import derivatives
+from riemhuman.kernels.surface import derivatives, refuse_degenerate
 from riemhuman.terms import EbinTerm, NormalTerm
 
 
@@ -87,7 +87,7 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
     parts: dict[type, Any] = {EbinTerm: 0.0 * space.template.face_areas, NormalTerm: 0.0}
     for term in metric.terms:
         if term.needs_area:
-            space.refuse_degenerate(one.degenerate | other.degenerate)
+            refuse_degenerate(one.degenerate | other.degenerate)
         values = term.squared_dist(term.fields(one), term.fields(other))
         parts[type(term)] = term.weight * space.template.face_areas * values
     zeros = 0.0 * (parts[EbinTerm] + parts[NormalTerm])

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.threads import thread_count
 from riemhuman.protocols import MetricWithLowerBound
 from riemhuman.retrieval.rows import GrowingRows, Projection
 
@@ -44,7 +45,7 @@ class NeighborIndex:
         self.pivots = np.empty(0, dtype=np.int64)
         self._n_points = 0
         self._points = GrowingRows()
-        self._features = tuple(GrowingRows() for _ in range(metric.n_feature_arrays))
+        self._features = tuple(GrowingRows() for _ in range(metric.bulk.n_arrays))
         self._rounding = GrowingRows()
         self._coordinates = GrowingRows()
         self._to_pivots = GrowingRows()
@@ -136,7 +137,7 @@ class NeighborIndex:
         if "components" in arrays:
             index.projection = Projection(arrays["mean"], arrays["components"])
         index._check_metric(arrays["probe_distances"])
-        index._rounding = GrowingRows(metric.rounding(index.features(slice(None))))
+        index._rounding = GrowingRows(metric.bulk.rounding(index.features(slice(None))))
         if any(len(rows.array) != len(index) for rows in index._tables()):
             raise FileFormatError("every array must have a row for each of the points")
         return index
@@ -170,7 +171,7 @@ class NeighborIndex:
                 self._points.append(points)
                 for rows, feature in zip(self._features, features, strict=True):
                     rows.append(feature)
-                self._rounding.append(self.metric.rounding(features))
+                self._rounding.append(self.metric.bulk.rounding(features))
                 self._coordinates.append(self.coordinates_of(points))
                 if len(self.pivots):
                     self._to_pivots.append(self.distances(features, self.features(self.pivots)))
@@ -219,7 +220,7 @@ class NeighborIndex:
     def _probe_distances(self) -> ndarray:
         points = self._points.array[self.pivots[:_PROBES]]
         features = self.metric.features(points, "double")
-        return np.sqrt(self.metric.squared_dist_of_features(features, features))
+        return np.sqrt(self.metric.bulk.squared_distances(features, features))
 
     def _tables(self) -> list[GrowingRows]:
         held = [self._points, self._rounding, self._coordinates, self._to_pivots]
@@ -289,7 +290,9 @@ class NeighborIndex:
         -------
         array, shape (n_a, n_b)
         """
-        squared = self.metric.squared_dist_of_features(features_a, features_b, self.n_jobs)
+        squared = self.metric.bulk.squared_distances(
+            features_a, features_b, thread_count(self.n_jobs)
+        )
         return np.sqrt(squared)
 
     def checked(self, X: Any, start: int, stop: int) -> ndarray:

@@ -81,7 +81,7 @@ def _queries(index: NeighborIndex, points: ndarray, first: int | None) -> list[_
     """Prepare queries: points of the index from the first one on, or others."""
     if first is None:
         features = index.metric.features(points, "single")
-        rounding = index.metric.rounding(features)
+        rounding = index.metric.bulk.rounding(features)
         coordinates = index.coordinates_of(points)
         to_pivots = index.distances(features, index.features(index.pivots))
     else:
@@ -139,7 +139,7 @@ def _candidates(index: NeighborIndex, query: _Query, k: int) -> tuple[ndarray, i
 
     def compare(batch: ndarray) -> None:
         nonlocal numbers, low, high
-        squared = index.metric.squared_dist_of_features(query.features, index.features(batch))
+        squared = index.metric.bulk.squared_distances(query.features, index.features(batch))
         more_low, more_high = _interval(index, query, batch, np.sqrt(squared[0]))
         numbers = np.concatenate([numbers, batch])
         low, high = np.concatenate([low, more_low]), np.concatenate([high, more_high])
@@ -187,7 +187,7 @@ def _exact_distances(
         def compare(i: int, some: ndarray = some, features: Any = features) -> None:
             here = np.flatnonzero(np.isin(candidates[i], some))
             places = np.searchsorted(some, candidates[i][here])
-            squared = index.metric.squared_dist_of_features(
+            squared = index.metric.bulk.squared_distances(
                 tuple(feature[i : i + 1] for feature in own),
                 tuple(feature[places] for feature in features),
             )

@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import thread_count
+from riemhuman.kernels.threads import thread_count
 from riemhuman.representation import constructed
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 from riemhuman.retrieval.neighbor_search import nearest
@@ -241,11 +241,7 @@ class NearestNeighbors:
 
     @classmethod
     def load(
-        cls,
-        path: str | os.PathLike[str],
-        metric: RiemannianMetric,
-        *,
-        n_jobs: int | None = None,
+        cls, path: str | os.PathLike[str], metric: RiemannianMetric, *, n_jobs: int | None = None
     ) -> Self:
         """Read an index that `save` wrote.
 

@@ -54,7 +54,7 @@ class Dispersion:
         """
         metric, one = self.metric, self.metric.features(point[None])
         blocks = np.split(self.points, range(_BLOCK, len(self.points), _BLOCK))
-        squared = [metric.squared_dist_of_features(one, metric.features(some)) for some in blocks]
+        squared = [metric.bulk.squared_distances(one, metric.features(some)) for some in blocks]
         return np.concatenate(squared, axis=1)[0]
 
     def value(self, point: ndarray) -> float:

@@ -13,7 +13,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.triangle_frames import stacked_derivatives, triangle_frames
 from riemhuman.protocols import PulledBackMetric
 from riemhuman.surfaces.template import Template
-from riemhuman.terms.sum import squared_dists
+from riemhuman.terms.sum import SumOfTerms
 
 # How often triangles are turned within their planes as on the last surface.
 _N_ROUNDS = 5
@@ -85,7 +85,7 @@ class _OfElasticMetric:
             template.vertices[template.faces].reshape(-1, 3),
             np.arange(3 * template.n_faces).reshape(-1, 3),
         )
-        self._terms, used = metric.terms, weights > 0
+        self._sum, used = SumOfTerms(metric.terms, template), weights > 0
         self._weights = weights[used]
         self._targets = np.stack(
             [_separate_triangles(metric, separate, image) for image in images[used]]
@@ -94,9 +94,7 @@ class _OfElasticMetric:
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
         targets, faces = self._targets, self._separate.faces
-        squared, gradient = squared_dists(
-            self._terms, self._template, surface, targets, self._weights, faces
-        )
+        squared, gradient = self._sum.squared_dists(surface, targets, self._weights, faces)
         return float(self._weights @ squared), gradient
 
     def nearby(self, surface: ndarray) -> ndarray:

@@ -33,7 +33,7 @@ from riemhuman.kernels.scalars import (
     square_root,
 )
 from riemhuman.kernels.surface import DEGENERATE, Derivatives
-from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, in_tiles
+from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW, in_tiles
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.term import Fields, Term
 
@@ -197,9 +197,6 @@ class EbinTerm(Term):
             squared = in_tiles(_tile, a, b, (half_kappa,), n_threads)
         squared *= 16.0 * self.lam
         return squared
-
-    def underflow(self, areas: ndarray) -> float:
-        return 16.0 * self.lam * len(areas)
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight, self.lam)
@@ -473,7 +470,7 @@ def _fill_half_plane(
 @compiled(fastmath=SUM)
 def _pack(x: ndarray, y: ndarray, s: ndarray, roots: ndarray, lam: float, kept: ndarray) -> float:
     # Apart from `_fill_half_plane`, and without branches, so that it runs in vector registers.
-    gap, steepness = 0.0, 0.25 / lam
+    gap, steepness = UNDERFLOW * len(x), 0.25 / lam
     for t in range(len(x)):
         h, radius = math.sqrt(0.5) / y[t], roots[t] * s[t]
         kept[0, t], kept[1, t], kept[2, t], kept[3, t] = x[t], y[t], h, radius

@@ -34,8 +34,8 @@ from riemhuman.kernels.moving_frames import (
     derivatives_in_frame,
     frame_of,
     is_worth_threads,
-    sums_in_chunks,
 )
+from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 
 

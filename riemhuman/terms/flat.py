@@ -10,7 +10,15 @@ from numpy import ndarray
 
 from riemhuman.kernels.compiled import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, LARGEST, in_tiles, of_one_kind, padded, rounding
+from riemhuman.kernels.tiles import (
+    CHUNK,
+    LARGEST,
+    UNDERFLOW,
+    in_tiles,
+    of_one_kind,
+    padded,
+    rounding,
+)
 from riemhuman.terms.term import Fields, Term
 
 
@@ -74,9 +82,6 @@ class FlatTerm(Term):
     ) -> ndarray:
         return flat_distances(a, b, n_threads)
 
-    def underflow(self, areas: ndarray) -> float:
-        return float(self.feature_shape(len(areas))[0])
-
 
 def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple[ndarray, ndarray]:
     """Return the features of sets of vectors with a weighted sum of squares for squared norm.
@@ -101,7 +106,7 @@ def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple
     flat = of_one_kind(scaled.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
     features = padded(flat.shape, precision)
     gaps = [pack_vector(vector, kept) for vector, kept in zip(flat, features, strict=True)]
-    return features, rounding(np.array(gaps), flat.shape[1], precision)
+    return features, rounding(gaps, precision)
 
 
 @compiled(fastmath=SUM)
@@ -120,7 +125,7 @@ def pack_vector(vector: ndarray, kept: ndarray) -> float:
     float
         Infinite where single precision has no room for it.
     """
-    gap = 0.0
+    gap = UNDERFLOW * len(vector)
     for k in range(len(vector)):
         kept[k] = vector[k]
         gap += (vector[k] - kept[k]) ** 2 if abs(vector[k]) < LARGEST else math.inf

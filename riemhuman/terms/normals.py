@@ -12,7 +12,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import FUSED, SUM, compiled, polynomial
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, in_tiles
+from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, in_tiles
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.term import Fields, Term
 
@@ -134,9 +134,6 @@ class NormalTerm(Term):
         squared *= largest
         return squared
 
-    def underflow(self, areas: ndarray) -> float:
-        return float(areas.max() * len(areas))
-
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)
 
@@ -238,7 +235,7 @@ def _keep(n0: float, n1: float, n2: float, kept: ndarray, t: int) -> float:
 
 @compiled
 def _pack(normals: ndarray, areas: ndarray, kept: ndarray) -> float:
-    gap = 0.0
+    gap = UNDERFLOW * areas.max() * len(areas)
     for t in range(len(normals)):
         chord = _keep(normals[t, 0], normals[t, 1], normals[t, 2], kept, t)
         # An angle of at most π/2 changes by at most √2 times the change of its chord.
@@ -250,7 +247,7 @@ def _pack(normals: ndarray, areas: ndarray, kept: ndarray) -> float:
 def _pack_surface(
     f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
 ) -> float:
-    gap = 0.0
+    gap = UNDERFLOW * areas.max() * len(areas)
     for t in range(len(faces)):
         _, _, n0, n1, n2, area = triangle(f, faces, frames, t)
         scale = 1.0 / area if area > 0.0 else 0.0

@@ -8,7 +8,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import FUSED, SUM, compiled
 from riemhuman.kernels.special_orthogonal import quaternions
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, in_tiles
+from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, in_tiles
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.terms.normals import arc, squared_arc
 from riemhuman.terms.term import Fields, Term
@@ -103,14 +103,10 @@ class RotationTerm(Term):
         squared *= 4.0 * largest
         return squared
 
-    def underflow(self, areas: ndarray) -> float:
-        # Return the number of triangles times the largest weight.
-        return float(4.0 * areas.max() * len(areas))
-
 
 @compiled
 def _pack(q: ndarray, areas: ndarray, kept: ndarray) -> float:
-    gap = 0.0
+    gap = 4.0 * UNDERFLOW * areas.max() * len(areas)
     for t in range(len(q)):
         chord = 0.0
         for k in range(4):

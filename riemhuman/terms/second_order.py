@@ -26,8 +26,8 @@ from riemhuman.kernels.moving_frames import (
     add_area_slope,
     fill_edges,
     is_worth_threads,
-    sums_in_chunks,
 )
+from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 from riemhuman.terms.zeroth_order import corner_averages, vertex_areas
 

@@ -322,20 +322,6 @@ class Term(ABC):
                 squared[i, columns] = self.squared_dist(one, others) @ areas
         return squared
 
-    def underflow(self, areas: ndarray) -> float:
-        """Return how many values, with their weights, may underflow in a distance.
-
-        Parameters
-        ----------
-        areas : array, shape (F,)
-            Template areas.
-
-        Returns
-        -------
-        float
-        """
-        return float(len(areas))
-
     def _field_shapes(self) -> list[tuple[int, ...]]:
         """Return the shapes of the values of the fields, from those of one triangle."""
         fields = self.fields(follow_up(np.eye(1, 3), np.eye(1, 3, 1)))

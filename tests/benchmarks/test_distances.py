@@ -81,9 +81,9 @@ def test_against_the_definition(benchmark, name):
     assert np.sqrt(on_fields()) == pytest.approx(metric.dist(points[0], points[1]), rel=1e-12)
 
     times = shortest(
-        lambda: metric.squared_dist_of_features(features, features),
-        lambda: metric.squared_dist_of_features(all_features, all_features),
-        lambda: metric.squared_dist_of_features(all_features, all_features, n_jobs=2),
+        lambda: metric.bulk.squared_distances(features, features),
+        lambda: metric.bulk.squared_distances(all_features, all_features),
+        lambda: metric.bulk.squared_distances(all_features, all_features, n_threads=2),
         on_fields,
         lambda: metric.dist(points[0], points[1]),
         lambda: metric.dist_pairwise(points),
@@ -122,7 +122,7 @@ def test_growth(benchmark, name):
 
     def all_pairs(resolution, count):
         part = tuple(feature[:count] for feature in features[resolution])
-        return lambda: metrics[resolution].squared_dist_of_features(part, part)
+        return lambda: metrics[resolution].bulk.squared_distances(part, part)
 
     with_bodies = shortest(*(all_pairs(finest, count) for count in counts))
     line = f"\n{name:7} time grows as n^{exponent(counts, with_bodies):.2f} with bodies"

@@ -28,7 +28,7 @@ def seconds_of_all_pairs(metric, points, n_queries=64):
     begin = time.process_time()
     features = metric.features(points, "single")
     made = time.process_time()
-    metric.squared_dist_of_features(tuple(array[:n_queries] for array in features), features)
+    metric.bulk.squared_distances(tuple(array[:n_queries] for array in features), features)
     compared = time.process_time()
     return made - begin + (compared - made) * len(points) / n_queries / 2
 

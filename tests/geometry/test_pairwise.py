@@ -16,9 +16,10 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import squared_dist_rectangle, thread_count
+from riemhuman.geometry.pairwise import squared_dist_rectangle
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.kernels.threads import thread_count
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
@@ -99,7 +100,7 @@ def test_near_duplicates_are_beyond_single_precision(weights):
     """Without the second look in double precision, the bound would not hold."""
     metric, points = metric_of(TEMPLATE, weights), near_duplicates(TEMPLATE)
     features = metric.features(points, "single")
-    squared = metric.squared_dist_of_features(features, features)
+    squared = metric.bulk.squared_distances(features, features)
     expected = by_definition(metric, points)
     errors = np.abs(np.sqrt(squared[0, 2:]) / expected[0, 2:] - 1)
     assert errors.max() > 1e-4
@@ -240,17 +241,23 @@ def test_features_held_at_once_are_within_the_budget(monkeypatch):
     size = 80_000
 
     class Wide(RiemannianMetric):
+        n_arrays = 1
+
         def __init__(self):
             super().__init__(VectorSpace((1,), equip=False))
 
         def squared_dist(self, point_a, point_b):
             return np.sum((point_a - point_b) ** 2)
 
-        def features(self, points, precision="double"):
+        @property
+        def bulk(self):
+            return self
+
+        def features(self, points, precision="double", name="points"):
             return (np.repeat(points, size // 8, axis=1),)
 
-        def squared_dist_of_features(self, features_a, features_b, n_jobs=None):
-            return (features_a[0][:, None, 0] - features_b[0][:, 0]) ** 2
+        def squared_distances(self, a, b, n_threads=1):
+            return (a[0][:, None, 0] - b[0][:, 0]) ** 2
 
         def rounding(self, features):
             return np.zeros(len(features[0]))
@@ -276,14 +283,14 @@ def test_features_are_those_of_the_points_in_their_order():
     for name in ("mixed sphere", "srnf open", "product", "flat", "edges", "half-plane, distance"):
         case = CASES[name]
         features = case.metric.features(case.points, "single")
-        assert len(features) == case.metric.n_feature_arrays
+        assert len(features) == case.metric.bulk.n_arrays
         for feature in features:
             assert len(feature) == len(case.points)
             assert feature.flags.c_contiguous
         second = case.metric.features(case.points[1:2], "single")
         for feature, alone in zip(features, second, strict=True):
             np.testing.assert_array_equal(feature[1:2], alone)
-        assert case.metric.rounding(features).shape == (4,)
+        assert case.metric.bulk.rounding(features).shape == (4,)
 
 
 def test_progress_is_shown_on_demand(capsys, monkeypatch):

@@ -174,9 +174,9 @@ def test_rounding_adds_up_as_distances_do(weights):
     squared = 0.0
     for k, (factor, weight) in enumerate(zip(SPACE.factors, weights, strict=True)):
         part = factor.metric.features(SPACE.component(CASE.points, k), "single")
-        rounding = factor.metric.rounding(part)
+        rounding = factor.metric.bulk.rounding(part)
         assert np.all(rounding > 0)
         squared = squared + weight * rounding**2
-    np.testing.assert_allclose(metric.rounding(features), np.sqrt(squared), rtol=1e-12)
-    assert len(features) == metric.n_feature_arrays
-    np.testing.assert_array_equal(metric.rounding(metric.features(CASE.points)), 0.0)
+    np.testing.assert_allclose(metric.bulk.rounding(features), np.sqrt(squared), rtol=1e-12)
+    assert len(features) == metric.bulk.n_arrays
+    np.testing.assert_array_equal(metric.bulk.rounding(metric.features(CASE.points)), 0.0)

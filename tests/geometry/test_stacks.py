@@ -19,8 +19,7 @@ IN_CLOSED_FORM = ("exp", "log", "parallel_transport", "injectivity_radius", "geo
 ALONE = {
     "bulk", "cdist", "check_points", "closest_neighbor_index", "diameter", "dist_pairwise",
     "energy_and_gradient", "features", "gram_matrix", "lower_bound_coordinates", "map",
-    "metric_matrix", "random_unit_tangent_vec", "remove_drift", "rotations", "rounding",
-    "squared_dist_of_features",
+    "metric_matrix", "random_unit_tangent_vec", "remove_drift", "rotations",
 }  # fmt: skip
 
 

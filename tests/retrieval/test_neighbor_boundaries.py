@@ -9,6 +9,7 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.retrieval import NearestNeighbors, neighbor_index, neighbor_search
+from riemhuman.terms.sum import SumOfTerms
 
 POINTS = surfaces(sphere_template(), 40, rng=5)
 POINTS[[3, 17, 29]] = POINTS[[39, 16, 0]] * (1 + 1e-9)
@@ -53,9 +54,15 @@ def test_bounds_that_a_far_point_makes_inexact(name):
 class Blurred(ElasticMetric):
     """A metric whose distances in single precision are off by half of what is allowed for."""
 
-    def squared_dist_of_features(self, a, b, n_jobs=None):
+    @property
+    def bulk(self):
+        return BlurredSum(self.terms, self.space.template)
+
+
+class BlurredSum(SumOfTerms):
+    def squared_distances(self, a, b, n_threads=1):
         """Return squared distances, off by up to 1e-4 of them, as distances by 5e-5."""
-        squared = super().squared_dist_of_features(a, b, n_jobs)
+        squared = super().squared_distances(a, b, n_threads)
         if a[0].dtype != np.float32:
             return squared
         return squared * (1 + 1e-4 * np.sin(1e9 * squared))

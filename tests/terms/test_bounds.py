@@ -9,7 +9,7 @@ from cases import open_template, surfaces
 
 from riemhuman.kernels import surface, triangles, turns
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, ebin, flat, normals, root_normals
-from riemhuman.terms import sum as driver
+from riemhuman.terms.sum import SumOfTerms
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -50,17 +50,18 @@ def test_path_energy(by_python):
     path = surfaces(TEMPLATE, 3, rng=1)
     path[2] = path[1] + 1e-3 * path[0]
     calls = [
-        lambda: driver.path_energy(TERMS, TEMPLATE, path),
-        lambda: driver.path_energy(TERMS[::2], TEMPLATE, collapsed(path)),
+        lambda: SumOfTerms(TERMS, TEMPLATE).path_energy(path),
+        lambda: SumOfTerms(TERMS[::2], TEMPLATE).path_energy(collapsed(path)),
     ]
     check(MODULES, by_python, calls)
 
 
 @pytest.mark.parametrize("precision", ["single", "double"])
 def test_features(by_python, precision):
-    points = collapsed(surfaces(TEMPLATE, 2, rng=2))
+    points = surfaces(TEMPLATE, 2, rng=2)
     calls = [
-        lambda: driver.surface_features(TERMS, TEMPLATE, points, precision, lambda degenerate: None)
+        lambda: SumOfTerms(TERMS, TEMPLATE).features(points, precision),
+        lambda: SumOfTerms(TERMS[::2], TEMPLATE).features(collapsed(points), precision),
     ]
     check(MODULES, by_python, calls)
 
@@ -73,7 +74,8 @@ def test_loops_over_single_surfaces(by_python):
     def blocks():
         added = np.zeros((len(FACES), 9, 9))
         first = surface.derivatives(start, TEMPLATE.differential_operator)
-        driver.add_blocks(TERMS, TEMPLATE, start, first, added)
+        forms = sum(term.form(first) for term in TERMS) * np.ones((len(FACES), 1, 1))
+        triangles.add_blocks(added, start, FACES, FRAMES, forms)
         return [added]
 
     calls = [

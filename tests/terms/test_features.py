@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from cases import open_template, sphere_template, surfaces, triangle_template
 
-from riemhuman.kernels import surface, tiles
+from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.kernels import surface, tiles, triangles
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
-from riemhuman.terms.sum import field_features, surface_features
+from riemhuman.terms.sum import SumOfTerms, field_features, packed
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
@@ -32,10 +33,22 @@ def definitions(template, points):
 
 
 def features_of(term, template, points, precision):
-    """Return features, rounding, and the triangles without area if the term asks for them."""
-    told = []
-    features = surface_features([term], template, points, precision, told.append)
-    return *features, *told
+    """Return features and rounding, of triangles without area too."""
+    surfaces = tiles.of_one_kind(points)
+    mesh = template.faces, template.frame_coefficients, template.face_areas
+
+    def pack(i, kept):
+        return term.pack_surface(surfaces[i], *mesh, kept)
+
+    return packed(term, pack, len(points), template.face_areas, precision)
+
+
+def marked(template, points):
+    """Return the triangles that the compiled loop finds to have no area."""
+    found = np.empty((len(points), template.n_faces), dtype=bool)
+    for f, row in zip(tiles.of_one_kind(points), found, strict=True):
+        triangles.mark_degenerate(f, template.faces, template.frame_coefficients, row)
+    return found
 
 
 def split(features, length):
@@ -72,7 +85,8 @@ def test_metric_fields_of_surfaces(template, precision):
 @each_precision
 def test_normals_of_surfaces(template, precision):
     points = some_surfaces(template)
-    found, rounding, degenerate = features_of(NormalTerm(), template, points, precision)
+    found, rounding = features_of(NormalTerm(), template, points, precision)
+    degenerate = marked(template, points)
     f_u, f_v, expected_degenerate = definitions(template, points)
     np.testing.assert_array_equal(degenerate, expected_degenerate)
     assert degenerate.sum(axis=1).tolist()[::2] == [0, 0]
@@ -121,11 +135,22 @@ def test_triangles_pressed_to_an_edge_along_an_axis(axis):
     points = np.stack([template.vertices[0] + edge, edge])
     fields, _ = features_of(EbinTerm(lam=0.3), template, points, "double")
     np.testing.assert_array_equal(fields[:, [0, 3]], 0.0)
-    normals, _, degenerate = features_of(NormalTerm(), template, points, "double")
-    assert degenerate.tolist() == [[True], [True]]
+    normals, _ = features_of(NormalTerm(), template, points, "double")
+    assert marked(template, points).tolist() == [[True], [True]]
     np.testing.assert_array_equal(normals, 0.0)
     roots, _ = features_of(RootNormalTerm(), template, points, "double")
     np.testing.assert_array_equal(roots, 0.0)
+
+
+def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
+    template = TEMPLATES["open"]
+    terms, points = [EbinTerm(lam=0.3), NormalTerm(), RootNormalTerm()], some_surfaces(template)
+    found = SumOfTerms(terms, template).features(points[::2], "single")
+    expected = [features_of(term, template, points[::2], "single") for term in terms]
+    for array, other in zip(found, sum(expected, ()), strict=True):
+        np.testing.assert_array_equal(array, other)
+    with pytest.raises(DegenerateSurfaceError, match=r"triangle 4 of item \(1,\), the first of 5"):
+        SumOfTerms(terms, template).features(points, "single")
 
 
 def test_range_of_single_precision():

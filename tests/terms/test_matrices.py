@@ -10,7 +10,7 @@ from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels import surface, triangles
 from riemhuman.protocols import MetricWithMatrix
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, Term
-from riemhuman.terms import sum as driver
+from riemhuman.terms.sum import SumOfTerms
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
@@ -36,15 +36,13 @@ def threaded(request, monkeypatch):
 
 @each_template
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_blocks_are_added_up(template, weights, threaded):
-    blocks = np.zeros((template.n_faces, 9, 9))
-    expected = 0.0
-    for f in surfaces(template, 2, rng=3):
-        first = surface.derivatives(f, template.differential_operator)
-        driver.add_blocks(terms_of(**weights), template, f, first, blocks)
-        expected = expected + elastic_blocks(f, template.faces, template.face_areas, **weights)
-    np.testing.assert_allclose(blocks, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
-    np.testing.assert_allclose(blocks, np.swapaxes(blocks, 1, 2), rtol=1e-12, atol=1e-14)
+def test_matrices_are_means_of_triangle_matrices(template, weights, threaded):
+    points = surfaces(template, 2, rng=3)
+    found = SumOfTerms(terms_of(**weights), template).matrix(points).toarray()
+    blocks = [elastic_blocks(f, template.faces, template.face_areas, **weights) for f in points]
+    expected = template.assembler.assemble(np.mean(blocks, axis=0)).toarray()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+    np.testing.assert_allclose(found, found.T, rtol=1e-12, atol=1e-14)
 
 
 @each_template

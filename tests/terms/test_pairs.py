@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from riemhuman.kernels import tiles
+from riemhuman.kernels import threads, tiles
 from riemhuman.terms import EbinTerm, NormalTerm, ebin, flat, normals
 from riemhuman.terms.normals import squared_angle
 from riemhuman.terms.sum import field_features
@@ -229,7 +229,7 @@ def test_threads_run_where_they_are_asked_for(monkeypatch):
         asked.append(n_threads)
         return ThreadPoolExecutor(n_threads)
 
-    monkeypatch.setattr(tiles, "ThreadPoolExecutor", pool)
+    monkeypatch.setattr(threads, "ThreadPoolExecutor", pool)
     (ebin_a, ebin_b, _), (normal_a, normal_b, _) = (ebin_pairs("single"), normal_pairs("single"))
     flat_a, flat_b, _ = flat_pairs("single")
     calls = [
