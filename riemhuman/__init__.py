@@ -62,6 +62,7 @@ _ROOMS = (
     "geometry",
     "jobs",
     "kernels",
+    "measurements",
     "protocols",
     "report",
     "retrieval",

@@ -138,7 +138,7 @@ def read_source(anny: ModuleType) -> _Source:
     import torch
 
     model = anny.Anny(rig="anny", topology="anny", phenotypes="all")
-    phenotypes = _phenotypes(model.phenotype_labels)
+    phenotypes = adult_phenotypes(model.phenotype_labels)
     with torch.no_grad():
         batches = [
             model(phenotype_kwargs=torch.as_tensor(batch, dtype=model.dtype))
@@ -254,8 +254,24 @@ def _joints() -> list[_Joint]:
     return joints
 
 
-def _phenotypes(labels: Sequence[str]) -> np.ndarray:
-    """Sample adults, half of them women: anny's phenotypes, each in [0, 1]."""
+def adult_phenotypes(labels: Sequence[str]) -> np.ndarray:
+    """Sample adults, half of them women.
+
+    Parameters
+    ----------
+    labels : sequence of str
+        Names of anny's phenotypes.
+
+    Returns
+    -------
+    phenotypes : array, shape (N_SAMPLES, n_labels)
+        Each in [0, 1]; those of gender are above one half for women.
+
+    Raises
+    ------
+    FileFormatError
+        If the names are others.
+    """
     rng = np.random.default_rng(SEED)
     n = N_SAMPLES
     woman = np.arange(n) % 2

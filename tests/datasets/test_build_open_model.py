@@ -113,13 +113,13 @@ def test_decimation_that_spoils_the_surface(monkeypatch):
 
 def test_unknown_phenotypes():
     with pytest.raises(FileFormatError, match="anny offers the phenotypes .*'tail'"):
-        build_open_model._phenotypes(["gender", "tail"])
+        build_open_model.adult_phenotypes(["gender", "tail"])
 
 
 def test_people_sampled():
     labels = ["gender", "age", "muscle", "weight", "height", "proportions", "cupsize", "firmness"]
     labels += ["african", "asian", "caucasian"]
-    values = build_open_model._phenotypes(labels)
+    values = build_open_model.adult_phenotypes(labels)
     assert values.shape == (build_open_model.N_SAMPLES, 11)
     assert values.min() >= 0
     assert values.max() <= 1

@@ -1,0 +1,78 @@
+"""Remake the statistics of adults that `model_from_measurements` goes by.
+
+    python -m riemhuman.measurements.build_adults [folder]
+
+writes adults.json: mean and covariance of the open body model's shape coefficients among women,
+men, and both, of the adults that the model was made from. Needs the package anny 0.6 (with torch);
+nothing at run time does.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from riemhuman.datasets import load_open_model
+from riemhuman.datasets.build_open_model import EXTRA, adult_phenotypes, read_source
+from riemhuman.errors import FileError
+from riemhuman.optional import import_optional
+
+_DIGITS = 5
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Compute the statistics and write them.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Command line; the process's own by default.
+
+    Returns
+    -------
+    status : int
+        0.
+
+    Raises
+    ------
+    MissingDependencyError
+        If the package anny is not installed.
+    FileError
+        If the folder does not exist.
+    """
+    parser = argparse.ArgumentParser(description="Remake the statistics of adults.")
+    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "data")
+    folder = parser.parse_args(arguments).folder
+    if not folder.is_dir():
+        raise FileError(f"{folder} is not a folder; it must exist to receive the statistics")
+    anny = import_optional("anny", EXTRA)
+    labels = anny.Anny(rig="anny", topology="anny", phenotypes="all").phenotype_labels
+    is_man = adult_phenotypes(labels)[:, list(labels).index("gender")] < 0.5
+    model = load_open_model("full")
+    directions = model.shapedirs.reshape(-1, model.n_betas)
+    offsets = read_source(anny).vertices - model.template.vertices
+    betas = np.linalg.lstsq(directions, offsets.reshape(len(offsets), -1).T, rcond=None)[0].T
+    record = {
+        name: {
+            "mean": betas[chosen].mean(axis=0).round(_DIGITS).tolist(),
+            "covariance": np.cov(betas[chosen].T).round(_DIGITS).tolist(),
+        }
+        for name, chosen in (
+            ("woman", ~is_man),
+            ("man", is_man),
+            ("adult", np.ones_like(is_man)),
+        )
+    }
+    path = folder / "adults.json"
+    path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    sys.stdout.write(f"{path}: {int(is_man.sum())} men of {len(is_man)} adults\n")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

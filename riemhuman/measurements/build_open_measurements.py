@@ -1,0 +1,258 @@
+"""Remake the measurements of the open body model from the geometry of its mean body.
+
+    python -m riemhuman.measurements.build_open_measurements [folder]
+
+writes open_body_full.json and open_body_coarse.json, by default over those that ship. Landmarks are
+found on the mean body in the standard pose: legs straight down, arms straight at 50 degrees below
+the horizontal; y is up, x left, z forward.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import load_open_model
+from riemhuman.datasets.open_poses import joint_turns, pose_vectors
+from riemhuman.errors import FileError
+from riemhuman.measurements.closest_points import closest_points
+from riemhuman.measurements.definitions import Girth, Place
+from riemhuman.measurements.landmarks import LandmarkedBodies
+from riemhuman.measurements.measurement_set import MeasurementSet
+from riemhuman.measurements.open_body import FOLDER, RESOLUTIONS
+from riemhuman.measurements.open_definitions import (
+    LEGS,
+    PARTS,
+    STANDARD_POSE,
+    TRUNK,
+    open_definitions,
+)
+
+_FRAME = ("pelvis", "neck", "right_hip", "left_hip")
+_UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]
+# Of the mean body's stature, the height of the glabella, above the brows.
+_GLABELLA = 0.953
+_BELOW_CROTCH = 0.03
+_STEP = 0.005
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Find the landmarks and write both files.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Command line; the process's own by default.
+
+    Returns
+    -------
+    status : int
+        0.
+
+    Raises
+    ------
+    FileError
+        If the folder does not exist.
+    """
+    parser = argparse.ArgumentParser(description="Remake the open body's measurements.")
+    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    folder = parser.parse_args(arguments).folder
+    if not folder.is_dir():
+        raise FileError(f"{folder} is not a folder; it must exist to receive the measurements")
+    full = load_open_model("full")
+    points, fractions = find_landmarks(full)
+    for resolution in RESOLUTIONS:
+        path = folder / f"open_body_{resolution}.json"
+        build(load_open_model(resolution), points, fractions).save(path)
+        sys.stdout.write(f"{path}: {len(points)} landmarks, {path.stat().st_size / 1e3:.0f} kB\n")
+    return 0
+
+
+def build(
+    model: BodyModel, points: dict[str, ndarray], fractions: dict[str, float]
+) -> MeasurementSet:
+    """Return the measurements of one resolution of the model.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model.
+    points : dict of str to array, shape (3,)
+        Landmarks of the mean body in the standard pose.
+    fractions : dict of str to float
+        Where on their bones limbs are thickest or thinnest.
+
+    Returns
+    -------
+    MeasurementSet
+    """
+    surface = model(pose=standard_pose(model))
+    faces, coordinates = closest_points(np.array(list(points.values())), surface, model.faces)
+    landmarks = {
+        name: (model.faces[face], weights.round(6))
+        for name, face, weights in zip(points, faces, coordinates, strict=True)
+    }
+    bare = _bare(model)
+    return replace(bare, landmarks=landmarks, measurements=open_definitions(fractions))
+
+
+def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, float]]:
+    """Find the landmarks of the mean body in the standard pose.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model in full resolution.
+
+    Returns
+    -------
+    points : dict of str to array, shape (3,)
+        Landmarks, on or near the surface.
+    fractions : dict of str to float
+        Where on their bones limbs are thickest or thinnest.
+    """
+    bare = _bare(model)
+    surface = model(pose=standard_pose(model))
+    joints = dict(zip(model.joint_names, model.joints(pose=standard_pose(model)), strict=True))
+    body = _Body(bare, surface)
+    trunk = surface[np.unique(bare.faces[bare.in_parts(TRUNK)])]
+    stature, floor = float(np.ptp(surface[:, 1])), float(surface[:, 1].min())
+
+    points = {"crown": surface[surface[:, 1].argmax()]}
+    brows = np.array([0.0, floor + _GLABELLA * stature, joints["head"][2]])
+    points["glabella"], points["opisthocranion"] = body.hits(brows, _FORWARD, -_FORWARD)
+    points["cervicale"] = body.hits(joints["neck"], -_FORWARD)[0]
+    breasts = trunk[(trunk[:, 1] > joints["upper_spine"][1]) & (trunk[:, 1] < joints["neck"][1])]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        half = breasts[(sign * breasts[:, 0] > 0.03) & (sign * breasts[:, 0] < 0.14)]
+        points[f"{side}_nipple"] = half[half[:, 2].argmax()]
+    nipple = points["left_nipple"]
+    points["under_bust"] = _fold(body, nipple)
+
+    waist = _narrowest(body, joints["lower_spine"][1], points["under_bust"][1])
+    middle = np.array([0.0, waist, 0.0])
+    points["waist_front"], points["waist_back"] = body.hits(middle, _FORWARD, -_FORWARD)
+    points["right_waist"], points["left_waist"] = body.hits(middle, _RIGHT, -_RIGHT)
+    buttocks = surface[np.unique(bare.faces[bare.in_parts((*TRUNK, *LEGS))])]
+    buttocks = buttocks[buttocks[:, 1] < joints["lower_spine"][1]]
+    for side, sign in (("left", 1.0), ("right", -1.0)):
+        half = buttocks[sign * buttocks[:, 0] > 0]
+        points[f"{side}_buttock"] = half[half[:, 2].argmin()]
+    points["crotch"] = body.hits(joints["pelvis"], -_UP)[0]
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        thigh = joints[f"{side}_hip"] * [1.0, 0.0, 1.0] + points["crotch"] * [0.0, 1.0, 0.0]
+        points[f"{side}_thigh"] = body.hits(thigh - _BELOW_CROTCH * _UP, sign * _RIGHT)[0]
+        outward = (0.6 * sign * _RIGHT + 0.8 * _UP)
+        points[f"{side}_acromion"] = body.hits(joints[f"{side}_shoulder"], outward)[0]
+        points[f"{side}_sole"] = body.hits(joints[f"{side}_ankle"], -_UP)[0]
+        foot = surface[np.isin(model.weights.argmax(axis=1), _feet(model, side))]
+        points[f"{side}_heel"] = foot[foot[:, 2].argmin()]
+        points[f"{side}_toe"] = foot[foot[:, 2].argmax()]
+
+    fractions = {}
+    for limb, bone, low, high, thickest in (
+        ("forearm", ("right_elbow", "right_wrist"), 0.1, 0.5, True),
+        ("wrist", ("right_elbow", "right_wrist"), 0.8, 1.0, False),
+        ("calf", ("right_knee", "right_ankle"), 0.1, 0.5, True),
+        ("ankle", ("right_knee", "right_ankle"), 0.7, 0.98, False),
+    ):
+        choices = np.arange(low, high + 1e-9, 0.02)
+        part = "right arm" if "elbow" in bone[0] else "right leg"
+        girths = [
+            body.girth({bone[0]: 1.0 - s, bone[1]: s}, (bone[1], bone[0]), (part,)) for s in choices
+        ]
+        best = np.nanargmax(girths) if thickest else np.nanargmin(girths)
+        fractions[limb] = round(float(choices[best]), 2)
+    return points, fractions
+
+
+class _Body:
+    """The mean body in the standard pose."""
+
+    def __init__(self, bare: MeasurementSet, surface: ndarray) -> None:
+        self._set, self._surface = bare, surface
+        self._bodies = LandmarkedBodies(bare, surface[np.newaxis], "space")
+        self._corners = surface[bare.faces]
+
+    def hits(self, origin: ndarray, *directions: ndarray) -> list[ndarray]:
+        """Return where rays from inside first leave the surface."""
+        found = []
+        a = self._corners[:, 0]
+        u, v = self._corners[:, 1] - a, self._corners[:, 2] - a
+        for direction in directions:
+            matrix = np.stack([u, v, np.broadcast_to(-direction, u.shape)], axis=-1)
+            solvable = np.abs(np.linalg.det(matrix)) > 1e-14
+            right = (origin - a)[solvable][..., np.newaxis]
+            s, t, distance = np.linalg.solve(matrix[solvable], right)[..., 0].T
+            inside = (s >= 0) & (t >= 0) & (s + t <= 1) & (distance > 0)
+            found.append(origin + distance[inside].min() * direction)
+        return found
+
+    def girth(
+        self, at: Place, normal: tuple[str, str], parts: tuple[str, ...]
+    ) -> float:
+        """Return the length of the hull of a section."""
+        girth = Girth(name="g", at=at, normal=normal, parts=parts, hull=True)
+        return float(girth.value(self._bodies)[0])
+
+    def level_girth(self, height: float) -> float:
+        """Return the length of the hull of a level section of the trunk."""
+        cutter = self._set.cutter(TRUNK)
+        loop, _ = cutter.section(self._surface, np.array([0.0, height, 0.0]), _UP)
+        return float(np.linalg.norm(np.diff(self._bodies.tape(loop, True), axis=0), axis=1).sum())
+
+
+def _fold(body: _Body, nipple: ndarray) -> ndarray:
+    """Return where the profile below a nipple bends most: the fold under the breast."""
+    heights = np.arange(nipple[1] - 0.11, nipple[1] - 0.02, _STEP)
+    inside = [np.array([nipple[0], height, 0.0]) for height in heights]
+    profile = np.array([body.hits(place, _FORWARD)[0][2] for place in inside])
+    smooth = np.convolve(profile, np.ones(3) / 3.0, "same")
+    bend = smooth[4:] - 2.0 * smooth[2:-2] + smooth[:-4]
+    return body.hits(inside[2 + int(bend[1:-1].argmax()) + 1], _FORWARD)[0]
+
+
+def _narrowest(body: _Body, low: float, high: float) -> float:
+    heights = np.arange(low, high, _STEP)
+    return float(heights[np.argmin([body.level_girth(height) for height in heights])])
+
+
+def _feet(model: BodyModel, side: str) -> list[int]:
+    return [model.joint_names.index(f"{side}_{joint}") for joint in ("ankle", "toes")]
+
+
+def standard_pose(model: BodyModel) -> ndarray:
+    """Return the standard pose of the open model.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model, at any resolution.
+
+    Returns
+    -------
+    array, shape (J, 3)
+        Axis-angle vectors, radians.
+    """
+    return pose_vectors(joint_turns(STANDARD_POSE, model), model)
+
+
+def _bare(model: BodyModel) -> MeasurementSet:
+    """Return the parts, axes and standard pose, without landmarks and measurements."""
+    mass = model.weights[model.faces].sum(axis=1)
+    main = np.array(model.joint_names)[mass.argmax(axis=1)]
+    parts = {name: np.flatnonzero(np.isin(main, joints)) for name, joints in PARTS.items()}
+    vectors = standard_pose(model).round(6)
+    poses = {n: v for n, v in zip(model.joint_names, vectors, strict=True) if v.any()}
+    return MeasurementSet(model, (), {}, parts, _FRAME, standard_pose=poses)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

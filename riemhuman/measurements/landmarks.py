@@ -1,0 +1,302 @@
+"""Bodies of one template with their landmarks, axes and parts: what measurements are taken of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import autograd.numpy as np
+import numpy as onp
+from autograd.tracer import getval
+from numpy import ndarray
+
+from riemhuman.kernels.surface import cross
+from riemhuman.measurements.geodesics import geodesic_lengths, geodesic_path
+from riemhuman.measurements.sections import Cutter, section_sizes
+
+if TYPE_CHECKING:
+    from riemhuman.measurements.definitions import Place
+    from riemhuman.measurements.measurement_set import MeasurementSet
+
+_AXES = {"left": 0, "up": 1, "forward": 2}
+
+
+class LandmarkedBodies:
+    """Surfaces of one template, with landmarks, axes and parts by name.
+
+    Everything is differentiable by autograd in the surfaces.
+
+    Parameters
+    ----------
+    description : MeasurementSet
+        Where landmarks and parts are.
+    surfaces : array, shape (n, V, 3)
+        Vertices, metres.
+    axes : {"body", "space"}
+        Whether level is perpendicular to the trunk of each body, or to the template's own axis.
+    """
+
+    def __init__(self, description: MeasurementSet, surfaces: Any, axes: str) -> None:
+        self._set, self._surfaces, self._frames = description, surfaces, axes
+        self._known: dict[Any, Any] = {}
+
+    def place(self, place: Place) -> Any:
+        """Return a landmark or an affine combination of landmarks.
+
+        Parameters
+        ----------
+        place : str or mapping of str to float
+            The place.
+
+        Returns
+        -------
+        array, shape (n, 3)
+        """
+        if isinstance(place, Mapping):
+            total = sum(place.values())
+            return sum(weight / total * self.place(name) for name, weight in place.items())
+        if place not in self._known:
+            vertices, weights = self._set.landmarks[place]
+            self._known[place] = np.sum(weights[:, None] * self._surfaces[:, vertices], axis=1)
+        return self._known[place]
+
+    def axis(self, axis: Any) -> Any:
+        """Return a direction: an axis of the body, or from one place to another.
+
+        Parameters
+        ----------
+        axis : str or pair of places
+            "up", "left", "forward", or two places.
+
+        Returns
+        -------
+        array, shape (n, 3)
+            Unit vectors.
+        """
+        if isinstance(axis, str):
+            return self._axes[..., _AXES[axis]]
+        one, other = axis
+        return _unit(self.place(other) - self.place(one))
+
+    @cached_property
+    def _axes(self) -> Any:
+        """Left, up and forward of every body as columns, shape (n, 3, 3)."""
+        own = onp.asarray(self._set.axes)
+        if self._frames == "space":
+            return own + np.zeros((len(self._surfaces), 1, 1))
+        bottom, top, right, left = (self.place(name) for name in self._set.frame)
+        # The same landmarks of the template say how the axes lie in this frame.
+        return np.matmul(_frame(bottom, top, right, left), self._set.axes_in_frame)
+
+    def section_sizes(
+        self, parts: Any, leave_out: Any, at: Place, normal: Any, direction: Any, kind: int
+    ) -> Any:
+        """Return sizes of plane sections, see `riemhuman.measurements.sections`.
+
+        Parameters
+        ----------
+        parts, leave_out : tuple of str
+            Parts of the body.
+        at : place
+            A place in the plane.
+        normal : str or pair of places
+            Normal of the plane.
+        direction : array, shape (n, 3)
+            Direction of extents.
+        kind : int
+            `LENGTH`, `HULL` or `EXTENT`.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        cutter = self._set.cutter(parts, leave_out)
+        plane = self.place(at), self.axis(normal)
+        return section_sizes(self._surfaces, *plane, direction, cutter, kind)
+
+    def section(self, parts: Any, leave_out: Any, at: Place, normal: Any) -> ndarray:
+        """Return the section of the first body.
+
+        Parameters
+        ----------
+        parts, leave_out : tuple of str
+            Parts of the body.
+        at : place
+            A place in the plane.
+        normal : str or pair of places
+            Normal of the plane.
+
+        Returns
+        -------
+        array, shape (k, 3)
+            Empty where there is none.
+        """
+        cutter = self._set.cutter(parts, leave_out)
+        return self.cut(cutter, at, normal, 0)[0]
+
+    def cut(self, cutter: Cutter, at: Place, normal: Any, number: int) -> tuple[ndarray, int]:
+        """Return the section of one body, or why there is none.
+
+        Parameters
+        ----------
+        cutter : Cutter
+            Triangles that may be cut.
+        at : place
+            A place in the plane.
+        normal : str or pair of places
+            Normal of the plane.
+        number : int
+            Which body.
+
+        Returns
+        -------
+        points : array, shape (k, 3)
+            The section.
+        status : int
+            0, or why there is none.
+        """
+        plane = self.place(at)[number], self.axis(normal)[number]
+        return cutter.section(self._surfaces[number], *plane)
+
+    def tape(self, loop: ndarray, hull: bool) -> ndarray:
+        """Return a closed curve: a loop, or its convex hull.
+
+        Parameters
+        ----------
+        loop : array, shape (k, 3)
+            A section.
+        hull : bool
+            Whether the tape spans hollows.
+
+        Returns
+        -------
+        array, shape (m, 3)
+            The last point is the first.
+        """
+        if hull and len(loop) > 2:
+            from scipy.spatial import ConvexHull
+
+            middle = loop.mean(axis=0)
+            _, _, axes = onp.linalg.svd(loop - middle, full_matrices=False)
+            loop = loop[ConvexHull((loop - middle) @ axes[:2].T).vertices]
+        return onp.concatenate([loop, loop[:1]])
+
+    def floor(self) -> Any:
+        """Return the height of the lowest vertex along the standing axis.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        if "floor" not in self._known:
+            up = self.axis("up")
+            heights = np.matmul(self._surfaces, up[:, :, None])[..., 0]
+            self._known["floor"] = np.min(heights, axis=-1)
+        return self._known["floor"]
+
+    def bones(self, first: str, last: str) -> tuple[str, ...]:
+        """Return the joints on the way from one to another.
+
+        Parameters
+        ----------
+        first, last : str
+            Names of joints.
+
+        Returns
+        -------
+        tuple of str
+        """
+        return self._set.bones(first, last)
+
+    def geodesic_lengths(self, one: Place, other: Place) -> Any:
+        """Return lengths of shortest paths along the surfaces.
+
+        Parameters
+        ----------
+        one, other : place
+            Where they begin and end.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        ends = (self._set.on_surface(place) for place in (one, other))
+        return geodesic_lengths(self._surfaces, *ends, self._set.mesh)
+
+    def geodesic(self, one: Place, other: Place) -> ndarray:
+        """Return the shortest path along the first surface.
+
+        Parameters
+        ----------
+        one, other : place
+            Where it begins and ends.
+
+        Returns
+        -------
+        array, shape (k, 3)
+        """
+        ends = (self._set.on_surface(place) for place in (one, other))
+        return geodesic_path(onp.asarray(getval(self._surfaces))[0], *ends, self._set.mesh)
+
+    def volumes(self) -> Any:
+        """Return the volumes inside closed surfaces.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        if "volume" not in self._known:
+            # Seen from the body's own middle, where products of coordinates lose least.
+            middle = np.mean(self._surfaces, axis=1, keepdims=True)
+            a, b, c = self._corners(self._set.faces, self._surfaces - middle)
+            self._known["volume"] = np.sum(a * cross(b, c), axis=(-2, -1)) / 6.0
+        return self._known["volume"]
+
+    def areas(self, parts: tuple[str, ...]) -> Any:
+        """Return the areas of some parts of the surfaces, or of all.
+
+        Parameters
+        ----------
+        parts : tuple of str
+            Names of parts.
+
+        Returns
+        -------
+        array, shape (n,)
+        """
+        faces = self._set.faces[self._set.in_parts(parts)]
+        a, b, c = self._corners(faces, self._surfaces)
+        return 0.5 * np.sum(np.sqrt(np.sum(cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
+
+    @staticmethod
+    def _corners(faces: ndarray, surfaces: Any) -> tuple[Any, Any, Any]:
+        return surfaces[:, faces[:, 0]], surfaces[:, faces[:, 1]], surfaces[:, faces[:, 2]]
+
+
+def axes_in_frame(places: ndarray, axes: ndarray) -> ndarray:
+    """Return the axes of a template as the frame of its landmarks has them.
+
+    Parameters
+    ----------
+    places : array, shape (4, 3)
+        The landmarks: bottom, top, right, left.
+    axes : array, shape (3, 3)
+        Left, up and forward as columns.
+
+    Returns
+    -------
+    array, shape (3, 3)
+    """
+    return _frame(*(place[None] for place in places))[0].T @ axes
+
+
+def _frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
+    up = _unit(top - bottom)
+    side = left - right
+    side = _unit(side - np.sum(side * up, axis=-1, keepdims=True) * up)
+    return np.stack([side, up, cross(side, up)], axis=-1)
+
+
+def _unit(vectors: Any) -> Any:
+    return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))

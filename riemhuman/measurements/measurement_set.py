@@ -1,0 +1,516 @@
+"""Measurements with the landmarks and parts of one template, as a JSON file holds them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from riemhuman.bodies import BodyModel
+from riemhuman.bodies.correspondence import combination_of_vertices
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.measurements.closest_points import closest_points
+from riemhuman.measurements.definitions import (
+    Measurement,
+    Place,
+    measurement_from_dict,
+    nearest_name,
+)
+from riemhuman.measurements.geodesics import Mesh, SurfacePoint
+from riemhuman.measurements.landmarks import axes_in_frame
+from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
+from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.whole_files import whole_file
+
+Landmark = tuple[ndarray, ndarray]
+"""Numbers of vertices, and weights that sum to one."""
+
+_FORMAT = 1
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasurementSet:
+    """Measurements, and where their landmarks and parts are on a template.
+
+    Parameters
+    ----------
+    template : Template or BodyModel
+        Vertices and triangles. The joints of a body model are landmarks too, by their names.
+    measurements : sequence of Measurement
+        What is measured, by different names.
+    landmarks : mapping of str to pair
+        Numbers of vertices, and weights that sum to one.
+    parts : mapping of str to array of int
+        Numbers of triangles.
+    frame : sequence of str
+        Four landmarks of the trunk, bottom, top, right and left: the standing axis of a body is
+        carried along with them.
+    axes : array_like, shape (3, 3)
+        Left, up and forward of the template, as columns; by default x, y and z.
+    standard_pose : mapping of str to array_like, shape (3,)
+        Axis-angle rotations of joints from the rest pose to the standard pose, radians; joints that
+        are not named stay.
+
+    Raises
+    ------
+    ArgumentError
+        If two measurements share a name, or one refers to what there is not; the nearest name is
+        offered.
+    """
+
+    template: Template | BodyModel
+    measurements: Sequence[Measurement]
+    landmarks: Mapping[str, Landmark] = field(default_factory=dict)
+    parts: Mapping[str, ndarray] = field(default_factory=dict)
+    frame: Sequence[str] = ()
+    axes: Any = field(default_factory=lambda: np.eye(3))
+    standard_pose: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        marks = {name: _landmark(name, mark) for name, mark in self.landmarks.items()}
+        if isinstance(self.template, BodyModel):
+            regressor = self.template.joint_regressor
+            for name, row in zip(self.template.joint_names, regressor, strict=True):
+                vertices = np.flatnonzero(row)
+                marks.setdefault(name, (vertices, row[vertices]))
+            for name in self.standard_pose:
+                nearest_name(name, "joint", self.template.joint_names)
+        for name, (vertices, _) in marks.items():
+            if vertices.size and not 0 <= vertices.min() <= vertices.max() < self.n_vertices:
+                raise ArgumentError(
+                    f"landmark {name!r} is at vertex {vertices.max()}; there are {self.n_vertices}"
+                )
+        parts = {name: np.asarray(faces, dtype=np.int64) for name, faces in self.parts.items()}
+        for name, faces in parts.items():
+            if faces.size and not 0 <= faces.min() <= faces.max() < len(self.faces):
+                raise ArgumentError(
+                    f"part {name!r} has triangle {faces.max()}; there are {len(self.faces)}"
+                )
+        object.__setattr__(self, "landmarks", marks)
+        object.__setattr__(self, "parts", parts)
+        object.__setattr__(self, "axes", np.asarray(self.axes, dtype=np.float64))
+        object.__setattr__(self, "measurements", tuple(self.measurements))
+        self._check_names()
+
+    def _check_names(self) -> None:
+        names = [measurement.name for measurement in self.measurements]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ArgumentError(f"two measurements are called {twice!r}")
+        for name in self.frame:
+            nearest_name(name, "landmark", self.landmarks)
+        if len(self.frame) not in (0, 4):
+            raise ArgumentError(f"frame must name four landmarks; found {list(self.frame)}")
+        for measurement in self.measurements:
+            for place in measurement.places:
+                for name in (place,) if isinstance(place, str) else place:
+                    nearest_name(name, f"landmark for {measurement.name!r},", self.landmarks)
+            for name in measurement.parts_named:
+                nearest_name(name, f"part for {measurement.name!r},", self.parts)
+            if getattr(measurement, "path", "") == "joints":
+                self.bones(*measurement.places)  # type: ignore[arg-type]
+
+    def __repr__(self) -> str:
+        return (
+            f"<MeasurementSet: {len(self.measurements)} measurements, {len(self.landmarks)} "
+            f"landmarks, {self.n_vertices:,} vertices>"
+        )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the measurements."""
+        return tuple(measurement.name for measurement in self.measurements)
+
+    @property
+    def model(self) -> BodyModel | None:
+        """The body model, where there is one."""
+        return self.template if isinstance(self.template, BodyModel) else None
+
+    @property
+    def vertices(self) -> ndarray:
+        """Vertices of the template, shape (V, 3)."""
+        return self._surface.vertices
+
+    @property
+    def faces(self) -> ndarray:
+        """Triangles, shape (F, 3)."""
+        return self._surface.faces
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices V."""
+        return self._surface.n_vertices
+
+    @property
+    def _surface(self) -> Template:
+        return self.template.template if isinstance(self.template, BodyModel) else self.template
+
+    @cached_property
+    def mesh(self) -> Mesh:
+        """Triangles and their neighbours, for paths along the surface."""
+        return Mesh(self.vertices, self.faces, self._neighbours)
+
+    @cached_property
+    def is_closed(self) -> bool:
+        """Whether every edge has two triangles."""
+        return bool((self._neighbours >= 0).all())
+
+    @cached_property
+    def axes_in_frame(self) -> ndarray:
+        """Axes of the template as the frame of its landmarks has them, shape (3, 3)."""
+        places = [weights @ self.vertices[v] for v, weights in map(self.landmarks.get, self.frame)]
+        return axes_in_frame(np.array(places), self.axes)
+
+    @cached_property
+    def _neighbours(self) -> ndarray:
+        return neighbours_of(self.faces)
+
+    @cached_property
+    def _cutters(self) -> dict[Any, Cutter]:
+        return {}
+
+    def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...] = ()) -> Cutter:
+        """Return the triangles that a plane may cut.
+
+        Parameters
+        ----------
+        parts, leave_out : tuple of str
+            Parts that a section may run over, by default all, and parts that are cut away.
+
+        Returns
+        -------
+        Cutter
+        """
+        key = (parts, leave_out)
+        if key not in self._cutters:
+            roles = np.full(len(self.faces), FOREIGN, dtype=np.uint8)
+            roles[self.in_parts(parts)] = WANTED
+            if leave_out:
+                roles[self.in_parts(leave_out)] = LEFT_OUT
+            candidates = np.flatnonzero(roles == WANTED)
+            self._cutters[key] = Cutter(self.faces, self._neighbours, roles, candidates)
+        return self._cutters[key]
+
+    def in_parts(self, parts: tuple[str, ...]) -> ndarray:
+        """Return which triangles belong to some parts, or to the body.
+
+        Parameters
+        ----------
+        parts : tuple of str
+            Names; none stand for the whole body.
+
+        Returns
+        -------
+        array of bool, shape (F,)
+        """
+        chosen = np.full(len(self.faces), not parts)
+        for name in parts:
+            chosen[self.parts[name]] = True
+        return chosen
+
+    def bones(self, first: str, last: str) -> tuple[str, ...]:
+        """Return the joints on the way from one to another.
+
+        Parameters
+        ----------
+        first, last : str
+            Names of joints.
+
+        Returns
+        -------
+        tuple of str
+
+        Raises
+        ------
+        ArgumentError
+            If there is no body model, or no such joint.
+        """
+        if self.model is None:
+            raise ArgumentError("lengths along joints need a body model; the template is a surface")
+        names = self.model.joint_names
+        ways = []
+        for joint in (first, last):
+            number = names.index(nearest_name(joint, "joint", names))
+            way = [number]
+            while self.model.parents[way[-1]] >= 0:
+                way.append(int(self.model.parents[way[-1]]))
+            ways.append(way)
+        up, down = ways
+        shared = next(number for number in up if number in down)
+        numbers = up[: up.index(shared) + 1] + down[: down.index(shared)][::-1]
+        return tuple(names[number] for number in numbers)
+
+    def on_surface(self, place: Place) -> SurfacePoint:
+        """Return the triangle a place lies in, with barycentric coordinates.
+
+        Parameters
+        ----------
+        place : str or mapping of str to float
+            The place; the closest point of the template where it lies off the surface.
+
+        Returns
+        -------
+        pair of int and array, shape (3,)
+        """
+        combined = {place: 1.0} if isinstance(place, str) else place
+        vertices = np.concatenate([self.landmarks[name][0] for name in combined])
+        weights = np.concatenate([w * self.landmarks[name][1] for name, w in combined.items()])
+        weights = weights / weights.sum()
+        around = np.flatnonzero(np.isin(self.faces, vertices[weights != 0]).sum(axis=1))
+        for face in around:
+            shares = [weights[vertices == corner].sum() for corner in self.faces[face]]
+            if abs(sum(shares) - 1.0) < 1e-9 and min(shares) >= 0:
+                return int(face), np.array(shares)
+        point = weights @ self.vertices[vertices]
+        faces, coordinates = closest_points(point[np.newaxis], self.vertices, self.faces)
+        return int(faces[0]), coordinates[0]
+
+    def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
+        """Return the same landmarks and parts with other measurements.
+
+        Parameters
+        ----------
+        measurements : iterable of Measurement or str
+            Measurements of one's own, or names of those there are.
+
+        Returns
+        -------
+        MeasurementSet
+
+        Raises
+        ------
+        ArgumentError
+            If one refers to what there is not.
+        """
+        own = dict(zip(self.names, self.measurements, strict=True))
+        chosen = [
+            own[nearest_name(entry, "measurement", own)] if isinstance(entry, str) else entry
+            for entry in measurements
+        ]
+        return replace(self, measurements=chosen)
+
+    def mapped(
+        self,
+        template: Template | BodyModel,
+        correspondence: Any,
+        *,
+        standard_pose: Mapping[str, Any] | None = None,
+        axes: Any = None,
+    ) -> MeasurementSet:
+        """Return the measurements for another template.
+
+        Parameters
+        ----------
+        template : Template or BodyModel
+            The other one.
+        correspondence : array_like of int, pair, or sparse matrix
+            Where each vertex of this template lies on the other: numbers of vertices, shape (V,); a
+            pair of numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or
+            a matrix, whose rows sum to one. See `correspondence_to`.
+        standard_pose : mapping of str to array_like, shape (3,), optional
+            Standard pose of another body model; by default its rest pose, or this standard pose
+            where all its joints are there.
+        axes : array_like, shape (3, 3), optional
+            Left, up and forward of the other template; by default as here.
+
+        Returns
+        -------
+        MeasurementSet
+            Lengths along joints ask for a body model with joints of these names.
+
+        Raises
+        ------
+        ArgumentError
+            If the correspondence does not fit the templates.
+        """
+        other = template.template if isinstance(template, BodyModel) else template
+        matrix = combination_of_vertices(other, correspondence)  # type: ignore[arg-type]
+        if matrix.shape[0] != self.n_vertices:
+            raise ArgumentError(
+                f"correspondence must say where {self.n_vertices} vertices lie; found "
+                f"{matrix.shape[0]}"
+            )
+        names = template.joint_names if isinstance(template, BodyModel) else ()
+        landmarks = {}
+        for name, (vertices, weights) in self.landmarks.items():
+            if name in names:
+                continue
+            row = sparse.csr_array(weights @ matrix[vertices])
+            landmarks[name] = (row.indices.astype(np.int64), row.data)
+        # A triangle of the other takes the parts of the nearest of these triangles.
+        places = matrix @ other.vertices
+        _, nearest = cKDTree(places[self.faces].mean(axis=1)).query(
+            other.vertices[other.faces].mean(axis=1)
+        )
+        parts = {}
+        for name in self.parts:
+            parts[name] = np.flatnonzero(self.in_parts((name,))[nearest])
+        if standard_pose is None:
+            known = all(joint in names for joint in self.standard_pose)
+            standard_pose = self.standard_pose if known else {}
+        return MeasurementSet(
+            template,
+            self.measurements,
+            landmarks,
+            parts,
+            self.frame,
+            self.axes if axes is None else axes,
+            standard_pose,
+        )
+
+    def correspondence_to(
+        self, template: Template | BodyModel, registered: ndarray | None = None
+    ) -> tuple[ndarray, ndarray]:
+        """Return where the vertices of this template lie on another, as closest points.
+
+        Parameters
+        ----------
+        template : Template or BodyModel
+            The other one.
+        registered : array, shape (V, 3), optional
+            This template registered to the other one, as `rh.registration` does it; by default the
+            template as it is, for templates that lie on each other.
+
+        Returns
+        -------
+        triangles : array of int, shape (V,)
+            Numbers of triangles.
+        coordinates : array, shape (V, 3)
+            Barycentric coordinates.
+        """
+        other = template.template if isinstance(template, BodyModel) else template
+        points = self.vertices if registered is None else np.asarray(registered, dtype=np.float64)
+        return closest_points(points, other.vertices, other.faces)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write measurements, landmarks and parts as a JSON file.
+
+        Parameters
+        ----------
+        path : path_like
+            File to write; an existing file is replaced.
+
+        Raises
+        ------
+        FileError
+            If it cannot be written.
+        """
+        joints = self.model.joint_names if self.model else ()
+        record = {
+            "format": _FORMAT,
+            "n_vertices": self.n_vertices,
+            "n_faces": len(self.faces),
+            "measurements": [measurement.to_dict() for measurement in self.measurements],
+            "landmarks": {
+                name: {"vertices": vertices.tolist(), "weights": weights.tolist()}
+                for name, (vertices, weights) in self.landmarks.items()
+                if name not in joints
+            },
+            "parts": {name: _runs(faces) for name, faces in self.parts.items()},
+            "frame": list(self.frame),
+            "axes": self.axes.tolist(),
+            "standard_pose": {k: np.asarray(v).tolist() for k, v in self.standard_pose.items()},
+        }
+        with whole_file(file_path(path)) as file:
+            file.write_text(_json_text(record), encoding="utf-8")
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], template: Template | BodyModel
+    ) -> MeasurementSet:
+        """Read measurements, landmarks and parts from a JSON file.
+
+        Parameters
+        ----------
+        path : path_like
+            A file as `save` writes it.
+        template : Template or BodyModel
+            What they are on.
+
+        Returns
+        -------
+        MeasurementSet
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it is no such file, or is for another template.
+        """
+        try:
+            record = json.loads(file_content(file_path(path)))
+            found = (record["n_vertices"], record["n_faces"])
+            surface = template.template if isinstance(template, BodyModel) else template
+            if found != (surface.n_vertices, surface.n_faces):
+                raise ArgumentError(
+                    f"it is for {found[0]} vertices and {found[1]} triangles; the template has "
+                    f"{surface.n_vertices} and {surface.n_faces}"
+                )
+            return cls(
+                template,
+                [measurement_from_dict(entry) for entry in record["measurements"]],
+                {
+                    name: (np.array(mark["vertices"]), np.array(mark["weights"]))
+                    for name, mark in record["landmarks"].items()
+                },
+                {name: _numbers(runs) for name, runs in record["parts"].items()},
+                record["frame"],
+                record["axes"],
+                record["standard_pose"],
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise FileFormatError(
+                f"{file_path(path)} does not hold measurements: {reason}"
+            ) from error
+
+
+def _landmark(name: str, mark: Any) -> Landmark:
+    vertices, weights = np.asarray(mark[0], dtype=np.int64), np.asarray(mark[1], dtype=np.float64)
+    if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > 1e-3:
+        raise ArgumentError(
+            f"landmark {name!r} must have one weight for each vertex, 1 in sum; found "
+            f"{vertices.shape} vertices and weights of sum {weights.sum():g}"
+        )
+    return vertices, weights / weights.sum()
+
+
+def _runs(numbers: ndarray) -> list[list[int]]:
+    """Return whole numbers as runs, first and last."""
+    ordered = np.unique(numbers)
+    breaks = np.flatnonzero(np.diff(ordered) > 1)
+    firsts = np.concatenate([ordered[:1], ordered[breaks + 1]])
+    lasts = np.concatenate([ordered[breaks], ordered[-1:]])
+    return np.stack([firsts, lasts], axis=1).tolist()
+
+
+def _numbers(runs: Sequence[Sequence[int]]) -> ndarray:
+    ranges = [np.arange(first, last + 1) for first, last in runs]
+    return np.concatenate(ranges) if ranges else np.empty(0, dtype=np.int64)
+
+
+def _json_text(record: Mapping[str, Any]) -> str:
+    """Return JSON with one entry a line, two levels deep."""
+    lines = []
+    for key, value in record.items():
+        if isinstance(value, dict) and value:
+            inner = ",\n".join(
+                f"  {json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in value.items()
+            )
+            lines.append(f" {json.dumps(key)}: {{\n{inner}\n }}")
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            inner = ",\n".join(f"  {json.dumps(entry, ensure_ascii=False)}" for entry in value)
+            lines.append(f" {json.dumps(key)}: [\n{inner}\n ]")
+        else:
+            lines.append(f" {json.dumps(key)}: {json.dumps(value)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"

@@ -1,0 +1,346 @@
+"""Measurements of bodies: values with names and units, and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from autograd import make_vjp
+from numpy import ndarray
+
+from riemhuman.bodies import BodyModel
+from riemhuman.checks import one_of, real_array
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.measurements.definitions import (
+    Mass,
+    Measurement,
+    Volume,
+    _Section,
+    nearest_name,
+)
+from riemhuman.measurements.landmarks import LandmarkedBodies
+from riemhuman.measurements.measurement_set import MeasurementSet
+from riemhuman.measurements.open_body import open_measurements
+from riemhuman.measurements.sections import MEETS_OTHER_PART, MISSES
+from riemhuman.measurements.standard_pose import in_standard_pose
+from riemhuman.optional import import_optional
+from riemhuman.surfaces.template import Template
+from riemhuman.units import body_units
+
+POSES = ("as is", "standard")
+AXES = ("body", "space")
+# Of so many bodies at a time, temporary arrays are made.
+_BLOCK = 256
+_REASONS = {
+    MISSES: "its plane misses {parts}",
+    MEETS_OTHER_PART: "its loop leaves {parts} and meets another part of the body; leave that part "
+    "out, or take the measurement in another place or pose",
+}
+_OPEN = "its loop around {parts} meets the boundary of the surface, or a fault of the mesh"
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredBodies:
+    """Measurements of bodies.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the measurements.
+    values : array, shape (..., M)
+        Metres, square metres, cubic metres, kilograms: see `units`.
+    units : tuple of str
+        Unit of each measurement.
+    gradient : array, shape (..., M, V, 3), optional
+        Derivatives of the values by the vertices, where asked for.
+    """
+
+    names: tuple[str, ...]
+    values: ndarray
+    units: tuple[str, ...]
+    gradient: ndarray | None = None
+
+    def __getitem__(self, name: str) -> ndarray:
+        """Return the values of one measurement, shape (...)."""
+        return self.values[..., self.names.index(nearest_name(name, "measurement", self.names))]
+
+    def __repr__(self) -> str:
+        n_bodies = int(np.prod(self.values.shape[:-1]))
+        return f"<MeasuredBodies: {len(self.names)} measurements of {n_bodies} bodies>"
+
+    def to_dict(self) -> dict[str, ndarray]:
+        """Return the values by name, each of shape (...).
+
+        Returns
+        -------
+        dict of str to array
+        """
+        return {name: self.values[..., k] for k, name in enumerate(self.names)}
+
+    def to_frame(self, index: Sequence[Any] | None = None) -> Any:
+        """Return a table of pandas: a row a body, a column a measurement with its unit.
+
+        Parameters
+        ----------
+        index : sequence, optional
+            What to call the bodies; by default their numbers.
+
+        Returns
+        -------
+        pandas.DataFrame
+
+        Raises
+        ------
+        MissingDependencyError
+            If pandas is not installed.
+        """
+        pandas = import_optional("pandas", "tables")
+        columns = [f"{n} ({u})" for n, u in zip(self.names, self.units, strict=True)]
+        return pandas.DataFrame(
+            self.values.reshape(-1, len(self.names)), columns=columns, index=index
+        )
+
+
+class Measurements:
+    """A set of measurements, taken of bodies that share a template.
+
+    Parameters
+    ----------
+    model : BodyModel, Template or MeasurementSet
+        What the bodies are registered to. The open body model brings its own measurements; a set
+        brings its template.
+    definitions : MeasurementSet, path_like, or sequence of Measurement or str, optional
+        What is measured: a set on this template, a JSON file of one, or measurements of one's own
+        and names of those there are, at the landmarks of the open body model. By default the open
+        body model's own.
+
+    Raises
+    ------
+    ArgumentError
+        If there are no measurements for this template, or a name is unknown.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies.points[:3])
+    >>> measured["stature"].round(2)
+    array([1.75, 1.75, 1.75])
+    """
+
+    def __init__(
+        self,
+        model: BodyModel | Template | MeasurementSet,
+        definitions: Any = None,
+    ) -> None:
+        if isinstance(model, MeasurementSet):
+            own: MeasurementSet | None = model
+        elif isinstance(definitions, MeasurementSet):
+            own, definitions = definitions, None
+            _check_fits(own, model)
+        elif isinstance(definitions, (str, Path)):
+            own, definitions = MeasurementSet.load(definitions, model), None
+        else:
+            own = open_measurements(model)
+        if own is None and definitions is not None:
+            own = MeasurementSet(model, ())
+        if own is None:
+            raise ArgumentError(
+                f"there are no measurements for {model!r}; give definitions, or map those of the "
+                "open body model to it, see MeasurementSet.mapped"
+            )
+        self.definitions = own if definitions is None else own.with_measurements(definitions)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the measurements."""
+        return self.definitions.names
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each measurement."""
+        return tuple(measurement.units for measurement in self.definitions.measurements)
+
+    def __repr__(self) -> str:
+        return f"<Measurements: {', '.join(self.names)}>"
+
+    def measure(
+        self,
+        points: Any,
+        *,
+        pose: str = "as is",
+        axes: str = "body",
+        gradient: bool = False,
+        missing: str = "raise",
+    ) -> MeasuredBodies:
+        """Measure bodies.
+
+        Parameters
+        ----------
+        points : array_like, shape (..., V, 3)
+            Bodies, metres.
+        pose : {"as is", "standard"}
+            Whether bodies are measured as they stand, or brought to the standard pose before, see
+            `in_standard_pose`; for this the template must be a body model.
+        axes : {"body", "space"}
+            What is level where bodies are measured as they stand: what is perpendicular to the
+            standing axis that the trunk carries along, or to the template's axis in space.
+        gradient : bool
+            Whether derivatives by the vertices are returned too; of bodies as they stand.
+        missing : {"raise", "nan"}
+            What is done where a measurement cannot be taken: raise an error that says why, or
+            return NaN.
+
+        Returns
+        -------
+        MeasuredBodies
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong, bodies are not of the size of bodies in metres, a volume is
+            asked of an open surface, a plane misses its part, or a loop meets another part.
+        """
+        one_of(pose, "pose", POSES)
+        one_of(missing, "missing", ("raise", "nan"))
+        one_of(axes, "axes", AXES)
+        points = real_array(points, "points", (self.definitions.n_vertices, 3))
+        lead = points.shape[:-2]
+        surfaces = points.reshape(-1, *points.shape[-2:])
+        _refuse_other_units(surfaces)
+        self._check_closed()
+        if pose == "standard":
+            if gradient:
+                raise ArgumentError('gradient is of bodies as they stand; found pose="standard"')
+            surfaces, axes = in_standard_pose(self.definitions, surfaces), "space"
+        if not self.definitions.frame:
+            axes = "space"
+        blocks = [
+            self._measure(surfaces[first : first + _BLOCK], axes, gradient)
+            for first in range(0, len(surfaces), _BLOCK)
+        ]
+        shape = (*lead, len(self.names))
+        values = np.concatenate([block[0] for block in blocks] or [np.empty((0, shape[-1]))])
+        if missing == "raise" and np.isnan(values).any():
+            self._refuse_missing(surfaces, values, axes)
+        slopes = None
+        if gradient:
+            slopes = np.concatenate([block[1] for block in blocks])
+            slopes = slopes.reshape(*shape, *points.shape[-2:])
+        return MeasuredBodies(self.names, values.reshape(shape), self.units, slopes)
+
+    def tapes(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
+        """Return where every tape runs on one body, as it stands.
+
+        Parameters
+        ----------
+        surface : array_like, shape (V, 3)
+            The body, metres.
+        axes : {"body", "space"}
+            What is level, as of `measure`.
+
+        Returns
+        -------
+        dict of str to list of array, shape (k, 3)
+            Curves by name; none for volumes, areas, and what cannot be taken.
+        """
+        shape = (self.definitions.n_vertices, 3)
+        surface = real_array(surface, "surface", shape, batched=False)
+        axes = one_of(axes, "axes", AXES) if self.definitions.frame else "space"
+        bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
+        found = {}
+        for measurement in self.definitions.measurements:
+            taken = not np.isnan(self._value(measurement, bodies)[0])
+            found[measurement.name] = [
+                np.asarray(curve) for curve in (measurement.curves(bodies) if taken else [])
+            ]
+        return found
+
+    def _measure(
+        self, surfaces: ndarray, axes: str, gradient: bool
+    ) -> tuple[ndarray, ndarray | None]:
+        measurements = self.definitions.measurements
+        if not gradient:
+            bodies = LandmarkedBodies(self.definitions, surfaces, axes)
+            values = [self._value(measurement, bodies) for measurement in measurements]
+            return np.stack(values, axis=-1), None
+        values, slopes = [], []
+        for measurement in measurements:
+            pull_back, value = make_vjp(
+                lambda moved, taken=measurement: self._value(
+                    taken, LandmarkedBodies(self.definitions, moved, axes)
+                )
+            )(surfaces)
+            values.append(value)
+            slopes.append(pull_back(np.ones(len(surfaces))))
+        return np.stack(values, axis=-1), np.stack(slopes, axis=1)
+
+    @staticmethod
+    def _value(measurement: Measurement, bodies: LandmarkedBodies) -> Any:
+        return measurement.value(bodies)
+
+    def _check_closed(self) -> None:
+        for measurement in self.definitions.measurements:
+            if isinstance(measurement, (Volume, Mass)) and not self.definitions.is_closed:
+                raise DegenerateSurfaceError(
+                    f"{measurement.name!r} asks for a closed surface; the template has boundaries"
+                )
+
+    def _refuse_missing(self, surfaces: ndarray, values: ndarray, axes: str) -> None:
+        number, which = (int(i) for i in np.argwhere(np.isnan(values))[0])
+        measurement = self.definitions.measurements[which]
+        where = f"{measurement.name!r} cannot be taken of body {number}: "
+        if not isinstance(measurement, _Section):
+            raise ArgumentError(f"{where}there is no path along the surface")
+        bodies = LandmarkedBodies(self.definitions, surfaces[[number]], axes)
+        cutter = self.definitions.cutter(measurement.parts, measurement.leave_out)
+        _, status = bodies.cut(cutter, measurement.at, measurement.normal, 0)
+        parts = " and ".join(measurement.parts) or "the surface"
+        raise ArgumentError(where + _REASONS.get(status, _OPEN).format(parts=parts))
+
+
+def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
+    """Return wanted values of measurements, by names that are known.
+
+    Parameters
+    ----------
+    values : mapping of str to float
+        Values by name.
+    names : sequence of str
+        Names there are.
+
+    Returns
+    -------
+    dict of str to float
+
+    Raises
+    ------
+    ArgumentError
+        If a name is unknown, with the nearest ones, or there are no values.
+    """
+    if not isinstance(values, Mapping) or not values:
+        raise ArgumentError(f"values must be measurements by name; found {values!r}")
+    return {nearest_name(name, "measurement", names): float(v) for name, v in values.items()}
+
+
+def _check_fits(own: MeasurementSet, model: BodyModel | Template) -> None:
+    surface = model.template if isinstance(model, BodyModel) else model
+    if not np.array_equal(surface.faces, own.faces):
+        raise ArgumentError(f"definitions are for {own!r}; the model is {model!r}")
+
+
+def _refuse_other_units(surfaces: ndarray) -> None:
+    """Refuse bodies in millimetres and the like; surfaces of no body's size in any unit pass."""
+    if not surfaces.size:
+        return
+    extents = np.ptp(surfaces, axis=1).max(axis=1)
+    for number, extent in enumerate(extents):
+        units = body_units(float(extent))
+        if units and "metres" not in units:
+            raise ArgumentError(
+                f"points[{number}] is {extent:.4g} long, a body in {' or '.join(units)}; "
+                "measurements are of bodies in metres"
+            )

@@ -1,0 +1,436 @@
+r"""Plane sections of triangulated surfaces, measured in compiled loops with their derivatives.
+
+A plane through o with the normal n crosses the edge from a to b at c = a + t (b − a),
+t = d_a/(d_a − d_b), where d_x = n·(x − o). The section is followed from triangle to triangle, from
+the crossing nearest to o, until it closes; its length, the length of its convex hull and its extent
+along a direction are functions of the points c, piecewise smooth in the vertices and in the plane.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from autograd.extend import defvjp, primitive
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.threads import in_chunks
+
+LENGTH, HULL, EXTENT = 0, 1, 2
+"""What is measured of a section: its length, that of its convex hull, its extent."""
+
+FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
+"""Roles of triangles: not to be met, measured, or passed over."""
+
+MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
+"""Why there is no section: the plane misses the part, the loop leaves it, or meets a boundary."""
+
+_THREADED = 64
+
+
+@dataclass(frozen=True, eq=False)
+class Cutter:
+    """The triangles that a plane may cut.
+
+    Attributes
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles.
+    neighbours : array of int, shape (F, 3)
+        Triangle beyond the edge from corner k to k + 1; -1 at boundaries.
+    roles : array of uint8, shape (F,)
+        `FOREIGN`, `WANTED` or `LEFT_OUT`.
+    candidates : array of int
+        Triangles where a section may start: all that are wanted.
+    """
+
+    faces: ndarray
+    neighbours: ndarray
+    roles: ndarray
+    candidates: ndarray
+
+    def section(self, surface: ndarray, origin: ndarray, normal: ndarray) -> tuple[ndarray, int]:
+        """Return the points of one section, in order, and 0 or why there is none.
+
+        Parameters
+        ----------
+        surface : array, shape (V, 3)
+            Vertices.
+        origin, normal : array, shape (3,)
+            The plane.
+
+        Returns
+        -------
+        points : array, shape (k, 3)
+            Crossings of the loop with edges, those of wanted triangles alone.
+        status : int
+            0, `MISSES`, `MEETS_OTHER_PART` or `OPEN`.
+        """
+        ends, places, wanted = _workspace(len(self.faces))
+        arrays = (self.faces, self.neighbours, self.roles, self.candidates)
+        count = _trace(surface, *arrays, origin, normal, ends, places, wanted)
+        if count < 0:
+            return np.empty((0, 3)), int(count)
+        kept = wanted[:count] | np.roll(wanted[:count], 1)
+        a, b = (surface[ends[:count, k]] for k in (0, 1))
+        return (a + places[:count, np.newaxis] * (b - a))[kept], 0
+
+
+def neighbours_of(faces: ndarray) -> ndarray:
+    """Return the triangle beyond every edge.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    neighbours : array of int, shape (F, 3)
+        Of the edge from corner k to k + 1; -1 where there is none, or more than one.
+    """
+    edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
+    _, numbers, counts = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
+    order = np.argsort(numbers.reshape(-1), kind="stable")
+    starts = np.concatenate([[0], np.cumsum(counts)[:-1]])[counts == 2]
+    one, other = order[starts], order[starts + 1]
+    beyond = np.full(len(edges), -1)
+    beyond[one], beyond[other] = other // 3, one // 3
+    return beyond.reshape(-1, 3)
+
+
+@primitive
+def section_sizes(
+    surfaces: ndarray,
+    origins: ndarray,
+    normals: ndarray,
+    directions: ndarray,
+    cutter: Cutter,
+    kind: int,
+) -> ndarray:
+    """Measure one section of every surface.
+
+    Differentiable by autograd in the first four arguments.
+
+    Parameters
+    ----------
+    surfaces : array, shape (n, V, 3)
+        Vertices.
+    origins, normals : array, shape (n, 3)
+        Planes.
+    directions : array, shape (n, 3)
+        Directions of unit length, for extents.
+    cutter : Cutter
+        The triangles.
+    kind : int
+        `LENGTH`, `HULL` or `EXTENT`.
+
+    Returns
+    -------
+    sizes : array, shape (n,)
+        NaN where there is no section.
+    """
+    sizes = np.empty(len(surfaces))
+    arrays = (cutter.faces, cutter.neighbours, cutter.roles, cutter.candidates)
+
+    def measure(first: int, last: int) -> None:
+        space = _workspace(len(cutter.faces))
+        planes = (origins, normals, directions)
+        _measure(surfaces, *arrays, *planes, kind, first, last, *space, sizes)
+
+    in_chunks(measure, len(surfaces), threaded=len(surfaces) >= _THREADED)
+    return sizes
+
+
+def _pull_back(number: int) -> Any:
+    def make(
+        sizes: ndarray,
+        surfaces: ndarray,
+        origins: ndarray,
+        normals: ndarray,
+        directions: ndarray,
+        cutter: Cutter,
+        kind: int,
+    ) -> Any:
+        arrays = (cutter.faces, cutter.neighbours, cutter.roles, cutter.candidates)
+
+        def pull_back(upstream: ndarray) -> ndarray:
+            slopes = [np.zeros_like(a) for a in (surfaces, origins, normals, directions)]
+            space = _workspace(len(cutter.faces))
+            _differentiate(
+                surfaces, *arrays, origins, normals, directions, kind, upstream, *space, *slopes
+            )
+            return slopes[number]
+
+        return pull_back
+
+    return make
+
+
+defvjp(section_sizes, *(_pull_back(number) for number in range(4)), argnums=(0, 1, 2, 3))
+
+
+def _workspace(n_faces: int) -> tuple[ndarray, ndarray, ndarray]:
+    return np.empty((n_faces, 2), np.int64), np.empty(n_faces), np.empty(n_faces, np.bool_)
+
+
+@compiled
+def _height(f: Any, vertex: int, o: Any, n: Any) -> float:
+    return (
+        n[0] * (f[vertex, 0] - o[0]) + n[1] * (f[vertex, 1] - o[1]) + n[2] * (f[vertex, 2] - o[2])
+    )
+
+
+@compiled
+def _trace(
+    f: Any,
+    faces: Any,
+    neighbours: Any,
+    roles: Any,
+    candidates: Any,
+    o: Any,
+    n: Any,
+    ends: Any,
+    places: Any,
+    wanted: Any,
+) -> int:
+    """Follow the section nearest to the origin; return its number of points, or why not."""
+    least, face, corner = np.inf, -1, -1
+    for candidate in candidates:
+        for k in range(3):
+            a, b = faces[candidate, k], faces[candidate, (k + 1) % 3]
+            above, below = _height(f, a, o, n), _height(f, b, o, n)
+            if not above >= 0.0 > below:
+                continue
+            t = above / (above - below)
+            squared = 0.0
+            for x in range(3):
+                squared += (f[a, x] + t * (f[b, x] - f[a, x]) - o[x]) ** 2
+            if squared < least:
+                least, face, corner = squared, candidate, k
+    if face < 0:
+        return MISSES
+    first, count = face, 0
+    while True:
+        # The loop comes into the triangle by the edge that runs from above the plane to below it.
+        a, b = faces[face, corner], faces[face, (corner + 1) % 3]
+        above, below = _height(f, a, o, n), _height(f, b, o, n)
+        ends[count, 0], ends[count, 1] = a, b
+        places[count] = above / (above - below)
+        wanted[count] = roles[face] == WANTED
+        count += 1
+        if roles[face] == FOREIGN:
+            return MEETS_OTHER_PART
+        # It leaves by the edge from below to above, which the next triangle runs the other way.
+        out = (corner + 1) % 3
+        if _height(f, faces[face, (out + 1) % 3], o, n) < 0.0:
+            out = (out + 1) % 3
+        beyond = neighbours[face, out]
+        if beyond < 0:
+            return OPEN
+        if beyond == first:
+            return count
+        if count == len(places):
+            return OPEN
+        a, b = faces[face, out], faces[face, (out + 1) % 3]
+        corner = -1
+        for k in range(3):
+            if faces[beyond, k] == b and faces[beyond, (k + 1) % 3] == a:
+                corner = k
+        if corner < 0:
+            return OPEN
+        face = beyond
+
+
+@compiled
+def _fill_points(f: Any, ends: Any, places: Any, count: int, points: Any) -> None:
+    for k in range(count):
+        for x in range(3):
+            a, b = f[ends[k, 0], x], f[ends[k, 1], x]
+            points[k, x] = a + places[k] * (b - a)
+
+
+@compiled
+def _hull(points: Any, numbers: Any, normal: Any) -> Any:
+    """Return the numbers of the points on the convex hull, in order around it."""
+    least = 0
+    for x in range(1, 3):
+        if abs(normal[x]) < abs(normal[least]):
+            least = x
+    axis = np.zeros(3)
+    axis[least] = 1.0
+    one = np.cross(normal, axis)
+    one = one / np.sqrt(np.sum(one * one))
+    other = np.cross(normal, one)
+    flat = np.empty((len(numbers), 2))
+    for k in range(len(numbers)):
+        point = points[numbers[k]]
+        flat[k, 0] = point[0] * one[0] + point[1] * one[1] + point[2] * one[2]
+        flat[k, 1] = point[0] * other[0] + point[1] * other[1] + point[2] * other[2]
+    order = np.argsort(flat[:, 0])
+    for k in range(1, len(order)):  # points above each other, from below
+        j = k
+        while (
+            j > 0
+            and flat[order[j - 1], 0] == flat[order[j], 0]
+            and flat[order[j - 1], 1] > flat[order[j], 1]
+        ):
+            order[j - 1], order[j] = order[j], order[j - 1]
+            j -= 1
+    chain = np.empty(2 * len(order) + 2, np.int64)
+    size = 0
+    for half in range(2):
+        start = size
+        for step in range(len(order)):
+            k = order[step] if half == 0 else order[len(order) - 1 - step]
+            while size >= start + 2:
+                p, q = chain[size - 2], chain[size - 1]
+                turn = (flat[q, 0] - flat[p, 0]) * (flat[k, 1] - flat[p, 1]) - (
+                    flat[q, 1] - flat[p, 1]
+                ) * (flat[k, 0] - flat[p, 0])
+                if turn > 0.0:
+                    break
+                size -= 1
+            chain[size] = k
+            size += 1
+        size -= 1  # the last of a half is the first of the other
+    hull = np.empty(size, np.int64)
+    for k in range(size):
+        hull[k] = numbers[chain[k]]
+    return hull
+
+
+@compiled
+def _segments(points: Any, wanted: Any, count: int, normal: Any, direction: Any, kind: int) -> Any:
+    """Return pairs of numbers of points, whose distances add up to the size."""
+    if kind == LENGTH:
+        kept = 0
+        for k in range(count):
+            kept += wanted[k]
+        pairs = np.empty((kept, 2), np.int64)
+        kept = 0
+        for k in range(count):
+            if wanted[k]:
+                pairs[kept, 0], pairs[kept, 1] = k, (k + 1) % count
+                kept += 1
+        return pairs
+    numbers = np.empty(count, np.int64)
+    kept = 0
+    for k in range(count):
+        if wanted[k] or wanted[(k - 1) % count]:
+            numbers[kept] = k
+            kept += 1
+    numbers = numbers[:kept]
+    if kind == HULL:
+        hull = _hull(points, numbers, normal)
+        pairs = np.empty((len(hull), 2), np.int64)
+        for k in range(len(hull)):
+            pairs[k, 0], pairs[k, 1] = hull[k], hull[(k + 1) % len(hull)]
+        return pairs
+    pairs = np.empty((1, 2), np.int64)
+    low, high = np.inf, -np.inf
+    for number in numbers:
+        place = 0.0
+        for x in range(3):
+            place += points[number, x] * direction[x]
+        if place < low:
+            low, pairs[0, 0] = place, number
+        if place > high:
+            high, pairs[0, 1] = place, number
+    return pairs
+
+
+@compiled
+def _measure(
+    surfaces: Any,
+    faces: Any,
+    neighbours: Any,
+    roles: Any,
+    candidates: Any,
+    origins: Any,
+    normals: Any,
+    directions: Any,
+    kind: int,
+    first: int,
+    last: int,
+    ends: Any,
+    places: Any,
+    wanted: Any,
+    sizes: Any,
+) -> None:
+    points = np.empty((len(faces), 3))
+    for i in range(first, last):
+        f, o, n = surfaces[i], origins[i], normals[i]
+        count = _trace(f, faces, neighbours, roles, candidates, o, n, ends, places, wanted)
+        if count < 0:
+            sizes[i] = np.nan
+            continue
+        _fill_points(f, ends, places, count, points)
+        size = 0.0
+        for p, q in _segments(points, wanted, count, n, directions[i], kind):
+            squared, along = 0.0, 0.0
+            for x in range(3):
+                step = points[q, x] - points[p, x]
+                squared += step * step
+                along += step * directions[i, x]
+            size += along if kind == EXTENT else np.sqrt(squared)
+        sizes[i] = size
+
+
+@compiled
+def _differentiate(
+    surfaces: Any,
+    faces: Any,
+    neighbours: Any,
+    roles: Any,
+    candidates: Any,
+    origins: Any,
+    normals: Any,
+    directions: Any,
+    kind: int,
+    upstream: Any,
+    ends: Any,
+    places: Any,
+    wanted: Any,
+    of_surfaces: Any,
+    of_origins: Any,
+    of_normals: Any,
+    of_directions: Any,
+) -> None:
+    points, pulls = np.empty((len(faces), 3)), np.empty((len(faces), 3))
+    for i in range(len(surfaces)):
+        if upstream[i] == 0.0:
+            continue
+        f, o, n = surfaces[i], origins[i], normals[i]
+        count = _trace(f, faces, neighbours, roles, candidates, o, n, ends, places, wanted)
+        if count < 0:
+            of_surfaces[i] = np.nan
+            continue
+        _fill_points(f, ends, places, count, points)
+        pulls[:count] = 0.0
+        for p, q in _segments(points, wanted, count, n, directions[i], kind):
+            step = points[q] - points[p]
+            length = np.sqrt(np.sum(step * step))
+            for x in range(3):
+                if kind == EXTENT:
+                    pull = upstream[i] * directions[i, x]
+                    of_directions[i, x] += upstream[i] * step[x]
+                else:
+                    pull = upstream[i] * step[x] / length if length > 0.0 else 0.0
+                pulls[q, x] += pull
+                pulls[p, x] -= pull
+        for k in range(count):
+            a, b, t = ends[k, 0], ends[k, 1], places[k]
+            above, below = _height(f, a, o, n), _height(f, b, o, n)
+            width = above - below
+            along = 0.0
+            for x in range(3):
+                along += pulls[k, x] * (f[b, x] - f[a, x])
+            by_above, by_below = -along * below / width**2, along * above / width**2
+            for x in range(3):
+                of_surfaces[i, a, x] += (1.0 - t) * pulls[k, x] + by_above * n[x]
+                of_surfaces[i, b, x] += t * pulls[k, x] + by_below * n[x]
+                of_origins[i, x] -= (by_above + by_below) * n[x]
+                of_normals[i, x] += by_above * (f[a, x] - o[x]) + by_below * (f[b, x] - o[x])

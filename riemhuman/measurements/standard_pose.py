@@ -1,0 +1,97 @@
+"""Bodies brought to a standard pose: a body model's fit undoes the pose, and detail is kept."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.bodies import BodyModel, ModelFit
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.solvers import ShapeTransfer
+
+if TYPE_CHECKING:
+    from riemhuman.measurements.measurement_set import MeasurementSet
+
+
+def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
+    """Return bodies in the standard pose, on the axes of the body model.
+
+    The body model is fitted to every body. What it leaves, the differences between the body and
+    its fit, is given to the fitted person in the standard pose by `riemhuman.solvers.ShapeTransfer`:
+    triangles take the same stretches, along axes that turn with them.
+
+    Parameters
+    ----------
+    description : MeasurementSet
+        Measurements of a body model, with its standard pose.
+    points : array, shape (..., V, 3)
+        Bodies, metres.
+
+    Returns
+    -------
+    array, shape (..., V, 3)
+
+    Raises
+    ------
+    ArgumentError
+        If the template is no body model.
+    """
+    model = description.model
+    if model is None:
+        raise ArgumentError(
+            'pose must be "as is" where the template is no body model: its fit undoes the pose'
+        )
+    fit = model.fit(points, weights=model.template.vertex_areas)
+    return transferred(model, fit, points, standard_pose_vector(description))
+
+
+def transferred(model: BodyModel, fit: ModelFit, points: ndarray, pose: ndarray) -> ndarray:
+    """Return bodies in another pose: the model's person there, with what the fit left over.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model.
+    fit : ModelFit
+        Its fit to the bodies.
+    points : array, shape (..., V, 3)
+        The bodies.
+    pose : array, shape (J, 3)
+        The pose.
+
+    Returns
+    -------
+    array, shape (..., V, 3)
+    """
+    space = AlignedSurfaces(model.template, equip=False, scale=None)
+    transfer = ShapeTransfer()
+    moved = np.empty_like(points)
+    for index in np.ndindex(points.shape[:-2]):
+        before = model(fit.betas[index], fit.pose[index], fit.trans[index])
+        target = model(fit.betas[index], pose)
+        moved[index] = transfer.solve(space, before, points[index], target)
+    return moved
+
+
+def standard_pose_vector(description: MeasurementSet) -> ndarray:
+    """Return the standard pose of a body model.
+
+    Parameters
+    ----------
+    description : MeasurementSet
+        Measurements of a body model.
+
+    Returns
+    -------
+    array, shape (J, 3)
+        Axis-angle vectors, radians.
+    """
+    model = description.model
+    assert model is not None, "asked for where there is a model"
+    pose = np.zeros((model.n_joints, 3))
+    for name, vector in description.standard_pose.items():
+        pose[model.joint_names.index(name)] = vector
+    return pose
