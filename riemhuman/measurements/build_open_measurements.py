@@ -149,7 +149,7 @@ def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, floa
     for side, sign in (("left", -1.0), ("right", 1.0)):
         thigh = joints[f"{side}_hip"] * [1.0, 0.0, 1.0] + points["crotch"] * [0.0, 1.0, 0.0]
         points[f"{side}_thigh"] = body.hits(thigh - _BELOW_CROTCH * _UP, sign * _RIGHT)[0]
-        outward = (0.6 * sign * _RIGHT + 0.8 * _UP)
+        outward = 0.6 * sign * _RIGHT + 0.8 * _UP
         points[f"{side}_acromion"] = body.hits(joints[f"{side}_shoulder"], outward)[0]
         points[f"{side}_sole"] = body.hits(joints[f"{side}_ankle"], -_UP)[0]
         foot = surface[np.isin(model.weights.argmax(axis=1), _feet(model, side))]
@@ -195,9 +195,7 @@ class _Body:
             found.append(origin + distance[inside].min() * direction)
         return found
 
-    def girth(
-        self, at: Place, normal: tuple[str, str], parts: tuple[str, ...]
-    ) -> float:
+    def girth(self, at: Place, normal: tuple[str, str], parts: tuple[str, ...]) -> float:
         """Return the length of the hull of a section."""
         girth = Girth(name="g", at=at, normal=normal, parts=parts, hull=True)
         return float(girth.value(self._bodies)[0])

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, asdict, dataclass, field, fields
 from difflib import get_close_matches
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import autograd.numpy as np
@@ -102,7 +103,10 @@ class Measurement:
         """
         plain = {f.name: f.default for f in fields(self) if f.default is not MISSING}
         record = {k: v for k, v in asdict(self).items() if k not in plain or v != plain[k]}
-        return {"kind": type(self).__name__, **{k: _listed(v) for k, v in record.items() if v != ()}}
+        return {
+            "kind": type(self).__name__,
+            **{k: _listed(v) for k, v in record.items() if v != ()},
+        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +115,8 @@ class _Section(Measurement):
 
     Parameters
     ----------
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     at : str or mapping of str to float
         A place in the plane.
     normal : str or pair of places
@@ -162,8 +168,8 @@ class Girth(_Section):
 
     Parameters
     ----------
-    name : str
-        Its name in tables.
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     at : str or mapping of str to float
         A place in the plane of the loop.
     normal : str or pair of places
@@ -175,8 +181,6 @@ class Girth(_Section):
         Parts that are cut away from the loop, such as arms; they ask for a hull.
     hull : bool
         Whether the tape spans hollows: the length of the convex hull of the loop.
-    standard, note : str
-        Where it is defined, and what is to be known about it.
 
     Examples
     --------
@@ -205,16 +209,14 @@ class Breadth(_Section):
 
     Parameters
     ----------
-    name : str
-        Its name in tables.
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     at : str or mapping of str to float
         A place in the plane of the section.
     normal : str or pair of places
         Normal of the plane, as of `Girth`.
     parts, leave_out : sequence of str
         Parts that the section runs over, and parts that are cut away from it.
-    standard, note : str
-        Where it is defined, and what is to be known about it.
     """
 
     _direction: ClassVar[str] = "left"
@@ -231,7 +233,19 @@ class Breadth(_Section):
 
 @dataclass(frozen=True, kw_only=True)
 class Depth(Breadth):
-    """The extent of a section of the body from back to front; parameters as of `Breadth`."""
+    """The extent of a section of the body from back to front.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
+    at : str or mapping of str to float
+        A place in the plane of the section.
+    normal : str or pair of places
+        Normal of the plane, as of `Girth`.
+    parts, leave_out : sequence of str
+        Parts that the section runs over, and parts that are cut away from it.
+    """
 
     _direction: ClassVar[str] = "forward"
 
@@ -242,14 +256,12 @@ class Height(Measurement):
 
     Parameters
     ----------
-    name : str
-        Its name in tables.
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     at : str or mapping of str to float
         The place.
     above : str or mapping of str to float, optional
         Another place to measure from; by default the floor, at the lowest vertex.
-    standard, note : str
-        Where it is defined, and what is to be known about it.
     """
 
     at: Place
@@ -277,15 +289,13 @@ class Length(Measurement):
 
     Parameters
     ----------
-    name : str
-        Its name in tables.
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     along : sequence of places
         Two places or more. Of "joints", the first and the last joint.
     path : {"straight", "surface", "joints"}
         Straight from place to place; along the shortest path on the surface between them; or from
         joint to joint of the body model's tree.
-    standard, note : str
-        Where it is defined, and what is to be known about it.
     """
 
     along: tuple[Place, ...]
@@ -307,11 +317,14 @@ class Length(Measurement):
         return self.along
 
     def _stations(self, bodies: LandmarkedBodies) -> tuple[Place, ...]:
-        return bodies.bones(*self.along) if self.path == "joints" else self.along
+        if self.path == "joints":
+            first, last = self.along
+            return bodies.bones(str(first), str(last))
+        return self.along
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         stations = self._stations(bodies)
-        pairs = zip(stations[:-1], stations[1:], strict=True)
+        pairs = pairwise(stations)
         if self.path == "surface":
             return sum(bodies.geodesic_lengths(*pair) for pair in pairs)
         steps = (bodies.place(one) - bodies.place(other) for one, other in pairs)
@@ -320,14 +333,20 @@ class Length(Measurement):
     def curves(self, bodies: LandmarkedBodies) -> list[Any]:
         stations = self._stations(bodies)
         if self.path == "surface":
-            pairs = zip(stations[:-1], stations[1:], strict=True)
+            pairs = pairwise(stations)
             return [bodies.geodesic(*pair) for pair in pairs]
         return [np.stack([bodies.place(place)[0] for place in stations])]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Volume(Measurement):
-    """The volume inside the surface, which must be closed."""
+    """The volume inside the surface, which must be closed.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
+    """
 
     units: ClassVar[str] = "m³"
 
@@ -341,12 +360,10 @@ class Mass(Measurement):
 
     Parameters
     ----------
-    name : str
-        Its name in tables.
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     density : float
         Kilograms a cubic metre.
-    standard, note : str
-        Where it is defined, and what is to be known about it.
     """
 
     density: float = DENSITY
@@ -366,12 +383,10 @@ class Area(Measurement):
 
     Parameters
     ----------
-    name : str
-        Its name in tables.
+    name, standard, note : str
+        Its name, where it is defined, and what is to be known about it.
     parts : sequence of str
         Parts of the body; all of it by default.
-    standard, note : str
-        Where it is defined, and what is to be known about it.
     """
 
     parts: tuple[str, ...] = field(default=())
@@ -389,7 +404,9 @@ class Area(Measurement):
         return bodies.areas(self.parts)
 
 
-KINDS = {kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth, Volume, Mass, Area)}
+KINDS = {
+    kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth, Volume, Mass, Area)
+}
 """Kinds of measurements by name."""
 
 

@@ -1,11 +1,12 @@
 """Shortest paths on triangulated surfaces, whose lengths have derivatives: compiled loops.
 
-A path runs through a strip of triangles. Laid flat, the strip has one shortest path in it, which the
-funnel algorithm finds (Lee and Preparata, "Euclidean shortest paths in the presence of rectilinear
-barriers", Networks 14, 1984). Where that bends at a vertex, the strip is led around the other side
-of the vertex if the path gets shorter; where no change helps, it is a geodesic. All bodies start
-from the strip of the template. A length is stationary under moves of the crossings along their
-edges, so its derivatives are those with the crossings held on their edges.
+A path runs through a strip of triangles. Laid flat, the strip has one shortest path in it, which
+the funnel algorithm finds (Lee and Preparata, "Euclidean shortest paths in the presence of
+rectilinear barriers", Networks 14, 1984). Where that bends at a vertex, the strip is led around
+the other side of the vertex if the path gets shorter; where no change helps, it is a geodesic: no
+path near it is shorter. All bodies start from the strip of the template, and so have like paths. A
+length is stationary under moves of the crossings along their edges, so its derivatives are those
+with the crossings held on their edges.
 """
 
 from __future__ import annotations
@@ -156,13 +157,13 @@ def _shortest(
     strip[: len(first)] = first
     edges, places = np.empty((len(strip), 2), np.int64), np.empty(len(strip))
     length, size = _straighten(
-        np.ascontiguousarray(surface),
+        np.require(surface, np.float64, ["C", "W"]),
         mesh.faces,
         mesh.neighbours,
         strip,
         len(first),
-        np.asarray(start[1], dtype=np.float64),
-        np.asarray(end[1], dtype=np.float64),
+        np.require(start[1], np.float64, ["C", "W"]),
+        np.require(end[1], np.float64, ["C", "W"]),
         edges,
         places,
     )
@@ -366,6 +367,8 @@ def _straighten(
         shorter = False
         for number in range(count):
             edge = bends[number] - 1
+            if not 0 <= edge < size - 1:  # a bend at an end of the path
+                continue
             vertex = edges[edge, 1] if of_left[number] else edges[edge, 0]
             led_size = _led_around(faces, neighbours, strip, size, vertex, edge, edges, led)
             if led_size < 1 or not _unfold(

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import autograd.numpy as np
 import numpy as onp
-from autograd.tracer import getval
 from numpy import ndarray
 
+from riemhuman.checks import values_of
 from riemhuman.kernels.surface import cross
 from riemhuman.measurements.geodesics import geodesic_lengths, geodesic_path
 from riemhuman.measurements.sections import Cutter, section_sizes
@@ -221,8 +221,8 @@ class LandmarkedBodies:
         -------
         array, shape (n,)
         """
-        ends = (self._set.on_surface(place) for place in (one, other))
-        return geodesic_lengths(self._surfaces, *ends, self._set.mesh)
+        start, end = self._set.on_surface(one), self._set.on_surface(other)
+        return geodesic_lengths(self._surfaces, start, end, self._set.mesh)
 
     def geodesic(self, one: Place, other: Place) -> ndarray:
         """Return the shortest path along the first surface.
@@ -236,8 +236,8 @@ class LandmarkedBodies:
         -------
         array, shape (k, 3)
         """
-        ends = (self._set.on_surface(place) for place in (one, other))
-        return geodesic_path(onp.asarray(getval(self._surfaces))[0], *ends, self._set.mesh)
+        start, end = self._set.on_surface(one), self._set.on_surface(other)
+        return geodesic_path(values_of(self._surfaces)[0], start, end, self._set.mesh)
 
     def volumes(self) -> Any:
         """Return the volumes inside closed surfaces.

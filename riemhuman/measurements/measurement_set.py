@@ -167,7 +167,8 @@ class MeasurementSet:
     @cached_property
     def axes_in_frame(self) -> ndarray:
         """Axes of the template as the frame of its landmarks has them, shape (3, 3)."""
-        places = [weights @ self.vertices[v] for v, weights in map(self.landmarks.get, self.frame)]
+        marks = [self.landmarks[name] for name in self.frame]
+        places = [weights @ self.vertices[vertices] for vertices, weights in marks]
         return axes_in_frame(np.array(places), self.axes)
 
     @cached_property
@@ -424,9 +425,7 @@ class MeasurementSet:
             file.write_text(_json_text(record), encoding="utf-8")
 
     @classmethod
-    def load(
-        cls, path: str | os.PathLike[str], template: Template | BodyModel
-    ) -> MeasurementSet:
+    def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:
         """Read measurements, landmarks and parts from a JSON file.
 
         Parameters

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from riemhuman.measurements.definitions import (
     DENSITY,
@@ -41,6 +42,7 @@ _RIGHT_ARM, _RIGHT_LEG = ("right arm",), ("right leg",)
 
 # The names are those of the standards as far as they are sure; clauses are not, and are left out.
 _CLOTHING, _DESIGN = "ISO 8559-1", "ISO 7250-1"
+_SKULL = {"glabella": 0.5, "opisthocranion": 0.5}
 _BUST = {"left_nipple": 0.5, "right_nipple": 0.5}
 _BUTTOCKS = {"left_buttock": 0.5, "right_buttock": 0.5}
 _UPPER_ARM, _FOREARM = ("right_elbow", "right_shoulder"), ("right_wrist", "right_elbow")
@@ -64,9 +66,10 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
         end, start = bone
         return {start: round(1.0 - fraction, 2), end: fraction}
 
-    trunk = {"parts": TRUNK, "leave_out": ARMS, "hull": True}
-    hips = {"parts": (*TRUNK, *LEGS), "leave_out": ARMS}
-    arm, leg = {"parts": _RIGHT_ARM, "hull": True}, {"parts": _RIGHT_LEG, "hull": True}
+    trunk: dict[str, Any] = {"parts": TRUNK, "leave_out": ARMS, "hull": True}
+    hips: dict[str, Any] = {"parts": (*TRUNK, *LEGS), "leave_out": ARMS}
+    arm: dict[str, Any] = {"parts": _RIGHT_ARM, "hull": True}
+    leg: dict[str, Any] = {"parts": _RIGHT_LEG, "hull": True}
     return (
         Height(name="stature", at="crown", standard=_DESIGN),
         Height(name="cervical height", at="cervicale", standard=_CLOTHING),
@@ -74,8 +77,8 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
         Height(name="hip height", at=_BUTTOCKS, standard=_CLOTHING),
         Girth(
             name="head girth",
-            at={"glabella": 0.5, "opisthocranion": 0.5},
-            normal=("head", "crown"),
+            at=_SKULL,
+            normal=(_SKULL, "crown"),
             parts=("head",),
             hull=True,
             standard=_CLOTHING,
@@ -114,9 +117,7 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             **arm,
         ),
         Girth(name="thigh girth", at="right_thigh", normal=_THIGH, standard=_CLOTHING, **leg),
-        Girth(
-            name="mid-thigh girth", at=on(_THIGH, 0.5), normal=_THIGH, standard=_CLOTHING, **leg
-        ),
+        Girth(name="mid-thigh girth", at=on(_THIGH, 0.5), normal=_THIGH, standard=_CLOTHING, **leg),
         Girth(
             name="knee girth",
             at="right_knee",

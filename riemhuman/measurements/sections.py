@@ -16,7 +16,6 @@ from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.threads import in_chunks
 
 LENGTH, HULL, EXTENT = 0, 1, 2
 """What is measured of a section: its length, that of its convex hull, its extent."""
@@ -26,8 +25,6 @@ FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
 
 MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
 """Why there is no section: the plane misses the part, the loop leaves it, or meets a boundary."""
-
-_THREADED = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +67,8 @@ class Cutter:
         """
         ends, places, wanted = _workspace(len(self.faces))
         arrays = (self.faces, self.neighbours, self.roles, self.candidates)
-        count = _trace(surface, *arrays, origin, normal, ends, places, wanted)
+        planes = _plain(surface, origin, normal)
+        count = _trace(planes[0], *arrays, *planes[1:], ends, places, wanted)
         if count < 0:
             return np.empty((0, 3)), int(count)
         kept = wanted[:count] | np.roll(wanted[:count], 1)
@@ -134,13 +132,9 @@ def section_sizes(
     """
     sizes = np.empty(len(surfaces))
     arrays = (cutter.faces, cutter.neighbours, cutter.roles, cutter.candidates)
-
-    def measure(first: int, last: int) -> None:
-        space = _workspace(len(cutter.faces))
-        planes = (origins, normals, directions)
-        _measure(surfaces, *arrays, *planes, kind, first, last, *space, sizes)
-
-    in_chunks(measure, len(surfaces), threaded=len(surfaces) >= _THREADED)
+    space = _workspace(len(cutter.faces))
+    planes = _plain(surfaces, origins, normals, directions)
+    _measure(planes[0], *arrays, *planes[1:], kind, *space, sizes)
     return sizes
 
 
@@ -157,11 +151,10 @@ def _pull_back(number: int) -> Any:
         arrays = (cutter.faces, cutter.neighbours, cutter.roles, cutter.candidates)
 
         def pull_back(upstream: ndarray) -> ndarray:
-            slopes = [np.zeros_like(a) for a in (surfaces, origins, normals, directions)]
+            slopes = [np.zeros(a.shape) for a in (surfaces, origins, normals, directions)]
             space = _workspace(len(cutter.faces))
-            _differentiate(
-                surfaces, *arrays, origins, normals, directions, kind, upstream, *space, *slopes
-            )
+            surface, *plane, scales = _plain(surfaces, origins, normals, directions, upstream)
+            _differentiate(surface, *arrays, *plane, kind, scales, *space, *slopes)
             return slopes[number]
 
         return pull_back
@@ -170,6 +163,11 @@ def _pull_back(number: int) -> Any:
 
 
 defvjp(section_sizes, *(_pull_back(number) for number in range(4)), argnums=(0, 1, 2, 3))
+
+
+def _plain(*arrays: ndarray) -> list[ndarray]:
+    """Return arrays of one layout: for each other one, loops would be compiled anew."""
+    return [np.require(array, np.float64, ["C", "W"]) for array in arrays]
 
 
 def _workspace(n_faces: int) -> tuple[ndarray, ndarray, ndarray]:
@@ -353,15 +351,13 @@ def _measure(
     normals: Any,
     directions: Any,
     kind: int,
-    first: int,
-    last: int,
     ends: Any,
     places: Any,
     wanted: Any,
     sizes: Any,
 ) -> None:
     points = np.empty((len(faces), 3))
-    for i in range(first, last):
+    for i in range(len(surfaces)):
         f, o, n = surfaces[i], origins[i], normals[i]
         count = _trace(f, faces, neighbours, roles, candidates, o, n, ends, places, wanted)
         if count < 0:

@@ -20,8 +20,9 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     """Return bodies in the standard pose, on the axes of the body model.
 
     The body model is fitted to every body. What it leaves, the differences between the body and
-    its fit, is given to the fitted person in the standard pose by `riemhuman.solvers.ShapeTransfer`:
-    triangles take the same stretches, along axes that turn with them.
+    its fit, is given to the fitted person in the standard pose by
+    `riemhuman.solvers.ShapeTransfer`: triangles take the same stretches, along axes that turn with
+    them.
 
     Parameters
     ----------

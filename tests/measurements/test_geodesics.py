@@ -1,0 +1,87 @@
+"""Shortest paths against great circles, helices, and shortest paths over many more vertices."""
+
+import numpy as np
+import pytest
+from measured_shapes import ellipsoid, set_at, tube
+from scipy import sparse
+from scipy.sparse.csgraph import dijkstra
+
+from riemhuman.errors import ArgumentError
+from riemhuman.measurements import Length, Measurements, MeasurementSet
+from riemhuman.surfaces.template import Template
+
+PATH = Length(name="path", along=("start", "end"), path="surface")
+
+
+def _length(template, start, end, points=None):
+    own = Measurements(set_at(template, [PATH], start=start, end=end))
+    return float(own.measure(template.vertices if points is None else points).values[0])
+
+
+def test_great_circles_to_second_order():
+    start, end = np.array([0.5, 0.3, 0.81]), np.array([-0.7, 0.6, 0.1])
+    start, end = (0.3 * x / np.linalg.norm(x) for x in (start, end))
+    truth = 0.3 * np.arccos(start @ end / 0.09)
+    errors = [
+        abs(_length(ellipsoid(n, (0.3, 0.3, 0.3)), start, end) / truth - 1) for n in (6, 12, 24)
+    ]
+    assert errors[-1] < 1e-3
+    assert errors[0] / errors[-1] > 8
+
+
+def test_helices():
+    angle = 2.0
+    end = [0.15 * np.cos(angle), 0.6, 0.15 * np.sin(angle)]
+    found = _length(tube(60, 40), [0.15, 0.2, 0.0], end)
+    np.testing.assert_allclose(found, np.hypot(0.15 * angle, 0.4), rtol=1e-3)
+
+
+def test_no_longer_than_ways_along_edges_of_bumpy_surfaces():
+    rng = np.random.default_rng(8)
+    template = ellipsoid(8)
+    start, end = [0.05, 0.45, 0.03], [-0.05, -0.45, 0.02]
+    own = Measurements(set_at(template, [PATH], start=start, end=end))
+    places = own.definitions
+    for _ in range(5):
+        points = template.vertices * (1 + 0.02 * rng.normal(size=(len(template.vertices), 1)))
+        length = float(own.measure(points).values[0])
+        ends = [weights @ points[v] for v, weights in map(places.landmarks.get, ("start", "end"))]
+        assert length >= np.linalg.norm(ends[0] - ends[1])
+        a, b = template.edges.T
+        graph = sparse.csr_array(
+            (np.linalg.norm(points[a] - points[b], axis=1), (a, b)), shape=(len(points),) * 2
+        )
+        one, other = (places.landmarks[name][0] for name in ("start", "end"))
+        around = dijkstra(graph, directed=False, indices=one)[:, other]
+        hops = [
+            np.linalg.norm(points[v] - e, axis=1) for v, e in zip((one, other), ends, strict=True)
+        ]
+        assert length <= (around + hops[0][:, None] + hops[1]).min() + 1e-12
+
+
+def test_taylor_slopes():
+    rng = np.random.default_rng(2)
+    template = ellipsoid(8)
+    own = Measurements(set_at(template, [PATH], start=[0.05, 0.45, 0.03], end=[-0.1, -0.3, 0.05]))
+    points = template.vertices + 1e-3 * rng.normal(size=template.vertices.shape)
+    measured = own.measure(points, gradient=True)
+    direction = rng.normal(size=points.shape)
+    slope = float(np.sum(measured.gradient * direction))
+    steps = np.array([1e-5, 1e-6])
+    moved = own.measure(points + steps[:, None, None] * direction).values[:, 0]
+    misses = np.abs(moved - measured.values - steps * slope)
+    assert misses[1] < 0.02 * misses[0] + 1e-14
+    assert misses[0] < 1e-2 * abs(steps[0] * slope)
+
+
+def test_ends_on_different_surfaces():
+    one = ellipsoid(3)
+    both = np.concatenate([one.vertices, one.vertices + 1.0])
+    template = Template(both, np.concatenate([one.faces, one.faces + one.n_vertices]))
+    landmarks = {
+        "start": (template.faces[0], np.full(3, 1 / 3)),
+        "end": (template.faces[-1], np.full(3, 1 / 3)),
+    }
+    own = Measurements(MeasurementSet(template, [PATH], landmarks))
+    with pytest.raises(ArgumentError, match="one connected surface"):
+        own.measure(template.vertices)

@@ -1,0 +1,98 @@
+"""Sets of measurements: files, and the way to other templates."""
+
+import json
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.measurements import Girth, Height, Measurements, MeasurementSet, open_measurements
+
+
+@pytest.fixture(scope="module")
+def coarse():
+    return open_measurements(load_open_model("coarse"))
+
+
+def test_files_come_back(coarse, tmp_path):
+    coarse.save(tmp_path / "set.json")
+    read = MeasurementSet.load(tmp_path / "set.json", coarse.template)
+    assert read.measurements == coarse.measurements
+    assert read.landmarks.keys() == coarse.landmarks.keys()
+    point = load_open_bodies("coarse").points[0]
+    expected = Measurements(coarse).measure(point).values
+    np.testing.assert_array_equal(Measurements(read).measure(point).values, expected)
+    by_path = Measurements(coarse.template, tmp_path / "set.json")
+    assert by_path.names == coarse.names
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda r: r.pop("landmarks"), "it lacks 'landmarks'"),
+        (lambda r: r.update(n_vertices=7), "it is for 7 vertices"),
+        (lambda r: r.update(frame=["pelvis"]), "frame must name four"),
+        (lambda r: r["measurements"].append(r["measurements"][0]), "two measurements"),
+    ],
+)
+def test_files_that_are_wrong(coarse, tmp_path, change, message):
+    coarse.save(tmp_path / "set.json")
+    record = json.loads((tmp_path / "set.json").read_text(encoding="utf-8"))
+    change(record)
+    (tmp_path / "set.json").write_text(json.dumps(record), encoding="utf-8")
+    with pytest.raises(FileFormatError, match=message):
+        MeasurementSet.load(tmp_path / "set.json", coarse.template)
+    (tmp_path / "set.json").write_text("[1,", encoding="utf-8")
+    with pytest.raises(FileFormatError, match="does not hold measurements"):
+        MeasurementSet.load(tmp_path / "set.json", coarse.template)
+
+
+def test_mapped_to_the_other_resolution(coarse):
+    """By closest points of the templates, as for any template that lies on another."""
+    full = open_measurements()
+    mapped = full.mapped(coarse.template, full.correspondence_to(coarse.template))
+    points = coarse.template(np.random.default_rng(1).normal(size=(3, 16)))
+    own, through = (Measurements(s).measure(points) for s in (coarse, mapped))
+    metres = [unit == "m" for unit in Measurements(coarse).units]
+    assert np.abs(own.values - through.values)[:, metres].max() < 0.012
+
+
+def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
+    rng = np.random.default_rng(0)
+    model = coarse.template
+    order = rng.permutation(model.n_vertices)
+    place = np.argsort(order)
+    from riemhuman.bodies import BodyModel
+
+    shuffled = BodyModel(
+        model.template.vertices[order],
+        place[model.faces],
+        model.shapedirs[order],
+        model.joint_regressor[:, order],
+        model.weights[order],
+        [model.parents, range(model.n_joints)],
+        joint_names=model.joint_names,
+    )
+    mapped = coarse.mapped(shuffled, place)
+    points = model(rng.normal(size=(2, 16)))
+    expected = Measurements(coarse).measure(points).values
+    found = Measurements(mapped).measure(points[:, order]).values
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_what_is_refused(coarse):
+    with pytest.raises(ArgumentError, match="did you mean 'trunk'"):
+        coarse.with_measurements([Girth(name="g", at="crown", parts=["trunc"])])
+    with pytest.raises(ArgumentError, match="landmark"):
+        MeasurementSet(coarse.template, [], {"far": ([10**6], [1.0])})
+    with pytest.raises(ArgumentError, match="weights of sum 2"):
+        MeasurementSet(coarse.template, [], {"two": ([0], [2.0])})
+    with pytest.raises(ArgumentError, match="must say where 1202 vertices lie"):
+        coarse.mapped(coarse.template, np.arange(5))
+    surface = coarse.template.template
+    with pytest.raises(ArgumentError, match="need a body model"):
+        MeasurementSet(surface, ()).bones("a", "b")
+    own = MeasurementSet(surface, [Height(name="h", at="top")], {"top": ([0], [1.0])})
+    with pytest.raises(ArgumentError, match="its fit undoes the pose"):
+        Measurements(own).measure(surface.vertices, pose="standard")
