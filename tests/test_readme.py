@@ -1,4 +1,4 @@
-"""README.md: its Python runs unedited, its names exist and its commands can be found."""
+"""README.md and the pages of the site: their Python runs unedited, names and links exist."""
 
 import re
 from pathlib import Path
@@ -7,8 +7,16 @@ import pytest
 
 import riemhuman
 
-README = Path(__file__).parents[1] / "README.md"
-TEXT = README.read_text(encoding="utf-8")
+ROOT = Path(__file__).parents[1]
+README = ROOT / "README.md"
+PAGES = [README, *sorted((ROOT / "tutorials").glob("*.md"))]
+LONGEST_README = 160
+
+every = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)
+
+
+def text_of(page):
+    return page.read_text(encoding="utf-8")
 
 
 def python_blocks(text):
@@ -17,38 +25,64 @@ def python_blocks(text):
     return [text[: block.start(1)].count("\n") * "\n" + block[1] for block in blocks]
 
 
-def run(blocks):
+def run(blocks, name):
     """Run blocks one after the other, as a reader does who types them into one session."""
-    namespace = {"__name__": "readme"}
+    namespace = {"__name__": "page"}
     for block in blocks:
-        exec(compile(block, str(README), "exec"), namespace)
+        exec(compile(block, name, "exec"), namespace)
 
 
-def test_python_blocks_run(tmp_path, monkeypatch):
+def broken_links(page):
+    """Return the links and pictures of a page that lead to no file."""
+    text = re.sub(r"^```.*?^```$", "", text_of(page), flags=re.MULTILINE | re.DOTALL)
+    links = re.findall(r"\]\(([^)#\s]+)[^)]*\)", text)
+    local = [link for link in links if "://" not in link]
+    return [link for link in local if not (page.parent / link).is_file()]
+
+
+@every
+def test_python_blocks_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    run(python_blocks(TEXT))
+    run(python_blocks(text_of(page)), str(page))
 
 
 def test_python_blocks_can_fail():
     text = "# Title\n\n```python\nx = 1\n```\n\nText\n\n```python\nassert x == 2\n```\n"
     with pytest.raises(AssertionError) as failure:
-        run(python_blocks(text))
+        run(python_blocks(text), "page.md")
     assert failure.traceback[-1].lineno + 1 == 10
 
 
-def test_public_names_exist():
-    for dotted in set(re.findall(r"\brh\.([A-Za-z_][\w.]*\w)", TEXT)):
+@every
+def test_public_names_exist(page):
+    for dotted in set(re.findall(r"\brh\.([A-Za-z_][\w.]*\w)", text_of(page))):
         found = riemhuman
         for name in dotted.split("."):
-            assert hasattr(found, name), f"README.md speaks of rh.{dotted}, which does not exist"
+            assert hasattr(found, name), f"{page.name} speaks of rh.{dotted}, which does not exist"
             found = getattr(found, name)
+
+
+@every
+def test_links_lead_somewhere(page):
+    assert broken_links(page) == []
+
+
+def test_broken_links_are_seen(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("[here](page.md), [there](none.md), ![picture](none.png)", encoding="utf-8")
+    assert broken_links(page) == ["none.md", "none.png"]
+
+
+def test_the_readme_is_short():
+    assert len(text_of(README).splitlines()) <= LONGEST_README
 
 
 @pytest.mark.parametrize(
     ("marker", "job"), [("run", "python -m riemhuman"), ("test", "pytest -n auto")]
 )
 def test_commands_are_marked(marker, job):
-    blocks = re.findall(rf"<!-- {marker}-command -->\n+```bash\n(.*?)\n```\n", TEXT, re.DOTALL)
+    text = text_of(README)
+    blocks = re.findall(rf"<!-- {marker}-command -->\n+```bash\n(.*?)\n```\n", text, re.DOTALL)
     assert len(blocks) == 1
     assert "python3 -m venv" in blocks[0]
     assert blocks[0].endswith(job)

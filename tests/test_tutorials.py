@@ -1,21 +1,26 @@
-"""Tutorials run unedited in fresh processes, show pictures, warn of nothing, use public names."""
+"""Tutorials run unedited in fresh processes, show what is stored, and use public names."""
 
 import ast
+import base64
+import io
 import re
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 
-import nbclient
+import matplotlib.image
 import nbformat
+import numpy as np
 import pytest
 from matplotlib import font_manager
 from nbclient.exceptions import CellExecutionError
+from store_outputs import VIEWER, executed, small
 
 import riemhuman
 
 FOLDER = Path(__file__).parents[1] / "tutorials"
 NOTEBOOKS = sorted(FOLDER.glob("*.ipynb"))
-SECONDS_A_CELL = 120
+LARGEST = 800 * 2**10
 LONGEST_CELL = 12
 
 every = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
@@ -41,20 +46,6 @@ def python(cell):
     return re.sub(r"^%", "#", cell.source, flags=re.M)
 
 
-def execute(notebook, folder, monkeypatch):
-    """Return the notebook with its outputs, after running it in a process of its own."""
-    monkeypatch.setenv("PYTHONPATH", str(Path(riemhuman.__file__).parents[1]))
-    for name in ("MPLBACKEND", "OPENBLAS_NUM_THREADS", "PYTHONWARNINGS"):
-        monkeypatch.delenv(name, raising=False)
-    notebook = nbformat.from_dict(notebook)
-    resources = {"metadata": {"path": str(folder)}}
-    client = nbclient.NotebookClient(
-        notebook, timeout=SECONDS_A_CELL, kernel_name="python3", resources=resources
-    )
-    client.execute()
-    return notebook
-
-
 def warnings_of(notebook):
     """Return all that was written to standard error."""
     outputs = [output for cell in code_cells(notebook) for output in cell.outputs]
@@ -67,10 +58,17 @@ def pictures_of(notebook):
     return [output.data["image/png"] for output in outputs if "image/png" in output.get("data", {})]
 
 
-def notebook_of(*cells):
+def pictures_of_cell(cell):
+    """Return the first picture of a cell."""
+    return next(content for kind, content in outputs_of(cell) if kind == "image/png")
+
+
+def written(folder, *cells):
+    """Return the path of a new notebook."""
     notebook = nbformat.v4.new_notebook()
     notebook.cells = [nbformat.v4.new_code_cell(source) for source in cells]
-    return notebook
+    nbformat.write(notebook, folder / "notebook.ipynb")
+    return folder / "notebook.ipynb"
 
 
 def deep_imports(source):
@@ -116,23 +114,74 @@ def test_they_are_numbered():
 
 
 @every
-def test_runs(path, tmp_path, monkeypatch):
-    executed = execute(read(path), tmp_path, monkeypatch)
-    assert warnings_of(executed) == ""
-    assert pictures_of(executed)
+def test_shows_what_is_stored(path):
+    fresh = small(executed(path))
+    assert warnings_of(fresh) == ""
+    assert pictures_of(fresh)
+    for stored, shown in zip(code_cells(read(path)), code_cells(fresh), strict=True):
+        assert differences(stored, shown) == [], stored.source
+
+
+def differences(stored, shown):
+    """Return how what a cell shows differs from what is stored, but for times and rounding."""
+    first, second = map(outputs_of, (stored, shown))
+    if [kind for kind, _ in first] != [kind for kind, _ in second]:
+        return [f"{[kind for kind, _ in first]} is stored, {[kind for kind, _ in second]} is shown"]
+    told_time = "%%time" in stored.source or "perf_counter" in stored.source
+    found = []
+    for (kind, one), (_, other) in zip(first, second, strict=True):
+        if kind == "image/png":
+            found += picture_differences(one, other)
+        elif kind != VIEWER and not told_time:
+            found += text_differences(one, other)
+    return found
+
+
+def outputs_of(cell):
+    """Return what a cell shows as pairs of a kind and its content."""
+    shown = []
+    for output in cell.outputs:
+        if output.output_type == "stream":
+            shown.append((output.name, output.text))
+        else:
+            shown += sorted(output.get("data", {}).items())
+    return shown
+
+
+def text_differences(one, other):
+    number = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+    address = re.compile(r"0x[0-9a-f]+")
+    one, other = address.sub("", one), address.sub("", other)
+    if number.sub("#", one).split() != number.sub("#", other).split():
+        return [f"{one!r} is stored, {other!r} is shown"]
+    numbers = [np.array(number.findall(text), dtype=float) for text in (one, other)]
+    same = np.isclose(*numbers, rtol=0.05, atol=0.02)
+    return [f"{a} is stored, {b} is shown" for a, b in np.stack(numbers, 1)[~same]]
+
+
+def picture_differences(one, other):
+    one, other = (
+        matplotlib.image.imread(io.BytesIO(base64.b64decode(text)))[..., :3]
+        for text in (one, other)
+    )
+    if np.abs(np.subtract(one.shape, other.shape)).max() > 4:
+        return [f"a picture of {one.shape} is stored, one of {other.shape} is shown"]
+    height, width = np.minimum(one.shape, other.shape)[:2]
+    difference = np.abs(one[:height, :width] - other[:height, :width]).mean()
+    return [] if difference < 0.06 else [f"pictures differ by {difference:.2f}"]
 
 
 @every
-def test_is_kept_without_outputs(path):
+def test_is_small_and_plain(path):
     notebook = read(path)
     nbformat.validate(notebook)
+    assert path.stat().st_size <= LARGEST
     assert (notebook.nbformat, notebook.nbformat_minor) == (4, 5)
     assert notebook.metadata.kernelspec.name == "python3"
     assert set(notebook.metadata) == {"kernelspec", "language_info"}
-    for cell in code_cells(notebook):
-        assert cell.outputs == []
-        assert cell.execution_count is None
+    assert all(cell.execution_count is None for cell in code_cells(notebook))
     assert all(cell.metadata == {} for cell in notebook.cells)
+    assert "three.js" not in path.read_text(encoding="utf-8")
     identifiers = [cell.id for cell in notebook.cells]
     assert len(set(identifiers)) == len(identifiers)
 
@@ -159,23 +208,46 @@ def test_is_easy_to_read(path):
 # The checks above can fail.
 
 
-def test_an_error_is_seen(tmp_path, monkeypatch):
+def test_an_error_is_seen(tmp_path):
     with pytest.raises(CellExecutionError, match="ZeroDivisionError"):
-        execute(notebook_of("1 / 0"), tmp_path, monkeypatch)
+        executed(written(tmp_path, "1 / 0"))
 
 
-def test_warnings_and_pictures_are_seen(tmp_path, monkeypatch):
-    executed = execute(
-        notebook_of(
+def test_warnings_and_pictures_are_seen(tmp_path):
+    fresh = executed(
+        written(
+            tmp_path,
             "import warnings; warnings.warn('look out')",
             "import matplotlib.pyplot as plt\nplt.plot([1, 2]);",
             "import os; assert 'OPENBLAS_NUM_THREADS' not in os.environ",
-        ),
-        tmp_path,
-        monkeypatch,
+        )
     )
-    assert "look out" in warnings_of(executed)
-    assert len(pictures_of(executed)) == 1
+    assert "look out" in warnings_of(fresh)
+    assert len(pictures_of(fresh)) == 1
+
+
+def test_differences_are_seen(tmp_path):
+    first, other, picture = code_cells(
+        small(
+            executed(
+                written(
+                    tmp_path,
+                    "print('about', 1.0)",
+                    "print('about', 1.2)",
+                    "import matplotlib.pyplot as plt\nplt.imshow([[1, 2], [3, 4]]);",
+                )
+            )
+        )
+    )
+    assert differences(first, first) == differences(picture, picture) == []
+    assert differences(first, other) == ["1.0 is stored, 1.2 is shown"]
+    assert differences(first, picture) != []
+    empty = deepcopy(picture)
+    blank = io.BytesIO()
+    shape = matplotlib.image.imread(io.BytesIO(base64.b64decode(pictures_of_cell(picture)))).shape
+    matplotlib.image.imsave(blank, np.ones(shape))
+    empty.outputs[-1].data["image/png"] = base64.b64encode(blank.getvalue()).decode()
+    assert differences(picture, empty) != []
 
 
 def test_private_names_are_seen():

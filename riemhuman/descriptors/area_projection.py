@@ -24,9 +24,9 @@ class ProjectedAreas:
 
     Attributes
     ----------
-    values : array, shape (n_radii, *grid.shape)
+    values : array, shape (n_radii, n_x, n_y, n_z)
         Values of every radius: 1 at the centre of a sphere of that radius.
-    inside : array of bool, shape (*grid.shape)
+    inside : array of bool, shape (n_x, n_y, n_z)
         Voxels that the surface encloses.
     grid : VoxelGrid
         Where the voxels are.

@@ -57,7 +57,7 @@ class ProductManifold(Manifold):
 
         Parameters
         ----------
-        points : sequence of array, the k-th of shape (..., *factors[k].shape)
+        points : sequence of array, the k-th with the shape of the k-th factor
             Points of the factors.
 
         Returns
@@ -89,7 +89,7 @@ class ProductManifold(Manifold):
 
         Returns
         -------
-        tuple of array, the k-th of shape (..., *factors[k].shape)
+        tuple of array, the k-th with the shape of the k-th factor
         """
         return tuple(self.component(point, k) for k in range(len(self.factors)))
 
@@ -105,7 +105,7 @@ class ProductManifold(Manifold):
 
         Returns
         -------
-        array, shape (..., *factors[index].shape)
+        array, with the shape of the factor
         """
         point = real_array(point, "point", self.shape, finite=False)
         start = self._ends[index - 1] if index else 0

@@ -127,7 +127,7 @@ class SobolevMetric(MidpointMetric):
 
     @property
     def a0(self) -> float:
-        """The weight of |h|²."""
+        """The weight of ‖h‖²."""
         return self._weights["a0"]
 
     @property
@@ -152,5 +152,5 @@ class SobolevMetric(MidpointMetric):
 
     @property
     def a2(self) -> float:
-        """The weight of |Δh|²."""
+        """The weight of ‖Δh‖²."""
         return self._weights["a2"]

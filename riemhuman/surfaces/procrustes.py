@@ -26,7 +26,7 @@ def procrustes(
     """Align surfaces in known correspondence with a reference, or with each other.
 
     Each surface x is moved to s R x + b, with the rotation R (never a reflection), translation b
-    and, on request, scale s > 0 that minimise sum_v w_v |s R x_v + b - y_v|^2 [1]_ [2]_.
+    and, on request, scale s > 0 that minimise sum_v w_v ‖s R x_v + b - y_v‖² [1]_ [2]_.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def generalized_procrustes(
     """Align surfaces in known correspondence with each other, and return their mean as well.
 
     Surfaces are aligned with their mean, the mean is taken anew, and so on: every step lowers
-    sum_i sum_v w_v |s_i R_i x_iv + b_i - m_v|^2 [1]_. With `scale`, the mean m keeps the size of
+    sum_i sum_v w_v ‖s_i R_i x_iv + b_i - m_v‖² [1]_. With `scale`, the mean m keeps the size of
     the surfaces (the root mean square of their centroid sizes), or all would shrink to a point.
     In the end all are moved together so that the mean lies as the first surface did. The mean is
     a statistic, not a surface to register to: where poses differ, its limbs shrink.

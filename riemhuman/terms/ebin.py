@@ -149,9 +149,9 @@ class EbinTerm(Term):
         .. math:: \varphi = 4\sqrt{\lambda/2}\, s\,
                   (e^{i\sqrt2\kappa L_1}, e^{i\sqrt2\kappa L_2}) \in C^2 = R^4.
 
-        |L − L'| ≤ ℓ, the hyperbolic plane being of negative curvature. Let z = κ|L − L'| ≤ θ. If
+        ‖L − L'‖ ≤ ℓ, the hyperbolic plane being of negative curvature. Let z = κ‖L − L'‖ ≤ θ. If
         z ≤ π, ½ Σ cos(√2 κ (L_k − L'_k)) ≥ cos z by Jensen, as cos √t is convex for 0 ≤ t ≤ 2π²;
-        and it never falls below −1. So |φ − φ'|² ≤ 16λ (s² + s'² − 2 s s' cos min(π, θ)) = d².
+        and it never falls below −1. So ‖φ − φ'‖² ≤ 16λ (s² + s'² − 2 s s' cos min(π, θ)) = d².
 
         Parameters
         ----------

@@ -85,7 +85,7 @@ class NormalTerm(Term):
         return dot(changes_a[0], changes_b[0])
 
     def form(self, first: Derivatives) -> ndarray:
-        """Return |δn|² = (n·∂₁h)² + (n·∂₂h)².
+        """Return ‖δn‖² = (n·∂₁h)² + (n·∂₂h)².
 
         Parameters
         ----------

@@ -16,7 +16,7 @@ from riemhuman.terms.flat import FlatTerm, pack_vector
 
 
 class RootNormalTerm(FlatTerm):
-    r"""w ∫ |q₁ − q₂|² of the square root normal fields :math:`q = \sqrt{A}\, n`.
+    r"""w ∫ ‖q₁ − q₂‖² of the square root normal fields :math:`q = \sqrt{A}\, n`.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class RootNormalTerm(FlatTerm):
         return np.where(first.degenerate[..., None], 0.0, roots)
 
     def form(self, first: Derivatives) -> ndarray:
-        """Return |δq|²/A of δq = √A (½ (ε₁₁ + ε₂₂) n + δn).
+        """Return ‖δq‖²/A of δq = √A (½ (ε₁₁ + ε₂₂) n + δn).
 
         Parameters
         ----------

@@ -1,0 +1,128 @@
+"""Build the documentation site: `python tutorials/build_site.py [FOLDER]`, without a connection.
+
+The pages and notebooks of this folder are copied, a page for every public name and the gallery are
+written beside them, and Sphinx does the rest; a warning is an error.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import shutil
+import sys
+import tempfile
+from importlib.resources import files
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import nbformat
+from sphinx.cmd.build import main as sphinx
+
+import riemhuman as rh
+
+SOURCES = Path(__file__).parent
+VIEWER = "application/vnd.riemhuman.viewer+html"
+
+
+def main(target: Path) -> int:
+    """Build the site in a folder and return Sphinx's exit code."""
+    with tempfile.TemporaryDirectory() as folder:
+        source = Path(folder) / "source"
+        shutil.copytree(SOURCES, source, ignore=shutil.ignore_patterns("__pycache__", "*.py"))
+        shutil.copy(SOURCES / "conf.py", source)
+        for name in ("three.min.js", "three.LICENSE", "viewer.js", "viewer.css"):
+            (source / "_static" / name).write_bytes(web_file(name))
+        notebooks = sorted(source.glob("*.ipynb"), key=lambda path: int(path.stem.split("_")[0]))
+        (source / "gallery.md").write_text(gallery(notebooks), encoding="utf-8")
+        for path in notebooks:
+            with_viewers(path)
+        (source / "reference.md").write_text(reference(), encoding="utf-8")
+        options = ["-W", "--keep-going", "-q", "-j", "auto", "-d", str(Path(folder) / "doctrees")]
+        return sphinx([*options, "-b", "html", str(source), str(target)])
+
+
+def web_file(name: str) -> bytes:
+    """Return a file of the viewers, which the package holds."""
+    return (files("riemhuman.report") / "web" / name).read_bytes()
+
+
+def with_viewers(path: Path) -> None:
+    """Show stored viewers as elements of the page, each with a name of its own."""
+    notebook = nbformat.read(path, as_version=nbformat.NO_CONVERT)
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    viewers = [output["data"] for output in outputs if VIEWER in output.get("data", {})]
+    for number, data in enumerate(viewers, start=1):
+        live = data.pop(VIEWER)
+        data.clear()
+        for attribute in ('id="viewer', 'name="viewer', 'for="viewer'):
+            live = live.replace(attribute, f"{attribute}-{number}")
+        data["text/html"] = live
+    nbformat.write(notebook, path)
+
+
+def gallery(notebooks: list[Path]) -> str:
+    """Return the page of all notebooks, each with its first picture, written beside it."""
+    text = (SOURCES / "gallery.md").read_text(encoding="utf-8").split("```{gallery}")[0]
+    cards = []
+    for path in notebooks:
+        cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+        title = "".join(cells[0]["source"]).splitlines()[0].lstrip("# ")
+        pictures = [
+            output["data"]["image/png"]
+            for cell in cells
+            for output in cell.get("outputs", [])
+            if "image/png" in output.get("data", {})
+        ]
+        picture = path.with_name(f"gallery_{path.stem}.png")
+        picture.write_bytes(base64.b64decode("".join(pictures[0])))
+        cards.append(
+            f":::{{grid-item-card}} {title}\n:link: {path.stem}\n:link-type: doc\n"
+            f":img-top: {picture.name}\n:class-card: gallery-card\n:::"
+        )
+    contents = "\n".join(path.stem for path in notebooks)
+    return (
+        f"{text}::::{{grid}} 1 2 2 3\n:gutter: 3\n\n"
+        + "\n".join(cards)
+        + f"\n::::\n\n```{{toctree}}\n:hidden:\n\n{contents}\n```\n"
+    )
+
+
+def reference() -> str:
+    """Return the page that lists every public name, and makes Sphinx write a page for each."""
+    parts = ["# Reference", "Every public name; those of `riemhuman` itself as `rh`."]
+    parts.append(section("riemhuman", rh, [name for name in rh.__all__ if not is_module(rh, name)]))
+    for room in sorted(name for name in rh.__all__ if is_module(rh, name)):
+        module = getattr(rh, room)
+        names = getattr(module, "__all__", None)
+        if names is None and room in ("errors", "extensions", "protocols"):
+            names = [name for name in vars(module) if defined_in(module, name)]
+        names = [n for n in names or [] if n not in rh.__all__ and not is_module(module, n)]
+        if names:
+            parts.append(section(f"riemhuman.{room}", module, names))
+    return "\n\n".join(parts) + "\n"
+
+
+def section(title: str, module: ModuleType, names: list[str]) -> str:
+    """Return the part of the reference about one module."""
+    summary = (module.__doc__ or "").split("\n\n")[0].replace("\n", " ")
+    listed = "\n".join(f"   {module.__name__}.{name}" for name in sorted(names))
+    return (
+        f"## {title}\n\n{summary}\n\n```{{eval-rst}}\n.. autosummary::\n   :toctree: names\n\n"
+        f"{listed}\n```"
+    )
+
+
+def is_module(module: Any, name: str) -> bool:
+    """Tell whether an attribute is a module."""
+    return isinstance(getattr(module, name), ModuleType)
+
+
+def defined_in(module: ModuleType, name: str) -> bool:
+    """Tell whether a public class or function is the module's own."""
+    found = getattr(module, name)
+    return not name.startswith("_") and getattr(found, "__module__", None) == module.__name__
+
+
+if __name__ == "__main__":
+    sys.exit(main(Path(sys.argv[1] if len(sys.argv) > 1 else "site")))

@@ -1,0 +1,55 @@
+"""Settings of the documentation site, which `python tutorials/build_site.py` builds."""
+
+from latex2mathml.converter import convert
+
+import riemhuman
+
+project = "riemhuman"
+author = copyright = "The riemhuman developers"
+version = release = riemhuman.__version__
+
+extensions = [
+    "myst_nb",
+    "numpydoc",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.autosummary",
+    "sphinx_copybutton",
+    "sphinx_design",
+]
+exclude_patterns = ["_build"]
+
+# Notebooks are stored with their outputs, and a test runs them again: nothing runs here.
+nb_execution_mode = "off"
+myst_enable_extensions = ["colon_fence", "dollarmath"]
+myst_heading_anchors = 3
+
+autosummary_generate = True
+autodoc_typehints = "none"
+numpydoc_show_class_members = False
+
+templates_path = ["_templates"]
+html_theme = "pydata_sphinx_theme"
+html_title = "riemhuman"
+html_static_path = ["_static"]
+html_css_files = ["viewer.css", "site.css"]
+html_js_files = [("three.min.js", {"defer": "defer"}), ("viewer.js", {"defer": "defer"})]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {"navbar_end": ["theme-switcher"], "show_prev_next": False}
+html_math_renderer = "mathml"
+
+
+def setup(app):
+    """Draw formulas as MathML, which browsers show without a script or a connection."""
+    app.add_html_math_renderer(
+        "mathml",
+        inline_renderers=(lambda self, node: _write(self, node, "inline"), None),
+        block_renderers=(lambda self, node: _write(self, node, "block"), None),
+    )
+
+
+def _write(translator, node, display):
+    from docutils.nodes import SkipNode
+
+    translator.body.append(convert(node.astext(), display=display))
+    raise SkipNode

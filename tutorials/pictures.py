@@ -1,0 +1,151 @@
+"""Draw the pictures of README.md into tutorials/pictures: `python tutorials/pictures.py`.
+
+The picture of the report needs Chromium; without it, the picture that is there stays.
+"""
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+
+import riemhuman as rh
+
+matplotlib.use("agg")
+
+FOLDER = Path(__file__).parent / "pictures"
+SKIN, GOLD = (0.80, 0.73, 0.66), (0.93, 0.74, 0.30)
+
+
+def main() -> None:
+    """Draw all pictures."""
+    bodies = rh.datasets.load_open_bodies()
+    space = rh.AlignedSurfaces(bodies.template)
+    people = bodies.points.reshape(10, 10, *space.shape)
+    geodesic(bodies, space)
+    maps(bodies, space)
+    differences(bodies, space, people)
+    path_and_mean(bodies, space, people)
+    report()
+
+
+def geodesic(bodies, space) -> None:
+    """Draw the straight path from arms up to bent elbows above the geodesic.
+
+    Coloured by how far the areas of triangles leave the range of those at the end points.
+    """
+    motions = rh.datasets.load_open_motions(sequences=["chicken_wings", "shake_arms", "punching"])
+    basis = rh.DeformationBasis.from_motions(motions, n_components=100)
+    metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0)
+    start, end = (
+        bodies.points[20 + bodies.pose_names.index(p)] for p in ("arms_up", "bent_elbows")
+    )
+    paths = {
+        "straight": rh.solvers.LinearPath(7).solve(metric, start, end),
+        "geodesic": rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, start, end),
+    }
+    figure, axes = plt.subplots(2, 1, figsize=(13, 6.8), layout="constrained")
+    for ax, (name, result) in zip(axes, paths.items(), strict=True):
+        change = area_change(result.path, bodies.template.faces)
+        rh.report.plot_path(
+            result.path, bodies.template.faces, change, largest=0.5, ax=ax, spacing=1.3
+        )
+        ax.set_title(
+            f"{name}: energy {result.energy:.2f}; 99 % of triangles change their areas by at most "
+            f"{np.quantile(change, 0.99):.0%} beyond the end points"
+        )
+    save(figure, "geodesic", dpi=100)
+
+
+def area_change(path: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return by what share triangles leave the range of areas at the ends, shape (n_nodes, F)."""
+    corners = path[:, faces]
+    sides = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    areas = np.linalg.norm(sides, axis=-1) / 2
+    smallest, largest = areas[[0, -1]].min(axis=0), areas[[0, -1]].max(axis=0)
+    return np.maximum(np.maximum(areas / largest - 1, 1 - areas / smallest), 0.0)
+
+
+def maps(bodies, space) -> None:
+    """Draw the maps of all bodies by the shape metric and by the pose metric."""
+    figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+    tasks = {
+        "who is it? (1, 0.0001, 0)": (rh.ElasticMetric(space), "subject"),
+        "how do they stand? (0, 0, 1)": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), "pose"),
+    }
+    for ax, (title, (metric, label)) in zip(axes, tasks.items(), strict=True):
+        places = rh.report.embed(metric.dist_pairwise(bodies.points), "t-sne")
+        names = getattr(bodies, f"{label}_names")
+        rh.report.plot_embedding(
+            places, getattr(bodies, label), names, ax=ax,
+            points=bodies.points, faces=bodies.template.faces,
+        )  # fmt: skip
+        ax.set_title(title)
+    save(figure, "maps")
+
+
+def differences(bodies, space, people) -> None:
+    """Draw two pairs of bodies, the second of each coloured by where it differs."""
+    pairs = {
+        "pose": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), people[2, 0], people[2, 5]),
+        "build, (1, 1, 0)": (rh.ElasticMetric(space, 1.0, 1.0, 0.0), people[2, 0], people[5, 0]),
+    }
+    faces = bodies.template.faces
+    figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+    for ax, (title, (metric, one, other)) in zip(axes, pairs.items(), strict=True):
+        found = rh.report.contributions(metric, one, other).total
+        per_area = rh.report.per_area(found, bodies.template.vertices, faces)
+        rh.report.plot_path([one, other], faces, [0 * per_area, per_area], ax=ax)
+        ax.set_title(title)
+    save(figure, "differences")
+
+
+def path_and_mean(bodies, space, people) -> None:
+    """Draw a geodesic between two poses, and the mean of three people."""
+    motions = rh.datasets.load_open_motions(sequences=["punching", "knees", "hips"])
+    basis = rh.DeformationBasis.from_motions(motions, n_components=100)
+    metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1).metric
+    faces = bodies.template.faces
+    squat, hands = (bodies.pose_names.index(name) for name in ("squat", "hands_on_hips"))
+    path = rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, people[6, squat], people[6, hands])
+    figure, ax = plt.subplots(figsize=(9, 2.8), layout="constrained")
+    rh.report.plot_path(path.path, faces, ax=ax, spacing=1.15)
+    save(figure, "path")
+
+    some = people[[1, 4, 8], 0]
+    mean = rh.FrechetMean(space, solver=rh.solvers.BasisMean(basis)).fit(some).estimate_
+    figure, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
+    rh.report.plot_path([*some, mean], faces, colors=3 * [SKIN] + [GOLD], ax=ax, spacing=1.7)
+    save(figure, "mean")
+
+
+def report() -> None:
+    """Take a picture of the top of the quick report's page."""
+    browser = shutil.which("chromium") or shutil.which("google-chrome")
+    if browser is None:
+        print("report.png is left as it is: no Chromium was found")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        rh.report.make_report(Path(folder) / "report", quick=True)
+        page = (Path(folder) / "report" / "index.html").as_uri()
+        options = ["--headless=new", "--no-sandbox", "--hide-scrollbars", "--window-size=1200,900"]
+        options += ["--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        picture = FOLDER / "report.png"
+        subprocess.run(
+            [browser, *options, f"--screenshot={picture}", page], check=True, capture_output=True
+        )
+    print(picture.name)
+
+
+def save(figure, name: str, dpi: int = 80) -> None:
+    """Write a figure into the folder of pictures."""
+    figure.savefig(FOLDER / f"{name}.png", dpi=dpi)
+    plt.close(figure)
+    print(f"{name}.png")
+
+
+if __name__ == "__main__":
+    main()
