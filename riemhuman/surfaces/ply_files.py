@@ -32,6 +32,7 @@ _TYPES = {
     "float16": "f2",
 }
 _ENCODINGS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
+_POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
 _NUMBERS: dict[str, Callable[[bytes], float]] = {"f": float, "i": int, "u": int}
 _SHOWN = 60
@@ -99,15 +100,75 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
         raise FileFormatError(
             f"the PLY header declares {n_vertices} vertices and {n_faces} faces; a mesh has both"
         )
-    wanted = {"vertex": ("x", "y", "z"), "face": (_name_of_corners(elements),)}
+    corners_name = _name_of_corners(elements)
+    tables = _tables(order, elements, body, {"vertex": _POSITION, "face": (corners_name,)})
+    corners = tables["face"][corners_name]
+    return _stacked(tables["vertex"], _POSITION), split_polygons(corners.values, corners.lengths)
+
+
+def read_ply_points(content: bytes) -> tuple[np.ndarray, np.ndarray | None]:
+    """Return the vertices of a PLY file that holds loose points, and their normals.
+
+    Parameters
+    ----------
+    content : bytes
+        The file, as for `read_ply`; faces are ignored.
+
+    Returns
+    -------
+    points : array, shape (N, 3)
+    normals : array, shape (N, 3), or None
+        Where the file has them.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is damaged or holds no vertices.
+    """
+    order, elements, body = _header(content)
+    found = [element for element in elements if element.name == "vertex" and element.n_rows]
+    if not found:
+        raise FileFormatError("the PLY header declares no vertices")
+    single = {each.name for each in found[0].properties if each.length_kind is None}
+    has_normals = single.issuperset(_NORMAL)
+    wanted = _POSITION + (_NORMAL if has_normals else ())
+    table = _tables(order, elements, body, {"vertex": wanted})["vertex"]
+    return _stacked(table, _POSITION), _stacked(table, _NORMAL) if has_normals else None
+
+
+def has_ply_faces(content: bytes) -> bool:
+    """Tell whether a PLY file holds faces.
+
+    Parameters
+    ----------
+    content : bytes
+        The file.
+
+    Returns
+    -------
+    bool
+
+    Raises
+    ------
+    FileFormatError
+        If its header is damaged.
+    """
+    return any(element.name == "face" and element.n_rows for element in _header(content)[1])
+
+
+def _tables(
+    order: str, elements: list[_Element], body: bytes, wanted: dict[str, tuple[str, ...]]
+) -> dict[str, _Columns]:
+    """Return the columns wanted of the elements of a file."""
     _check_positions(elements)
     read = (
         _binary_columns(body, elements, order, wanted) if order else _text_columns(body, elements)
     )
-    tables = dict(zip(declared, read, strict=True))
-    vertices = np.stack([tables["vertex"][axis].values for axis in "xyz"], axis=1)
-    corners = tables["face"][wanted["face"][0]]
-    return vertices, split_polygons(corners.values, corners.lengths)
+    return dict(zip((element.name for element in elements), read, strict=True))
+
+
+def _stacked(columns: _Columns, names: tuple[str, ...]) -> np.ndarray:
+    return np.stack([columns[name].values for name in names], axis=1)
 
 
 def _header(content: bytes) -> tuple[str, list[_Element], bytes]:

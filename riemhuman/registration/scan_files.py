@@ -1,0 +1,145 @@
+"""Files of scans: meshes and loose points."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+
+from riemhuman.errors import FileError, FileFormatError
+from riemhuman.registration.scans import Scan, in_metres
+from riemhuman.surfaces.array_files import load_array
+from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.surfaces.mesh_files import load_mesh
+from riemhuman.surfaces.ply_files import has_ply_faces, read_ply_points
+
+SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
+"""Endings of the files of scans."""
+
+_Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
+
+
+def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
+    """Read a scan from a file.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh (PLY, OBJ or OFF) or loose points (PLY, XYZ or NPY), by its ending. XYZ is text, a
+        point in every line: x, y, z, and perhaps its normal or, where a line has four or more
+        than six numbers, other values, which are ignored. NPY holds an array, shape (N, 3) or,
+        with normals, (N, 6).
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the file; noticed from the size by default.
+
+    Returns
+    -------
+    scan : Scan
+        In metres.
+
+    Raises
+    ------
+    ArgumentError
+        If there are fewer than 200 points, or the size is that of no body in any unit.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If the ending is unknown, the file is damaged, or a coordinate is not finite.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("scan.ply", 1000.0 * bodies[0], bodies.template.faces)
+    >>> scan = rh.registration.load_scan("scan.ply")
+    >>> len(scan), scan.unit
+    (1202, 'millimetres')
+    """
+    return in_metres(*read_scan(path), unit=unit, name=os.fspath(path))
+
+
+def read_scan(path: str | os.PathLike[str]) -> _Parts:
+    """Return points, triangles and normals of a file, in its unit.
+
+    Parameters
+    ----------
+    path : path_like
+        The file.
+
+    Returns
+    -------
+    points : array, shape (N, 3)
+    faces : array of int, shape (F, 3), or None
+    normals : array, shape (N, 3), or None
+
+    Raises
+    ------
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If the ending is unknown or the file is damaged.
+    """
+    file = file_path(path)
+    suffix = file.suffix.lower()
+    if suffix not in SUFFIXES:
+        found = repr(file.suffix) if file.suffix else "none"
+        raise FileFormatError(
+            f"{file}: the ending must be one of {', '.join(SUFFIXES)}; found {found}"
+        )
+    if file.is_dir():
+        raise FileError(f"{file} is a folder; a scan was expected")
+    if not file.exists():
+        raise FileError(f"there is no file {file}")
+    if suffix == ".npy":
+        return _columns(load_array(file), file)
+    if suffix == ".xyz":
+        return _columns(_text(file), file)
+    if suffix == ".ply":
+        try:
+            content = file_content(file)
+            if not has_ply_faces(content):
+                points, normals = read_ply_points(content)
+                return _checked(points.astype(np.float64), file), None, normals
+        except FileFormatError as error:
+            raise FileFormatError(f"{file}: {error}") from error
+    points, faces = load_mesh(file)
+    return points, faces, None
+
+
+def _columns(values: np.ndarray, file: Path) -> _Parts:
+    if values.ndim != 2 or values.shape[1] < 3 or values.dtype.kind not in "fiu":
+        raise FileFormatError(
+            f"{file}: an array of points has numbers in 3 columns, or 6 with normals; found "
+            f"shape {values.shape} of {values.dtype}"
+        )
+    points = _checked(np.asarray(values[:, :3], dtype=np.float64), file)
+    if values.shape[1] != 6:
+        return points, None, None
+    normals = np.asarray(values[:, 3:], dtype=np.float64)
+    # Six columns are as often a place and a colour.
+    lengths = np.linalg.norm(normals, axis=1)
+    return points, None, normals if np.all(np.abs(lengths - 1.0) < 0.01) else None
+
+
+def _text(file: Path) -> np.ndarray:
+    try:
+        lines = file_content(file).decode("ascii").splitlines()
+        words = [line.replace(",", " ").split() for line in lines]
+        rows = [each for each in words if each and not each[0].startswith(("#", "//"))]
+        return np.array(rows, dtype=np.float64)
+    except (UnicodeDecodeError, ValueError) as error:
+        raise FileFormatError(
+            f"{file}: every line must hold as many numbers as the first; {error}"
+        ) from error
+
+
+def _checked(points: np.ndarray, file: Path) -> np.ndarray:
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise FileFormatError(
+            f"{file}: point {first} (and {int((~finite).sum()) - 1} more) is not finite: "
+            f"{points[first].tolist()}"
+        )
+    return points

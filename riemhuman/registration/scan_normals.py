@@ -1,0 +1,113 @@
+"""Normals of loose points, with one side for all: outward."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from riemhuman.registration.surface_points import unit
+
+_N_NEIGHBOURS = 14
+_NORMAL_METRES = 0.03
+# Meshes of which more of the edges join triangles that face different sides have no side.
+_MIXED = 0.05
+
+
+def estimated_normals(points: np.ndarray) -> np.ndarray:
+    """Return outward normals of loose points on a surface.
+
+    The direction of least spread of each point's neighbours; signs travel along the tree that
+    joins the points with the least turns (Hoppe et al. 1992), and each connected part has its
+    larger side outward.
+
+    Parameters
+    ----------
+    points : array, shape (N, 3)
+        Points, metres.
+
+    Returns
+    -------
+    normals : array, shape (N, 3)
+    """
+    n = len(points)
+    neighbours = cKDTree(points).query(points, k=min(_N_NEIGHBOURS, n))[1]
+    around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
+    spread = np.einsum("nkx,nky->nxy", around, around)
+    normals = np.linalg.eigh(spread)[1][:, :, 0]
+
+    first = np.repeat(np.arange(n), neighbours.shape[1] - 1)
+    second = neighbours[:, 1:].ravel()
+    cosines = np.einsum("ex,ex->e", normals[first], normals[second])
+    graph = sparse.csr_array((1.001 - np.abs(cosines), (first, second)), shape=(n, n))
+    tree = csgraph.minimum_spanning_tree(graph.maximum(graph.T))
+    tree = tree + tree.T
+    n_parts, part = csgraph.connected_components(tree, directed=False)
+    signs = np.ones(n)
+    for number in range(n_parts):
+        start = int(np.argmax(part == number))
+        order, parents = csgraph.breadth_first_order(tree, start, directed=False)
+        for place in order[1:].tolist():
+            parent = parents[place]
+            same = normals[place] @ normals[parent] >= 0
+            signs[place] = signs[parent] if same else -signs[parent]
+    normals *= signs[:, np.newaxis]
+    for number in range(n_parts):
+        members = part == number
+        outward = points[members] - points[members].mean(axis=0)
+        if np.sum(outward * normals[members]) < 0:
+            normals[members] *= -1.0
+    return normals
+
+
+def smoothed_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return normals averaged over neighbours on the same side of the surface.
+
+    Parameters
+    ----------
+    points, normals : array, shape (N, 3)
+        Points, metres, and unit normals.
+
+    Returns
+    -------
+    normals : array, shape (N, 3)
+    """
+    places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
+    neighbours = cKDTree(places).query(places, k=min(_N_NEIGHBOURS, len(points)))[1]
+    return unit(normals[neighbours].mean(axis=1))
+
+
+def has_one_side(faces: np.ndarray) -> bool:
+    """Tell whether neighbouring triangles face the same side.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    bool
+    """
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    n_vertices = int(faces.max()) + 1
+    forward = np.sort(edges[:, 0] * n_vertices + edges[:, 1])
+    # Two triangles that face the same side run through their edge in opposite directions.
+    twice = np.count_nonzero(forward[1:] == forward[:-1])
+    return bool(twice <= _MIXED * len(edges))
+
+
+def outward(points: np.ndarray, normals: np.ndarray) -> bool:
+    """Tell whether normals point away from the middle of their points.
+
+    Parameters
+    ----------
+    points, normals : array, shape (N, 3)
+        Points spread evenly, and normals.
+
+    Returns
+    -------
+    bool
+    """
+    return bool(np.sum((points - points.mean(axis=0)) * normals) >= 0)

@@ -1,0 +1,297 @@
+"""Scans of known bodies: what a scanner would have seen of them, for tests and tutorials."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from riemhuman.checks import Rng, generator, real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.registration.surface_points import vertex_normals
+from riemhuman.surfaces.mesh_arrays import mesh_arrays
+
+_HOLE_METRES = 0.06
+_PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
+_FLOOR_METRES, _FLOOR_SPACING = 1.6, 0.012
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedScan:
+    """A scan of a body, and the body itself.
+
+    Attributes
+    ----------
+    points : array, shape (N, 3)
+        What the scanner has seen, metres.
+    faces : array of int, shape (F, 3), or None
+        Triangles of a mesh; None of loose points.
+    body : array, shape (V, 3)
+        The body where it stood when it was scanned, metres.
+    """
+
+    points: np.ndarray
+    faces: np.ndarray | None
+    body: np.ndarray
+
+    @property
+    def surface(self) -> Any:
+        """What `ScanRegistration.solve` takes: points, or vertices and faces."""
+        return self.points if self.faces is None else (self.points, self.faces)
+
+
+def simulated_scan(
+    points: Any,
+    faces: Any,
+    rng: Rng = None,
+    *,
+    n_points: int = 20_000,
+    mesh: bool = False,
+    noise: float = 0.002,
+    missing: float = 0.0,
+    turn: bool = True,
+    clothing: float = 0.0,
+    view: Any = None,
+    cut: tuple[float, float] = (0.0, 0.0),
+    floor: bool = False,
+    n_strays: int = 0,
+) -> SimulatedScan:
+    """Return a scan of a body.
+
+    The surface is sampled anew, so that nothing of the body's triangulation is left, and the body
+    is turned about the vertical axis, y.
+
+    Parameters
+    ----------
+    points : array_like, shape (V, 3)
+        The body, metres.
+    faces : array_like of int, shape (F, 3)
+        Its triangles.
+    rng : None, int or numpy.random.Generator
+        Random numbers.
+    n_points : int
+        About how many points to take.
+    mesh : bool
+        Whether the points are joined by new triangles.
+    noise : float
+        Standard deviation of the noise of every coordinate, metres.
+    missing : float
+        Share of the points in holes, which are balls of 6 cm radius.
+    turn : bool
+        Whether to turn the body by a random angle.
+    clothing : float
+        Largest distance of clothes from the body, metres.
+    view : array_like, shape (3,), optional
+        Direction from the body to the scanner, before the body is turned; then only what can be
+        seen from there is left.
+    cut : pair of float
+        Heights that are missing at the feet and at the top, metres.
+    floor : bool
+        Whether the floor is in the scan.
+    n_strays : int
+        Number of points in the air.
+
+    Returns
+    -------
+    scan : SimulatedScan
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an argument does not hold numbers of the right kind.
+    ArgumentError
+        If the surface is no mesh or a number is out of its range.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> surface = bodies[0], bodies.template.faces
+    >>> rh.registration.simulated_scan(*surface, rng=0, n_points=3000).points.shape
+    (3000, 3)
+    """
+    vertices, triangles = mesh_arrays(points, faces)
+    random = generator(rng)
+    n_points = whole_number(n_points, "n_points", minimum=1)
+    noise = real_number(noise, "noise", minimum=0.0)
+    missing = real_number(missing, "missing", minimum=0.0)
+    if missing >= 1.0:
+        raise ArgumentError(f"missing must be less than 1; found {missing:g}")
+    surface = vertices
+    if clothing:
+        surface = _clothed(vertices, triangles, clothing, random)
+    if mesh:
+        seen, joined = remeshed(surface, triangles, n_points, random)
+    else:
+        seen, joined = _sampled(surface, triangles, n_points, random), None
+    keep = np.ones(len(seen), dtype=bool)
+    heights = seen[:, 1] - seen[:, 1].min()
+    keep &= (heights >= cut[0]) & (heights <= heights.max() - cut[1])
+    if view is not None:
+        keep &= _visible(seen, surface, triangles, np.asarray(view, dtype=float), random)
+    while missing and 1.0 - keep.mean() < missing:
+        centre = seen[random.integers(len(seen))]
+        keep &= np.linalg.norm(seen - centre, axis=1) > _HOLE_METRES
+    if joined is None:
+        seen = seen[keep]
+    else:
+        joined = joined[keep[joined].all(axis=1)]
+        used, corners = np.unique(joined, return_inverse=True)
+        seen, joined = seen[used], corners.reshape(-1, 3)
+    seen = seen + noise * random.standard_normal(seen.shape)
+    seen = np.concatenate([seen, *_surroundings(vertices, floor, n_strays, random)])
+    if turn:
+        angle = random.uniform(0.0, 2.0 * np.pi)
+        turned = Rotation.from_rotvec([0.0, angle, 0.0]).as_matrix().T
+        seen, vertices = seen @ turned, vertices @ turned
+    return SimulatedScan(seen, joined, vertices)
+
+
+def remeshed(
+    points: np.ndarray, faces: np.ndarray, n_vertices: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the surface with about so many vertices at random places and other triangles.
+
+    Every point of a refined surface goes to the vertex nearest along the edges; three regions
+    that meet make a triangle, as in Delaunay's triangulation.
+
+    Parameters
+    ----------
+    points : array, shape (V, 3)
+        The surface.
+    faces : array of int, shape (F, 3)
+        Its triangles.
+    n_vertices : int
+        Number of vertices.
+    rng : numpy.random.Generator
+        Where the vertices are drawn from.
+
+    Returns
+    -------
+    vertices : array, shape (about n_vertices, 3)
+    triangles : array of int, shape (T, 3)
+    """
+    fine, triangles = points, faces
+    while len(fine) < 8 * n_vertices:
+        fine, triangles = _refined(fine, triangles)
+    corners = fine[triangles]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    # Of four times as many points, those that are not close to one before.
+    drawn = rng.choice(len(triangles), 4 * n_vertices, p=areas / areas.sum())
+    drawn = np.unique(triangles[drawn, 0])
+    rng.shuffle(drawn)
+    chosen = _apart(fine, drawn, n_vertices, float(areas.sum()) / 2.0)
+    edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    lengths = np.linalg.norm(fine[edges[:, 0]] - fine[edges[:, 1]], axis=1) + 1e-12
+    graph = sparse.csr_array((lengths, edges.T), shape=(len(fine), len(fine)))
+    graph = graph.maximum(graph.T)
+    owners = sparse.csgraph.dijkstra(graph, indices=chosen, min_only=True, return_predecessors=True)
+    place = np.full(len(fine), -1)
+    place[chosen] = np.arange(len(chosen))
+    regions = place[owners[2]]
+    met = regions[triangles]
+    met = met[
+        (met[:, 0] != met[:, 1]) & (met[:, 1] != met[:, 2]) & (met[:, 2] != met[:, 0])
+    ]
+    once = np.unique(np.sort(met, axis=1), axis=0, return_index=True)[1]
+    return fine[chosen], met[np.sort(once)]
+
+
+def _apart(fine: np.ndarray, drawn: np.ndarray, n_vertices: int, area: float) -> np.ndarray:
+    """Return about so many of the points drawn, none close to another."""
+    radius = 0.75 * np.sqrt(area / n_vertices)
+    close = cKDTree(fine[drawn]).query_pairs(radius, output_type="ndarray")
+    dropped = np.zeros(len(drawn), dtype=bool)
+    order = np.lexsort((close.max(axis=1), close.min(axis=1)))
+    for first, second in np.sort(close[order], axis=1).tolist():
+        if not dropped[first]:
+            dropped[second] = True
+    return drawn[~dropped]
+
+
+def _refined(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the surface with every triangle cut into four."""
+    sides = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    edges, numbers = np.unique(sides, axis=0, return_inverse=True)
+    a, b, c = faces.T
+    ab, bc, ca = (len(points) + numbers.reshape(-1, 3)).T
+    parts = [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+    middles = points[edges].mean(axis=1)
+    return np.concatenate([points, middles]), np.array(parts).transpose(2, 0, 1).reshape(-1, 3)
+
+
+def _sampled(
+    points: np.ndarray, faces: np.ndarray, n_points: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return points spread over the surface by its area."""
+    corners = points[faces]
+    areas = np.linalg.norm(
+        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+    )
+    drawn = rng.choice(len(faces), n_points, p=areas / areas.sum())
+    first, second = rng.random((2, n_points, 1))
+    beyond = first + second > 1.0
+    first, second = np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second)
+    a, b, c = corners[drawn].transpose(1, 0, 2)
+    return a + first * (b - a) + second * (c - a)
+
+
+def _clothed(
+    points: np.ndarray, faces: np.ndarray, size: float, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the surface moved outward by up to a size, more here and less there."""
+    waves = rng.standard_normal((8, 3))
+    waves *= 2.0 * np.pi / 0.4 / np.linalg.norm(waves, axis=1, keepdims=True)
+    depth = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 8)).sum(axis=1) / 4.0
+    depth = size * np.clip(0.5 + 0.5 * depth, 0.0, 1.0)
+    moved: np.ndarray = points + depth[:, np.newaxis] * vertex_normals(points, faces)
+    return moved
+
+
+def _visible(
+    seen: np.ndarray,
+    points: np.ndarray,
+    faces: np.ndarray,
+    view: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
+    """Tell which points nothing hides from a scanner far away."""
+    view = view / np.linalg.norm(view)
+    across = np.linalg.svd(view[np.newaxis])[2][1:]
+    dense = _sampled(points, faces, 200_000, rng)
+    low = (dense @ across.T).min(axis=0) - _PIXEL_METRES
+
+    def pixels(places: np.ndarray) -> np.ndarray:
+        columns = ((places @ across.T - low) / _PIXEL_METRES).astype(np.int64)
+        flat: np.ndarray = columns[:, 0] * 100_000 + columns[:, 1]
+        return flat
+
+    filled, numbers = np.unique(pixels(dense), return_inverse=True)
+    nearest = np.full(len(filled), -np.inf)
+    np.maximum.at(nearest, numbers, dense @ view)
+    own = np.clip(np.searchsorted(filled, pixels(seen)), 0, len(filled) - 1)
+    hidden = nearest[own] - seen @ view > _DEPTH_METRES
+    return ~hidden
+
+
+def _surroundings(
+    body: np.ndarray, floor: bool, n_strays: int, rng: np.random.Generator
+) -> list[np.ndarray]:
+    """Return points of the floor and in the air."""
+    found = []
+    low, high = body.min(axis=0), body.max(axis=0)
+    centre = 0.5 * (low + high)
+    if floor:
+        count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
+        places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]
+        places += [centre[0], low[1], centre[2]]
+        found.append(places + rng.normal(0.0, 0.002, places.shape))
+    if n_strays:
+        found.append(rng.uniform(low - 0.3, high + 0.3, (n_strays, 3)))
+    return found

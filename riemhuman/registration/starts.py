@@ -1,0 +1,236 @@
+"""Many starts, of which the likely ones go on: headings, start poses and ways up."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from riemhuman.bodies.joint_motions import Skeleton
+from riemhuman.registration.annealing import annealed
+from riemhuman.registration.model_samples import ModelSamples, sample_model
+from riemhuman.registration.posing import Pose, Prior, posed, rotation
+from riemhuman.registration.start_poses import FEW, joint_precisions, start_poses
+from riemhuman.registration.surface_points import thinned
+
+if TYPE_CHECKING:
+    from riemhuman.bodies import BodyModel
+
+_AXES = np.concatenate([np.eye(3), -np.eye(3)])
+_UP = np.array([0.0, 1.0, 0.0])
+_N_HEADINGS = 6
+_N_THREADS = 2
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of the race.
+
+    Attributes
+    ----------
+    n_model, n_scan : int
+        How many points of the body and of the scan to take.
+    sigmas : tuple of float
+        First and last standard deviation, metres.
+    n_steps : int
+        How many steps.
+    n_best : int
+        How many go on.
+    """
+
+    n_model: int
+    n_scan: int
+    sigmas: tuple[float, float]
+    n_steps: int
+    n_best: int
+
+
+ROUNDS = (
+    Round(250, 400, (0.20, 0.09), 5, 24),
+    Round(500, 800, (0.09, 0.04), 6, 6),
+    Round(1000, 1500, (0.04, 0.015), 9, 3),
+)
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A body that one start has led to.
+
+    Attributes
+    ----------
+    pose : Pose
+        Its parameters.
+    prior : Prior
+        The prior it was drawn by.
+    likelihood : float
+        Mean log-likelihood of the scan points in the last round.
+    up : array, shape (3,)
+        Which way its start took for up.
+    """
+
+    pose: Pose
+    prior: Prior
+    likelihood: float
+    up: np.ndarray
+
+
+class StartSearch:
+    """The race of starts for one body model.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model.
+    """
+
+    def __init__(self, model: BodyModel) -> None:
+        self.model = model
+        self.skeleton = Skeleton(model)
+        self._samples: dict[int | None, ModelSamples] = {}
+
+    def samples(self, n_samples: int | None) -> ModelSamples:
+        """Return about so many points of the model, kept for the next call.
+
+        Parameters
+        ----------
+        n_samples : int or None
+            How many; all where None.
+
+        Returns
+        -------
+        ModelSamples
+        """
+        if n_samples not in self._samples:
+            self._samples[n_samples] = sample_model(self.model, n_samples, self.skeleton)
+        return self._samples[n_samples]
+
+    @cached_property
+    def poses(self) -> dict[str, np.ndarray]:
+        """The start poses."""
+        return start_poses(self.model)
+
+    @cached_property
+    def precisions(self) -> np.ndarray:
+        """Inverse variances of the joints' turns."""
+        return joint_precisions(self.model)
+
+    def run(
+        self,
+        points: np.ndarray,
+        normals: np.ndarray,
+        *,
+        up: np.ndarray | None,
+        signed: bool,
+        landmarks: dict[int, np.ndarray],
+    ) -> list[Candidate]:
+        """Return what the likeliest starts have led to, the best first.
+
+        Parameters
+        ----------
+        points, normals : array, shape (m, 3)
+            The scan, metres, spread evenly.
+        up : array, shape (3,), or None
+            Which way is up; any axis where None.
+        signed : bool
+            Whether the normals have a sign.
+        landmarks : dict of int to array, shape (3,)
+            Where joints are known to be.
+
+        Returns
+        -------
+        candidates : list of Candidate
+        """
+        centre = points.mean(axis=0)
+        first, *others = ROUNDS
+        ups = _AXES if up is None else up[np.newaxis]
+        if up is None:
+            few = [name for name in FEW if name in self.poses] or list(self.poses)
+            starts = [c for way in ups for c in self._starts(few, way, centre)]
+            found = self._advanced(starts, first, points, normals, signed, landmarks)
+            best = {tuple(each.up): each.likelihood for each in reversed(found)}
+            ways = sorted(best, key=lambda way: -best[way])
+            ups = np.array([way for way in ways[:2] if best[way] > best[ways[0]] - 0.15])
+        starts = [c for way in ups for c in self._starts(list(self.poses), way, centre)]
+        found = self._advanced(starts, first, points, normals, signed, landmarks)
+        for each in others:
+            found = self._advanced(found, each, points, normals, signed, landmarks)
+        return found
+
+    def _starts(self, names: list[str], up: np.ndarray, centre: np.ndarray) -> list[Candidate]:
+        body = self.samples(ROUNDS[0].n_model)
+        root = int(np.flatnonzero(self.model.parents < 0)[0])
+        upright = _turn_between(_UP, up)
+        betas = np.zeros(self.model.n_betas)
+        starts = []
+        for name in names:
+            for angle in np.arange(_N_HEADINGS) * (2.0 * np.pi / _N_HEADINGS):
+                local = self.poses[name].copy()
+                local[root] = upright @ rotation(angle * _UP) @ local[root]
+                pose = Pose(local, betas, np.zeros(3))
+                shift = centre - body.areas @ posed(body, pose)[0]
+                prior = Prior(self.poses[name], self.precisions, betas, 1.0)
+                starts.append(Candidate(Pose(local, betas, shift), prior, -np.inf, up))
+        return starts
+
+    def _advanced(
+        self,
+        candidates: list[Candidate],
+        each: Round,
+        points: np.ndarray,
+        normals: np.ndarray,
+        signed: bool,
+        landmarks: dict[int, np.ndarray],
+    ) -> list[Candidate]:
+        body = self.samples(each.n_model)
+        chosen = thinned(points, each.n_scan, np.random.default_rng(0))
+        scan = points[chosen].astype(np.float32)
+        scan_normals = normals[chosen].astype(np.float32)
+        known = np.full((len(body.areas), 3), np.nan)
+        n_vertices = len(body.areas) - self.model.n_joints
+        for joint, place in landmarks.items():
+            known[n_vertices + joint] = place
+        # The likelihood is that before the last step, so one more step tells it.
+        sigmas = np.append(np.geomspace(*each.sigmas, each.n_steps), each.sigmas[1])
+
+        def advance(candidate: Candidate) -> Candidate:
+            pose, likelihood = annealed(
+                body,
+                candidate.pose,
+                candidate.prior,
+                scan,
+                scan_normals,
+                sigmas,
+                signed,
+                known,
+            )
+            return Candidate(pose, candidate.prior, likelihood, candidate.up)
+
+        with ThreadPoolExecutor(_N_THREADS) as pool:
+            found = list(pool.map(advance, candidates))
+        found.sort(key=lambda candidate: -candidate.likelihood)
+        return _different(found, body)[: each.n_best]
+
+
+def _different(candidates: list[Candidate], body: ModelSamples) -> list[Candidate]:
+    """Return candidates without those that are next to a better one."""
+    kept: list[Candidate] = []
+    places: list[np.ndarray] = []
+    for candidate in candidates:
+        points = posed(body, candidate.pose)[0]
+        if all(np.sqrt(np.mean((points - other) ** 2) * 3) > 0.03 for other in places):
+            kept.append(candidate)
+            places.append(points)
+    return kept
+
+
+def _turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return the shortest rotation from one unit vector to another."""
+    axis = np.cross(start, end)
+    sine, cosine = np.linalg.norm(axis), start @ end
+    if sine < 1e-9:
+        return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
+    vector: np.ndarray = axis * (np.arctan2(sine, cosine) / sine)
+    return rotation(vector)

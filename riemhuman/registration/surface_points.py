@@ -1,0 +1,89 @@
+"""Points spread evenly over a surface, and normals at them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return unit normals at vertices, those of the triangles about them weighed by area.
+
+    Parameters
+    ----------
+    vertices : array, shape (V, 3)
+        Positions.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    normals : array, shape (V, 3)
+        Zero where no triangle with an area is.
+    """
+    corners = vertices[faces]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.empty_like(vertices)
+    for axis in range(3):
+        normals[:, axis] = np.bincount(
+            faces.ravel(), np.repeat(areas[:, axis], 3), minlength=len(vertices)
+        )
+    return unit(normals)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    """Return vectors at unit length; those without any length stay zero.
+
+    Parameters
+    ----------
+    vectors : array, shape (..., 3)
+        Vectors.
+
+    Returns
+    -------
+    array, shape (..., 3)
+    """
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
+
+
+def thinned(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the numbers of about so many points, no two of them close together.
+
+    One point is left in each cube of a grid, whose width is found by bisection. So parts where
+    points are dense do not outweigh the others.
+
+    Parameters
+    ----------
+    points : array, shape (N, 3)
+        Points.
+    n_points : int
+        How many to leave, to within some per cent.
+    rng : numpy.random.Generator
+        Decides which point of a cube stays.
+
+    Returns
+    -------
+    numbers : array of int, shape (n,)
+        In ascending order; all where there are no more than `n_points`.
+    """
+    if len(points) <= n_points:
+        return np.arange(len(points))
+    order = rng.permutation(len(points))
+    shuffled = points[order] - points.min(axis=0)
+    low, high = 0.0, float(shuffled.max())
+    # The first estimate takes the points for a surface: cubes grow as the root of its area.
+    width = high / np.sqrt(n_points)
+    best: np.ndarray = order[:n_points]
+    for _ in range(12):
+        cubes = (shuffled / width).astype(np.int64)
+        extent = cubes.max(axis=0) + 1
+        keys = (cubes[:, 0] * extent[1] + cubes[:, 1]) * extent[2] + cubes[:, 2]
+        first = np.unique(keys, return_index=True)[1]
+        best = order[first]
+        if abs(len(first) - n_points) <= 0.03 * n_points:
+            break
+        low, high = (low, width) if len(first) < n_points else (width, high)
+        width = np.clip(width * np.sqrt(len(first) / n_points), 0.0, None)
+        if not low < width < high:
+            width = 0.5 * (low + high)
+    return np.sort(best)
