@@ -64,6 +64,7 @@ _ROOMS = (
     "kernels",
     "measurements",
     "protocols",
+    "registration",
     "report",
     "retrieval",
     "solvers",

@@ -1,8 +1,19 @@
 """From a raw scan to a registered body, without landmarks."""
 
+from riemhuman.registration.results import RegisteredScan
+from riemhuman.registration.scan_files import load_scan
+from riemhuman.registration.scan_registration import ScanRegistration
+from riemhuman.registration.scans import Scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 
-__all__ = ["SimulatedScan", "simulated_scan"]
+__all__ = [
+    "RegisteredScan",
+    "Scan",
+    "ScanRegistration",
+    "SimulatedScan",
+    "load_scan",
+    "simulated_scan",
+]
 
 
 def __dir__() -> list[str]:

@@ -26,10 +26,10 @@ _NORMAL_METRES = 0.05
 _N_NEIGHBOURS = 4
 _BLUR_METRES = 0.008
 
-_MODEL_SCALES = (0.04, 0.03, 0.03, 0.02, 0.02, 0.015, 0.012, 0.01, 0.01, 0.01)
-_MODEL_ALONG = 0.15
+_MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
+_MODEL_ALONG = 0.05
 # Weight of the prior: one unit of a coefficient counts as much as so much of mean distance.
-_PRIOR_METRES = 6e-4
+_PRIOR_METRES = 1e-4
 
 _STIFFNESSES = (1e-3, 1e-3, 5e-4, 5e-4, 2e-4, 2e-4, 1e-4, 1e-4)
 _FREE_ALONG = 0.05
@@ -185,7 +185,9 @@ def fit_elastic(
         inverse = np.linalg.inv(blocks + stiffness * diagonal)
 
         def apply(
-            vector: np.ndarray, blocks: np.ndarray = blocks, stiffness: float = stiffness
+            vector: np.ndarray,
+            blocks: np.ndarray = blocks,
+            stiffness: float = stiffness,
         ) -> np.ndarray:
             rows = np.einsum("nxy,ny->nx", blocks, vector.reshape(-1, 3))
             product: np.ndarray = rows.ravel() + stiffness * (elastic @ vector)

@@ -92,9 +92,7 @@ def sample_model(model: BodyModel, n_samples: int | None, skeleton: Skeleton) ->
         shares = np.bincount(owners, areas, len(numbers))
     n_joints, n_betas = model.n_joints, model.n_betas
     n_features = 0 if model.posedirs is None else model.posedirs.shape[-1]
-    posedirs = (
-        np.zeros((len(numbers), 3, 0)) if model.posedirs is None else model.posedirs[numbers]
-    )
+    posedirs = np.zeros((len(numbers), 3, 0)) if model.posedirs is None else model.posedirs[numbers]
     n_bones = int((model.weights > 0).sum(axis=1).max())
     bones = np.argsort(-model.weights[numbers], axis=1, kind="stable")[:, :n_bones]
     weights = np.take_along_axis(model.weights[numbers], bones, axis=1)

@@ -76,12 +76,15 @@ class ReadyScan:
         Which points of the whole scan are floor or strays.
     up : array, shape (3,), or None
         Which way the floor has it.
+    estimated : bool
+        Whether the normals were estimated from the points alone, so that some may be flipped.
     """
 
     points: np.ndarray
     normals: np.ndarray
     background: np.ndarray
     up: np.ndarray | None
+    estimated: bool
 
 
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
@@ -162,9 +165,7 @@ def in_metres(
         If there are too few points, or the size is that of no body in any unit.
     """
     if len(points) < FEWEST_POINTS:
-        raise ArgumentError(
-            f"{name} has {len(points)} points; at least {FEWEST_POINTS} are needed"
-        )
+        raise ArgumentError(f"{name} has {len(points)} points; at least {FEWEST_POINTS} are needed")
     # A few strays far away must not decide.
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     extent = float((high - low).max())
@@ -209,7 +210,8 @@ def made_ready(scan: Scan) -> ReadyScan:
         numbers = np.sort(rng.choice(numbers, _FIRST_POINTS, replace=False))
     numbers = numbers[thinned(scan.points[numbers], MOST_POINTS, rng)]
     points = scan.points[numbers]
-    normals = _normals(scan, numbers)
+    estimated = scan.normals is None and (scan.faces is None or not has_one_side(scan.faces))
+    normals = estimated_normals(points) if estimated else _normals(scan, numbers)
     background = np.zeros(len(scan.points), dtype=bool)
     floor = _floor(points, normals, rng)
     up = None
@@ -225,20 +227,20 @@ def made_ready(scan: Scan) -> ReadyScan:
             f"scan has {int(keep.sum())} points without the floor and strays; at least "
             f"{FEWEST_POINTS} are needed"
         )
-    if scan.faces is None and scan.normals is None:
-        # Floor and strays have led signs astray.
-        return ReadyScan(points[keep], estimated_normals(points[keep]), background, up)
-    return ReadyScan(points[keep], normals[keep], background, up)
+    points, normals = points[keep], normals[keep]
+    if estimated and background.any():
+        normals = estimated_normals(points)  # the background has led signs astray
+    return ReadyScan(points, normals, background, up, estimated)
 
 
 def _normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
+    """Return normals that came with a scan, or those of its triangles, smoothed and outward."""
     points = scan.points[numbers]
-    if scan.faces is not None and has_one_side(scan.faces):
-        normals = vertex_normals(scan.points, scan.faces)[numbers]
-    elif scan.normals is not None:
+    if scan.normals is not None:
         normals = scan.normals[numbers]
     else:
-        return estimated_normals(points)
+        assert scan.faces is not None
+        normals = vertex_normals(scan.points, scan.faces)[numbers]
     normals = smoothed_normals(points, normals)
     return normals if outward(points, normals) else -normals
 

@@ -196,9 +196,7 @@ def remeshed(
     place[chosen] = np.arange(len(chosen))
     regions = place[owners[2]]
     met = regions[triangles]
-    met = met[
-        (met[:, 0] != met[:, 1]) & (met[:, 1] != met[:, 2]) & (met[:, 2] != met[:, 0])
-    ]
+    met = met[(met[:, 0] != met[:, 1]) & (met[:, 1] != met[:, 2]) & (met[:, 2] != met[:, 0])]
     once = np.unique(np.sort(met, axis=1), axis=0, return_index=True)[1]
     return fine[chosen], met[np.sort(once)]
 
@@ -237,7 +235,10 @@ def _sampled(
     drawn = rng.choice(len(faces), n_points, p=areas / areas.sum())
     first, second = rng.random((2, n_points, 1))
     beyond = first + second > 1.0
-    first, second = np.where(beyond, 1.0 - first, first), np.where(beyond, 1.0 - second, second)
+    first, second = (
+        np.where(beyond, 1.0 - first, first),
+        np.where(beyond, 1.0 - second, second),
+    )
     a, b, c = corners[drawn].transpose(1, 0, 2)
     return a + first * (b - a) + second * (c - a)
 
@@ -289,7 +290,11 @@ def _surroundings(
     centre = 0.5 * (low + high)
     if floor:
         count = int((_FLOOR_METRES / _FLOOR_SPACING) ** 2)
-        places = rng.uniform(-0.5, 0.5, (count, 3)) * [_FLOOR_METRES, 0.0, _FLOOR_METRES]
+        places = rng.uniform(-0.5, 0.5, (count, 3)) * [
+            _FLOOR_METRES,
+            0.0,
+            _FLOOR_METRES,
+        ]
         places += [centre[0], low[1], centre[2]]
         found.append(places + rng.normal(0.0, 0.002, places.shape))
     if n_strays:

@@ -12,8 +12,16 @@ from riemhuman.datasets.open_poses import joint_turns, pose_vectors
 if TYPE_CHECKING:
     from riemhuman.datasets.open_poses import Angles
 
-_DOWN: dict[str, Angles] = {"shoulder": ("xz", 10, -78), "elbow": ("y", -10), "hip": ("z", 3)}
-_A: dict[str, Angles] = {"shoulder": ("xz", 10, -50), "elbow": ("y", -18), "hip": ("z", 6)}
+_DOWN: dict[str, Angles] = {
+    "shoulder": ("xz", 10, -78),
+    "elbow": ("y", -10),
+    "hip": ("z", 3),
+}
+_A: dict[str, Angles] = {
+    "shoulder": ("xz", 10, -50),
+    "elbow": ("y", -18),
+    "hip": ("z", 6),
+}
 _WALK: dict[str, Angles] = {
     "left_hip": ("x", -32),
     "left_knee": ("x", 15),
@@ -25,7 +33,11 @@ _WALK: dict[str, Angles] = {
     "right_elbow": ("y", 30),
 }
 _KNEE: dict[str, Angles] = {**_A, "left_hip": ("x", -85), "left_knee": ("x", 85)}
-_ONE_ARM: dict[str, Angles] = {**_DOWN, "right_shoulder": ("z", -55), "right_elbow": ("y", 15)}
+_ONE_ARM: dict[str, Angles] = {
+    **_DOWN,
+    "right_shoulder": ("z", -55),
+    "right_elbow": ("y", 15),
+}
 
 _START_POSES: dict[str, dict[str, Angles]] = {
     "a": _A,
@@ -53,9 +65,18 @@ _START_POSES: dict[str, dict[str, Angles]] = {
         "hip": ("x", -40),
         "shoulder": ("xzy", 0, -50, -40),
     },
-    "sit": {"hip": ("x", -85), "knee": ("x", 85), **{k: _DOWN[k] for k in ("shoulder", "elbow")}},
+    "sit": {
+        "hip": ("x", -85),
+        "knee": ("x", 85),
+        **{k: _DOWN[k] for k in ("shoulder", "elbow")},
+    },
     "wide": {"shoulder": ("z", 20), "hip": ("z", 22)},
-    "lunge": {**_WALK, "left_hip": ("x", -75), "left_knee": ("x", 75), "right_knee": ("x", 20)},
+    "lunge": {
+        **_WALK,
+        "left_hip": ("x", -75),
+        "left_knee": ("x", 75),
+        "right_knee": ("x", 20),
+    },
 }
 _SIDED = ("walk", "knee", "one_arm", "lunge")
 
@@ -63,12 +84,30 @@ FEW = ("a", "t", "up", "knee", "squat")
 """Poses that tell which way is up."""
 
 # SMPL's first joints, which SMPL-H and SMPL-X share, and what the open model calls them.
-_SMPL_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
-_SMPL_NAMES = (
-    "pelvis left_hip right_hip lower_spine left_knee right_knee middle_spine left_ankle "
-    "right_ankle upper_spine left_toes right_toes neck left_collar right_collar head "
-    "left_shoulder right_shoulder left_elbow right_elbow left_wrist right_wrist"
-).split()
+_SMPL_TREE = {
+    "pelvis": -1,
+    "left_hip": 0,
+    "right_hip": 0,
+    "lower_spine": 0,
+    "left_knee": 1,
+    "right_knee": 2,
+    "middle_spine": 3,
+    "left_ankle": 4,
+    "right_ankle": 5,
+    "upper_spine": 6,
+    "left_toes": 7,
+    "right_toes": 8,
+    "neck": 9,
+    "left_collar": 9,
+    "right_collar": 9,
+    "head": 12,
+    "left_shoulder": 13,
+    "right_shoulder": 14,
+    "left_elbow": 16,
+    "right_elbow": 17,
+    "left_wrist": 18,
+    "right_wrist": 19,
+}
 
 # How far a joint is from where a start has it: standard deviations in degrees.
 _DEGREES = {
@@ -103,8 +142,8 @@ def joint_names(model: BodyModel) -> tuple[str, ...]:
     """
     if "left_shoulder" in model.joint_names:
         return model.joint_names
-    if tuple(model.parents[: len(_SMPL_PARENTS)].tolist()) == _SMPL_PARENTS:
-        return (*_SMPL_NAMES, *model.joint_names[len(_SMPL_NAMES) :])
+    if model.parents[: len(_SMPL_TREE)].tolist() == list(_SMPL_TREE.values()):
+        return (*_SMPL_TREE, *model.joint_names[len(_SMPL_TREE) :])
     return model.joint_names
 
 

@@ -53,6 +53,13 @@ ROUNDS = (
     Round(500, 800, (0.09, 0.04), 6, 6),
     Round(1000, 1500, (0.04, 0.015), 9, 3),
 )
+"""The rounds of a scan of which nothing is known."""
+
+WARM_ROUNDS = (
+    Round(500, 800, (0.08, 0.04), 5, 1),
+    Round(1000, 1500, (0.03, 0.015), 4, 1),
+)
+"""The rounds from a start that is known."""
 
 
 @dataclass(frozen=True)
@@ -158,6 +165,61 @@ class StartSearch:
         for each in others:
             found = self._advanced(found, each, points, normals, signed, landmarks)
         return found
+
+    def run_from(
+        self,
+        pose: Pose,
+        up: np.ndarray,
+        points: np.ndarray,
+        normals: np.ndarray,
+        *,
+        signed: bool,
+        landmarks: dict[int, np.ndarray],
+    ) -> Candidate:
+        """Return what one known start leads to.
+
+        Parameters
+        ----------
+        pose : Pose
+            Where to begin, the body of a moment ago.
+        up : array, shape (3,)
+            Which way was up.
+        points, normals : array, shape (m, 3)
+            The scan, metres, spread evenly.
+        signed : bool
+            Whether the normals have a sign.
+        landmarks : dict of int to array, shape (3,)
+            Where joints are known to be.
+
+        Returns
+        -------
+        candidate : Candidate
+        """
+        found = [Candidate(pose, Prior(pose.local, self.precisions, pose.betas, 4.0), -np.inf, up)]
+        for each in WARM_ROUNDS:
+            found = self._advanced(found, each, points, normals, signed, landmarks)
+        return found[0]
+
+    def likelihood(self, pose: Pose, points: np.ndarray, normals: np.ndarray) -> float:
+        """Return the mean log-likelihood of a scan as the last round has it.
+
+        Parameters
+        ----------
+        pose : Pose
+            Parameters of a body.
+        points, normals : array, shape (m, 3)
+            The scan, metres, spread evenly.
+
+        Returns
+        -------
+        float
+        """
+        last = ROUNDS[-1]
+        prior = Prior(pose.local, self.precisions, pose.betas, 1.0)
+        each = Round(last.n_model, last.n_scan, (last.sigmas[1], last.sigmas[1]), 0, 1)
+        up = np.zeros(3)
+        candidate = Candidate(pose, prior, -np.inf, up)
+        return self._advanced([candidate], each, points, normals, True, {})[0].likelihood
 
     def _starts(self, names: list[str], up: np.ndarray, centre: np.ndarray) -> list[Candidate]:
         body = self.samples(ROUNDS[0].n_model)

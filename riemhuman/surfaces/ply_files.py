@@ -157,7 +157,10 @@ def has_ply_faces(content: bytes) -> bool:
 
 
 def _tables(
-    order: str, elements: list[_Element], body: bytes, wanted: dict[str, tuple[str, ...]]
+    order: str,
+    elements: list[_Element],
+    body: bytes,
+    wanted: dict[str, tuple[str, ...]],
 ) -> dict[str, _Columns]:
     """Return the columns wanted of the elements of a file."""
     _check_positions(elements)
@@ -315,7 +318,10 @@ def _of_kind(numbers: array[float], kind: str, name: str) -> np.ndarray:
 
 
 def _binary_columns(
-    body: bytes, elements: list[_Element], order: str, wanted: dict[str, tuple[str, ...]]
+    body: bytes,
+    elements: list[_Element],
+    order: str,
+    wanted: dict[str, tuple[str, ...]],
 ) -> Iterator[_Columns]:
     """Yield the columns wanted of every element of binary data."""
     start = 0

@@ -1,0 +1,66 @@
+"""What registration returns."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from riemhuman.bodies import ModelFit
+from riemhuman.registration.nearest_triangles import SurfacePlaces
+
+
+@dataclass(frozen=True, eq=False)
+class RegisteredScan:
+    """A scan in the template's triangulation, and whether to believe it.
+
+    Attributes
+    ----------
+    points : array, shape (V, 3)
+        The registered surface, metres, where the scan stands.
+    trusted : bool
+        Whether to believe it.
+    message : str
+        Why it is not to be believed, or what was noticed.
+    likelihood : float
+        Mean log-likelihood of the scan points under the fitted body of 1.8 square metres; NaN
+        without a body model.
+    fit : ModelFit or None
+        Betas, pose and trans of the model, and the distances of `points` from it; None without a
+        body model.
+    distances : array, shape (N,)
+        From each point of the scan to the registered surface, metres.
+    matched : array of bool, shape (V,)
+        Which vertices have found scan within 2 cm; the others are where the model and the elastic
+        metric put them.
+    correspondence : SurfacePlaces
+        Triangle and barycentric coordinates of the place on the surface that is nearest to each
+        point of the scan: what is known at places of the scan goes over to the body by it.
+    background : array of bool, shape (N,)
+        Which points of the scan were taken for floor or strays.
+    up : array, shape (3,)
+        Which way is up in the scan.
+    unit : str
+        The unit of the scan.
+    """
+
+    points: np.ndarray
+    trusted: bool
+    message: str
+    likelihood: float
+    fit: ModelFit | None
+    distances: np.ndarray
+    matched: np.ndarray
+    correspondence: SurfacePlaces
+    background: np.ndarray
+    up: np.ndarray
+    unit: str
+
+    def __repr__(self) -> str:
+        share = 100.0 * self.matched.mean()
+        body = self.distances[~self.background]
+        return (
+            f"<RegisteredScan: {'trusted' if self.trusted else 'not trusted'}, "
+            f"{1000.0 * np.median(body):.1f} mm median distance, {share:.0f} % of the vertices "
+            f"matched{'; ' + self.message if self.message else ''}>"
+        )

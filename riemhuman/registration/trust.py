@@ -1,0 +1,91 @@
+"""Whether a registration is to be believed: what tells a body from another, and from none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# The likelihood is compared for bodies of one size: density falls as the area grows.
+AREA = 1.8
+# Calibrated on simulated scans; see tests/benchmarks/test_registration.py.
+LEAST_LIKELIHOOD = 2.6
+LEAST_MARGIN = 0.10
+RIVAL_METRES = 0.15
+NEAR_METRES, LEAST_NEAR = 0.05, 0.90
+LARGEST_BETA = 3.0
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What speaks for and against a registration.
+
+    Attributes
+    ----------
+    likelihood : float
+        Mean log-likelihood of the scan points, for a body of 1.8 square metres.
+    margin : float
+        How much more likely it is than the likeliest body elsewhere; infinite without any.
+    near : float
+        Share of the scan within 5 cm of the body.
+    betas : float
+        Root mean square of the shape coefficients.
+    """
+
+    likelihood: float
+    margin: float
+    near: float
+    betas: float
+
+
+def doubts(evidence: Evidence) -> list[str]:
+    """Return the reasons not to believe a registration; none where it is to be believed.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        What is known of it.
+
+    Returns
+    -------
+    reasons : list of str
+    """
+    reasons = []
+    if evidence.near < LEAST_NEAR:
+        reasons.append(
+            f"only {100 * evidence.near:.0f} % of the scan lies within "
+            f"{100 * NEAR_METRES:.0f} cm of the body: there is something else in it, or more than "
+            "one person"
+        )
+    if evidence.likelihood < LEAST_LIKELIHOOD:
+        reasons.append(
+            f"the scan does not look like a body (log-likelihood {evidence.likelihood:.2f}; bodies "
+            f"have {LEAST_LIKELIHOOD:g} and more)"
+        )
+    if evidence.margin < LEAST_MARGIN:
+        reasons.append(
+            "a body that faces or stands another way fits nearly as well (log-likelihood less by "
+            f"{evidence.margin:.2f}); landmarks= would tell"
+        )
+    if evidence.betas > LARGEST_BETA:
+        reasons.append(
+            f"the shape is far from all people the model knows ({evidence.betas:.1f} standard "
+            "deviations a coefficient)"
+        )
+    return reasons
+
+
+def distance_apart(points: np.ndarray, others: np.ndarray) -> float:
+    """Return the mean distance between two bodies' corresponding points.
+
+    Parameters
+    ----------
+    points, others : array, shape (n, 3)
+        Points, metres.
+
+    Returns
+    -------
+    float
+        Metres.
+    """
+    return float(np.linalg.norm(points - others, axis=1).mean())

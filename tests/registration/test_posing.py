@@ -1,0 +1,141 @@
+"""The compiled pose, its derivatives and the soft assignment, against independent definitions."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import riemhuman as rh
+from riemhuman.bodies.joint_motions import Skeleton
+from riemhuman.registration.model_samples import sample_model
+from riemhuman.registration.posing import (
+    Pose,
+    add_normal_equations,
+    posed,
+    rotation,
+    rotation_vector,
+    stepped,
+)
+from riemhuman.registration.soft_assignment import KAPPA, OUTLIERS, assign
+
+
+@pytest.fixture(scope="module")
+def model():
+    return rh.datasets.load_open_model("coarse")
+
+
+@pytest.fixture(scope="module")
+def body(model):
+    return sample_model(model, 60, Skeleton(model))
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+@pytest.fixture
+def parameters(model, rng):
+    return (
+        rng.standard_normal(model.n_betas),
+        rng.normal(0.0, 0.5, (model.n_joints, 3)),
+        rng.standard_normal(3),
+    )
+
+
+def as_pose(betas, vectors, trans):
+    return Pose(np.ascontiguousarray(Rotation.from_rotvec(vectors).as_matrix()), betas, trans)
+
+
+def test_points_are_those_of_the_model(model, body, parameters):
+    points, normals = posed(body, as_pose(*parameters))
+    skin = body.numbers >= 0
+    np.testing.assert_allclose(points[skin], model(*parameters)[body.numbers[skin]], atol=1e-12)
+    np.testing.assert_allclose(points[~skin], model.joints(*parameters), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(normals[skin], axis=1), 1.0, atol=1e-12)
+
+
+def test_points_are_those_of_a_model_with_pose_offsets(model, rng, parameters):
+    offsets = rng.normal(0.0, 0.01, (model.n_vertices, 3, 9 * (model.n_joints - 1)))
+    with_offsets = rh.BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        posedirs=offsets,
+    )
+    body = sample_model(with_offsets, 60, Skeleton(with_offsets))
+    points, _ = posed(body, as_pose(*parameters))
+    skin = body.numbers >= 0
+    expected = with_offsets(*parameters)[body.numbers[skin]]
+    np.testing.assert_allclose(points[skin], expected, atol=1e-12)
+
+
+def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
+    goal = as_pose(*parameters)
+    start = Pose(
+        np.array([rotation(rng.normal(0.0, 0.02, 3)) @ each for each in goal.local]),
+        goal.betas + 0.02 * rng.standard_normal(len(goal.betas)),
+        goal.trans + 0.01,
+    )
+    targets = posed(body, goal)[0]
+    shares = np.full(len(targets), 1.0 / len(targets))
+    gaps = [targets - posed(body, start)[0]]
+    for _ in range(2):
+        n_columns = start.local.size // 3 + len(start.betas) + 3
+        matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
+        add_normal_equations(body, start, shares, gaps[-1], gaps[-1], 1.0, matrix, right)
+        start = stepped(body, start, matrix, right, 1.0)
+        gaps.append(targets - posed(body, start)[0])
+    sizes = [np.abs(each).max() for each in gaps]
+    # The damping of 1e-4 keeps Gauss–Newton's steps from being exact.
+    assert sizes[1] < 0.1 * sizes[0]
+    assert sizes[2] < 0.1 * sizes[1]
+
+
+def test_rotations_are_scipys(rng):
+    for vector in rng.standard_normal((20, 3)):
+        matrix = rotation(vector)
+        np.testing.assert_allclose(matrix, Rotation.from_rotvec(vector).as_matrix(), atol=1e-12)
+        np.testing.assert_allclose(
+            rotation_vector(matrix), Rotation.from_matrix(matrix).as_rotvec(), atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("signed", [True, False])
+def test_assignment_is_the_mixture(rng, signed):
+    n, m, sigma = 30, 20, 0.2
+    points, scan = rng.normal(0.0, 0.3, (n, 3)), rng.normal(0.0, 0.3, (m, 3))
+    normals, others = rng.standard_normal((n, 3)), rng.standard_normal((m, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    others /= np.linalg.norm(others, axis=1, keepdims=True)
+    areas = rng.dirichlet(np.ones(n))
+
+    squares = np.sum((points[:, None] - scan) ** 2, axis=-1)
+    cosines = normals @ others.T
+    cosines = cosines if signed else np.abs(cosines)
+    spheres = (1.0 - np.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
+    density = np.exp(-squares / (2 * sigma**2) + KAPPA * (cosines - 1.0)) / (
+        (2 * np.pi * sigma**2) ** 1.5 * spheres
+    )
+    joint = (1.0 - OUTLIERS) * areas[:, None] * density
+    total = joint.sum(axis=0) + OUTLIERS
+    shares = joint / total
+
+    single = [each.T.astype(np.float32).copy() for each in (points, normals)]
+    masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
+    likelihood = assign(
+        *single,
+        areas.astype(np.float32),
+        scan.astype(np.float32),
+        others.astype(np.float32),
+        sigma,
+        signed,
+        masses,
+        targets,
+    )
+    # The exponential is a power of order 1024: exp(−t) to a relative t²/2048.
+    np.testing.assert_allclose(likelihood, np.log(total).mean(), atol=0.02)
+    np.testing.assert_allclose(masses, shares.sum(axis=1), rtol=0.05, atol=0.01)
+    np.testing.assert_allclose(targets.T, shares @ scan, rtol=0.05, atol=0.01)

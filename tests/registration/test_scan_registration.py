@@ -1,0 +1,114 @@
+"""Scans of bodies become those bodies; what is no body is refused."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration, simulated_scan
+from riemhuman.registration.surface_points import vertex_normals
+
+
+@pytest.fixture(scope="module")
+def registration():
+    return ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
+
+
+@pytest.fixture(scope="module")
+def frames():
+    """Return two neighbouring frames of a motion that is among no start poses."""
+    (motion,) = rh.datasets.load_open_motions(
+        "coarse", subjects=["lean runner"], sequences=["punching"]
+    )
+    return np.stack([motion[28], motion[31]])
+
+
+@pytest.fixture(scope="module")
+def scan(registration, frames):
+    return simulated_scan(
+        frames[0], registration.model.faces, rng=3, n_points=6000, mesh=True, missing=0.1
+    )
+
+
+@pytest.fixture(scope="module")
+def result(registration, scan):
+    return registration.solve(scan.surface)
+
+
+def errors(result, scan):
+    return np.linalg.norm(result.points - scan.body, axis=1)
+
+
+def test_the_body_is_found(result, scan):
+    assert result.trusted, result.message
+    assert errors(result, scan).mean() < 0.006
+    assert errors(result, scan).max() < 0.03
+
+
+def test_the_model_fit_is_the_body_before_its_elastic_step(registration, result):
+    surface = registration.model(result.fit.betas, result.fit.pose, result.fit.trans)
+    gaps = np.linalg.norm(surface - result.points, axis=1)
+    np.testing.assert_allclose(gaps, result.fit.distances, atol=1e-9)
+    assert gaps.mean() < 0.01
+
+
+def test_correspondence_leads_to_the_nearest_places(registration, result, scan):
+    corners = result.points[registration.model.faces[result.correspondence.triangles]]
+    places = np.einsum("nk,nkx->nx", result.correspondence.barycentric, corners)
+    gaps = np.linalg.norm(places - scan.points, axis=1)
+    np.testing.assert_allclose(gaps, result.distances, atol=1e-12)
+    nearest = np.linalg.norm(scan.points[:, None] - result.points, axis=-1).min(axis=1)
+    assert np.all(result.distances <= nearest + 1e-12)
+
+
+def test_other_units_axes_and_normals_change_nothing(registration, result, scan):
+    # From y up to z up.
+    turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    points, faces = 1000.0 * scan.points @ turn.T, scan.faces[:, ::-1]
+    other = ScanRegistration(registration.model, up="z").solve((points, faces))
+    assert (other.trusted, other.unit) == (True, "millimetres")
+    assert np.linalg.norm(other.points @ turn - result.points, axis=1).mean() < 0.002
+
+
+def test_a_sequence_starts_from_the_scan_before(registration, result, frames, monkeypatch):
+    scans = [simulated_scan(f, registration.model.faces, rng=5, turn=False) for f in frames]
+    first = registration.solve(scans[0].points)
+    monkeypatch.setattr(registration._search, "run", None)  # no cold start any more
+    second = registration.solve(scans[1].points, start=first)
+    assert second.trusted
+    assert errors(second, scans[1]).mean() < 0.008
+
+
+def test_what_was_not_seen_is_not_matched(registration, frames):
+    front = simulated_scan(
+        frames[0], registration.model.faces, rng=3, n_points=6000, view=(0, 0, 1), turn=False
+    )
+    found = registration.solve(front.points)
+    assert found.trusted, found.message
+    normals = vertex_normals(front.body, registration.model.faces)
+    assert found.matched[normals[:, 2] > 0.8].mean() > 0.6
+    assert found.matched[normals[:, 2] < -0.5].mean() < 0.05
+
+
+def test_two_people_are_refused(registration, scan):
+    both = np.concatenate([scan.points, scan.points + [0.9, 0.0, 0.4]])
+    found = registration.solve(both)
+    assert not found.trusted
+    assert "more than one person" in found.message
+
+
+def test_a_landmark_needs_a_joint(registration, scan):
+    with pytest.raises(rh.errors.ArgumentError, match=r"landmarks has 'left_nose'; the joints"):
+        registration.solve(scan.points, landmarks={"left_nose": [0, 0, 0]})
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"model": "SMPL.npz"}, rh.errors.ArgumentTypeError, "model must be a BodyModel"),
+        ({"up": "upward"}, rh.errors.ArgumentError, "up must be"),
+        ({"unit": "feet"}, rh.errors.ArgumentError, "unit must be"),
+    ],
+)
+def test_wrong_choices_are_refused(registration, arguments, error, message):
+    with pytest.raises(error, match=message):
+        ScanRegistration(**({"model": registration.model} | arguments))
