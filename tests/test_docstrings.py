@@ -11,6 +11,7 @@ import pytest
 from numpydoc.docscrape import NumpyDocString
 
 import riemhuman
+from riemhuman.docstrings import inherit_sections
 
 MODULES = ["riemhuman"] + [
     module.name
@@ -113,6 +114,54 @@ def plain_function(member):
 def test_docstrings(name):
     problems = problems_of_module(importlib.import_module(name))
     assert not problems, "\n".join(problems)
+
+
+def test_overrides_inherit_the_sections_that_they_do_not_write():
+    class Base:
+        def method(self, a):
+            """Return something.
+
+            At length.
+
+            Parameters
+            ----------
+            a : int
+                Text.
+
+            Returns
+            -------
+            int
+
+            Raises
+            ------
+            ValueError
+                Always.
+            """
+
+        def other(self):
+            """Return nothing."""
+
+    class Derived(Base):
+        size = 3
+
+        def method(self, a):
+            """Return another thing.
+
+            Returns
+            -------
+            float
+            """
+
+        def other(self):
+            pass
+
+    inherit_sections(Derived)
+    doc = Derived.method.__doc__
+    assert doc.startswith("Return another thing.\n\nParameters\n----------\na : int\n    Text.")
+    assert doc.endswith("Returns\n-------\nfloat")
+    assert Derived.other.__doc__ is None
+    assert "tangent_vec : array" in riemhuman.EbinMetric.exp.__doc__
+    assert "met the apex" in riemhuman.EbinMetric.exp.__doc__
 
 
 def module_of(source):

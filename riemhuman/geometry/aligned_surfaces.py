@@ -69,28 +69,12 @@ class AlignedSurfaces(Manifold):
             Candidate surfaces.
         atol : float
             Not used: degenerate triangles are told by their angles.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         point, finite = self._candidates(point, "point")
         return finite & ~np.any(self._is_degenerate(*self.partial_derivatives(point)), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the vector itself: every deformation is tangent.
-
-        Parameters
-        ----------
-        vector : array, shape (..., V, 3)
-            Deformations.
-        base_point : array, shape (..., V, 3), optional
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
-        """
+        """Return the vector itself: every deformation is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -104,10 +88,6 @@ class AlignedSurfaces(Manifold):
             Entries of the maps differ from those of the identity by at most a fifth of it.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, V, 3), or (V, 3) for one sample
         """
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
@@ -277,10 +257,6 @@ class AlignedSurfaces(Manifold):
             Surfaces; triangles without area are legal, as in the completion.
         name : str
             Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
 
         Raises
         ------

@@ -17,6 +17,7 @@ from riemhuman.checks import (
     values_of,
     whole_number,
 )
+from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructed
 
@@ -69,6 +70,10 @@ class Manifold(ABC):
     """
 
     metric: RiemannianMetric
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        inherit_sections(cls)
 
     def __init__(self, dim: int, shape: tuple[int, ...], equip: bool = True) -> None:
         self.dim = dim

@@ -10,6 +10,7 @@ from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array
+from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.derived_quantities import DerivedQuantities
@@ -61,6 +62,10 @@ class RiemannianMetric(DerivedQuantities):
     >>> float(metric.norm(np.array([3.0, 4.0]), np.zeros(2)))
     10.0
     """
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        inherit_sections(cls)
 
     def __init__(
         self,

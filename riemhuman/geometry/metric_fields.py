@@ -59,10 +59,6 @@ class MetricFields(Manifold):
             Candidate metric fields.
         atol : float
             Absolute tolerance for symmetry.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         point, finite = self._candidates(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
@@ -78,25 +74,11 @@ class MetricFields(Manifold):
             Fields of matrices.
         base_point : array, shape (..., F, 2, 2), optional
             Metric fields; the tangent space is the same at all of them.
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
         """
         return ebin_tangent.symmetric_part(vector)
 
     def projection(self, point: ndarray) -> ndarray:
-        """Return the symmetric part.
-
-        Parameters
-        ----------
-        point : array, shape (..., F, 2, 2)
-            Fields of matrices.
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
-        """
+        """Return the symmetric part."""
         return ebin_tangent.symmetric_part(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -110,10 +92,6 @@ class MetricFields(Manifold):
             Twice the standard deviation of the diagonal entries of S.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, F, 2, 2), or (F, 2, 2) for one sample
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * sample_bound(bound) * ebin_tangent.symmetric_part(noise)
@@ -133,10 +111,6 @@ class MetricFields(Manifold):
             Name of the argument, for messages.
         completion : bool
             Whether degenerate matrices are legal, as in the completion of Met(T).
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
 
         Raises
         ------
@@ -214,19 +188,7 @@ class EbinMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return the inner product of tangent vectors (equation 2, corrected).
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., F, 2, 2)
-            Symmetric fields.
-        base_point : array, shape (..., F, 2, 2)
-            Metric field.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return the inner product of tangent vectors (equation 2, corrected)."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
@@ -240,10 +202,6 @@ class EbinMetric(RiemannianMetric):
         ----------
         point_a, point_b : array, shape (..., F, 2, 2)
             Metric fields; degenerate matrices are legal.
-
-        Returns
-        -------
-        array, shape (...)
         """
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
@@ -263,17 +221,6 @@ class EbinMetric(RiemannianMetric):
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         """Return the end point of the geodesic with this initial velocity.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., F, 2, 2)
-            Symmetric fields.
-        base_point : array, shape (..., F, 2, 2)
-            Metric field.
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
 
         Raises
         ------
@@ -301,17 +248,6 @@ class EbinMetric(RiemannianMetric):
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         """Return the initial velocity of the minimal geodesic.
 
-        Parameters
-        ----------
-        point : array, shape (..., F, 2, 2)
-            End points.
-        base_point : array, shape (..., F, 2, 2)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
-
         Raises
         ------
         OutsideManifoldError
@@ -332,15 +268,6 @@ class EbinMetric(RiemannianMetric):
         """Return the distance to the nearest field that is 0 on a triangle, the apex of its cone.
 
         Every triangle's matrices are a cone over a hyperbolic plane, without positive curvature.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., F, 2, 2)
-            Metric fields.
-
-        Returns
-        -------
-        array, shape (...)
         """
         g = self.space.check_point(base_point, "base_point")
         radii = 4.0 * np.sqrt(self.lam * np.sqrt(ebin.determinants(g)))
@@ -358,17 +285,6 @@ class EbinMetric(RiemannianMetric):
         :math:`r = 4\sqrt{\lambda\sqrt{\det g}}` over the matrices of determinant 1, which with
         the metric tr A₀²/(16λ) are a hyperbolic plane of curvature −8λ: planes across the radius
         have curvature −(8λ + 1)/r², those along it 0.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., F, 2, 2)
-            Tangent fields a and b.
-        base_point : array, shape (..., F, 2, 2)
-            Metric fields.
-
-        Returns
-        -------
-        array, shape (...)
         """
         g = self.space.check_point(base_point, "base_point")
         first, second = (
@@ -390,21 +306,6 @@ class EbinMetric(RiemannianMetric):
         end_point: ndarray | None = None,
     ) -> ndarray:
         """Transport tangent vectors in parallel along geodesics, in closed form.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., F, 2, 2)
-            Symmetric fields at `base_point`.
-        base_point : array, shape (..., F, 2, 2)
-            Metric fields.
-        direction : array, shape (..., F, 2, 2), optional
-            Initial velocity of the geodesic, followed for unit time.
-        end_point : array, shape (..., F, 2, 2), optional
-            End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., F, 2, 2)
 
         Raises
         ------

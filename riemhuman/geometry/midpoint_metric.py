@@ -104,15 +104,6 @@ class MidpointMetric(RiemannianMetric):
         One path runs in compiled loops, which autograd knows with their gradient; several run by
         the definition.
 
-        Parameters
-        ----------
-        path : array, shape (..., n_times, V, 3)
-            Paths.
-
-        Returns
-        -------
-        array, shape (...)
-
         Raises
         ------
         DegenerateSurfaceError
@@ -130,11 +121,6 @@ class MidpointMetric(RiemannianMetric):
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the energy of one path and its gradient, in compiled loops.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Path.
 
         Returns
         -------
@@ -158,11 +144,6 @@ class MidpointMetric(RiemannianMetric):
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Take translations out of a path, where no term sees them.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Path.
 
         Returns
         -------

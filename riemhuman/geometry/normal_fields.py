@@ -58,42 +58,16 @@ class NormalFields(Manifold):
             Candidate normal fields.
         atol : float
             Absolute tolerance for the lengths.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         point, finite = self._candidates(point, "point")
         return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Remove the components along the normals.
-
-        Parameters
-        ----------
-        vector : array, shape (..., F, 3)
-            Fields of vectors.
-        base_point : array, shape (..., F, 3)
-            Normal fields.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-        """
+        """Remove the components along the normals."""
         return sphere.to_tangent(vector, self.needed_base_point(base_point))
 
     def projection(self, point: ndarray) -> ndarray:
-        """Scale all vectors to unit length.
-
-        Parameters
-        ----------
-        point : array, shape (..., F, 3)
-            Fields of vectors other than 0.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-        """
+        """Scale all vectors to unit length."""
         return point / np.sqrt(dot(point, point))[..., None]
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -107,27 +81,12 @@ class NormalFields(Manifold):
             Not used: spheres are compact.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, F, 3), or (F, 3) for one sample
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return normal fields as float64 arrays, or say what is wrong with them.
-
-        Parameters
-        ----------
-        point : array_like, shape (..., F, 3)
-            Normal fields.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
 
         Raises
         ------
@@ -176,10 +135,6 @@ class NormalFieldMetric(RiemannianMetric):
             Tangent fields.
         base_point : array, shape (..., F, 3)
             Normal field; the inner product is the same at all of them.
-
-        Returns
-        -------
-        array, shape (...)
         """
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
@@ -189,17 +144,7 @@ class NormalFieldMetric(RiemannianMetric):
         return product + np.zeros(base_point.shape[:-2])
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return Σ_t w_t θ_t², θ_t the angle of the two normals (Theorem 2).
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., F, 3)
-            Normal fields.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return Σ_t w_t θ_t², θ_t the angle of the two normals (Theorem 2)."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         values = NormalTerm().squared_dist((point_a,), (point_b,))
@@ -215,36 +160,13 @@ class NormalFieldMetric(RiemannianMetric):
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Follow great circles for unit time.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., F, 3)
-            Tangent fields.
-        base_point : array, shape (..., F, 3)
-            Normal fields.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-        """
+        """Follow great circles for unit time."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return sphere.exp(tangent_vec, base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         """Return the initial velocity of the shortest great circles.
-
-        Parameters
-        ----------
-        point : array, shape (..., F, 3)
-            End points.
-        base_point : array, shape (..., F, 3)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
 
         Raises
         ------
@@ -268,10 +190,6 @@ class NormalFieldMetric(RiemannianMetric):
         ----------
         base_point : array, shape (..., F, 3), optional
             Normal fields; it is the same at all of them.
-
-        Returns
-        -------
-        array, shape (...)
         """
         leading = np.shape(base_point)[:-2] if base_point is not None else ()
         return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
@@ -282,17 +200,6 @@ class NormalFieldMetric(RiemannianMetric):
         r"""Return :math:`\sum_t w_t (|a_t|^2 |b_t|^2 - \langle a_t, b_t\rangle^2)`.
 
         Spheres of radius 1 have curvature 1.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3)
-            Tangent fields a and b.
-        base_point : array, shape (..., F, 3)
-            Normal field.
-
-        Returns
-        -------
-        array, shape (...)
         """
         base_point = self.space.check_point(base_point, "base_point")
         a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
@@ -308,23 +215,7 @@ class NormalFieldMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        """Transport tangent vectors in parallel along geodesics.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., F, 3)
-            Tangent fields at `base_point`.
-        base_point : array, shape (..., F, 3)
-            Normal fields.
-        direction : array, shape (..., F, 3), optional
-            Initial velocity of the geodesic, followed for unit time.
-        end_point : array, shape (..., F, 3), optional
-            End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-        """
+        """Transport tangent vectors in parallel along geodesics."""
         if (direction is None) == (end_point is None):
             raise ArgumentError("parallel_transport needs direction or end_point, and not both")
         base_point = self.space.check_point(base_point, "base_point")

@@ -121,10 +121,6 @@ class ProductManifold(Manifold):
             Candidate points.
         atol : float
             Absolute tolerance.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         point, right_shape = self._candidates(point, "point", finite=False)
         components = self.project_from_product(point)
@@ -143,27 +139,13 @@ class ProductManifold(Manifold):
             Arrays.
         base_point : array, shape (..., size), optional
             Points; needed where a factor needs them.
-
-        Returns
-        -------
-        array, shape (..., size)
         """
         if base_point is None:
             return self._each("to_tangent", vector)
         return self._each("to_tangent", vector, base_point)
 
     def projection(self, point: ndarray) -> ndarray:
-        """Project every component to its factor.
-
-        Parameters
-        ----------
-        point : array, shape (..., size)
-            Arrays near the product.
-
-        Returns
-        -------
-        array, shape (..., size)
-        """
+        """Project every component to its factor."""
         return self._each("projection", point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -177,10 +159,6 @@ class ProductManifold(Manifold):
             Bound for the factors' own points.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, size), or (size,) for one sample
         """
         rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
@@ -271,33 +249,11 @@ class ProductMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return Σ_k w_k ⟨a_k, b_k⟩.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., size)
-            Tangent vectors.
-        base_point : array, shape (..., size)
-            Base point.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return Σ_k w_k ⟨a_k, b_k⟩."""
         return self._sum("inner_product", tangent_vec_a, tangent_vec_b, base_point)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return Σ_k w_k d_k² (Theorem 2).
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., size)
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return Σ_k w_k d_k² (Theorem 2)."""
         return self._sum("squared_dist", point_a, point_b)
 
     @property
@@ -311,49 +267,15 @@ class ProductMetric(RiemannianMetric):
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return the exponential of every factor.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., size)
-            Initial velocities.
-        base_point : array, shape (..., size)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., size)
-        """
+        """Return the exponential of every factor."""
         return self._join("exp", tangent_vec, base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return the logarithm of every factor.
-
-        Parameters
-        ----------
-        point : array, shape (..., size)
-            End points.
-        base_point : array, shape (..., size)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., size)
-        """
+        """Return the logarithm of every factor."""
         return self._join("log", point, base_point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return the least of the factors, each times the root of its weight.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., size)
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return the least of the factors, each times the root of its weight."""
         base_point = self.space.check_point(base_point, "base_point")
         radii = [
             np.sqrt(weight) * factor.metric.injectivity_radius(self.space.component(base_point, k))
@@ -364,19 +286,7 @@ class ProductMetric(RiemannianMetric):
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
-        """Return Σ_k w_k ⟨R(a_k, b_k) b_k, a_k⟩.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., size)
-            Tangent vectors.
-        base_point : array, shape (..., size)
-            Base point.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return Σ_k w_k ⟨R(a_k, b_k) b_k, a_k⟩."""
         return self._sum("curvature_form", tangent_vec_a, tangent_vec_b, base_point)
 
     def parallel_transport(
@@ -387,21 +297,6 @@ class ProductMetric(RiemannianMetric):
         end_point: ndarray | None = None,
     ) -> ndarray:
         """Transport in every factor.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., size)
-            Tangent vectors at `base_point`.
-        base_point : array, shape (..., size)
-            Base points.
-        direction : array, shape (..., size), optional
-            Initial velocity of the geodesic, followed for unit time.
-        end_point : array, shape (..., size), optional
-            End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., size)
 
         Raises
         ------

@@ -97,19 +97,7 @@ class PullbackMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return the inner product of the images of tangent vectors.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base point.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the inner product of the images of tangent vectors."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         image_a = self.differential(tangent_vec_a, base_point)
@@ -121,17 +109,7 @@ class PullbackMetric(RiemannianMetric):
         return self.target_metric.inner_product(image_a, image_b, self.map(base_point))
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return the squared distance of the images.
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the squared distance of the images."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         return self.target_metric.squared_dist(self.map(point_a), self.map(point_b))

@@ -62,43 +62,17 @@ class RotationFields(Manifold):
             Candidate fields.
         atol : float
             Absolute tolerance for the entries of RᵀR − I.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         point, finite = self._candidates(point, "point")
         return finite & np.all(_is_rotation(point, atol), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Keep the skew part of Rᵀ V.
-
-        Parameters
-        ----------
-        vector : array, shape (..., F, 3, 3)
-            Fields of matrices V.
-        base_point : array, shape (..., F, 3, 3)
-            Fields of rotations R.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
-        """
+        """Keep the skew part of Rᵀ V."""
         base_point = self.needed_base_point(base_point)
         return _tangent_vec(_angular_velocity(vector, base_point), base_point)
 
     def projection(self, point: ndarray) -> ndarray:
-        """Return the nearest rotations, by polar decomposition.
-
-        Parameters
-        ----------
-        point : array, shape (..., F, 3, 3)
-            Fields of matrices.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
-        """
+        """Return the nearest rotations, by polar decomposition."""
         return nearest_rotations(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -112,27 +86,12 @@ class RotationFields(Manifold):
             Not used: the rotations are compact.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, F, 3, 3), or (F, 3, 3) for one sample
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return fields of rotations as float64 arrays, or say what is wrong with them.
-
-        Parameters
-        ----------
-        point : array_like, shape (..., F, 3, 3)
-            Fields of rotations.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
 
         Raises
         ------
@@ -179,10 +138,6 @@ class RotationFieldMetric(RiemannianMetric):
             Tangent fields.
         base_point : array, shape (..., F, 3, 3)
             Field of rotations; the inner product is the same at all of them.
-
-        Returns
-        -------
-        array, shape (...)
         """
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
@@ -192,17 +147,7 @@ class RotationFieldMetric(RiemannianMetric):
         return product + np.zeros(base_point.shape[:-3])
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return Σ_t w_t θ_t², θ_t the angle of the rotation between the two.
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., F, 3, 3)
-            Fields of rotations.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return Σ_t w_t θ_t², θ_t the angle of the rotation between the two."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         values = RotationTerm().squared_dist((quaternions(point_a),), (quaternions(point_b),))
@@ -218,36 +163,13 @@ class RotationFieldMetric(RiemannianMetric):
         )
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Turn about constant axes for unit time.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., F, 3, 3)
-            Tangent fields.
-        base_point : array, shape (..., F, 3, 3)
-            Fields of rotations.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
-        """
+        """Turn about constant axes for unit time."""
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return special_orthogonal.exp(_angular_velocity(tangent_vec, base_point), base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         """Return the initial velocity of the shortest rotations.
-
-        Parameters
-        ----------
-        point : array, shape (..., F, 3, 3)
-            End points.
-        base_point : array, shape (..., F, 3, 3)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
 
         Raises
         ------
@@ -273,23 +195,7 @@ class RotationFieldMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        """Transport tangent vectors in parallel along geodesics.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., F, 3, 3)
-            Tangent fields at `base_point`.
-        base_point : array, shape (..., F, 3, 3)
-            Fields of rotations.
-        direction : array, shape (..., F, 3, 3), optional
-            Initial velocity of the geodesic, followed for unit time.
-        end_point : array, shape (..., F, 3, 3), optional
-            End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., F, 3, 3)
-        """
+        """Transport tangent vectors in parallel along geodesics."""
         if (direction is None) == (end_point is None):
             raise ArgumentError("parallel_transport needs direction or end_point, and not both")
         base_point = self.space.check_point(base_point, "base_point")

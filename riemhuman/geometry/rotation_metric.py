@@ -159,11 +159,6 @@ class RotationMetric(PullbackMetric):
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient.
 
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Path.
-
         Returns
         -------
         energy : float
@@ -177,19 +172,7 @@ class RotationMetric(PullbackMetric):
         return super().energy_and_gradient(path)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        """Return the inner products of all pairs of deformations, averaged over surfaces.
-
-        Parameters
-        ----------
-        vectors : array, shape (K, V, 3)
-            Deformations.
-        base_point : array, shape (V, 3) or (n, V, 3)
-            One surface, or several to average over.
-
-        Returns
-        -------
-        array, shape (K, K)
-        """
+        """Return the inner products of all pairs of deformations, averaged over surfaces."""
         vectors = self.check_points(vectors, "vectors")
         surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
         roots = np.sqrt(0.5 * self.space.template.face_areas)[:, None, None]
@@ -205,11 +188,6 @@ class RotationMetric(PullbackMetric):
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Take translations, which the metric does not see, out of a path.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Path.
 
         Returns
         -------

@@ -66,50 +66,16 @@ class ScalarProductMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return the inner product of the metric, multiplied.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape), optional
-            Base point.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the inner product of the metric, multiplied."""
         product = self.underlying_metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
         return self.scale * product
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the covectors of the metric, multiplied.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., \*shape)
-            Tangent vectors.
-        base_point : array, shape (..., \*shape)
-            Base point.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Return the covectors of the metric, multiplied."""
         return self.scale * self.underlying_metric.covector(tangent_vec, base_point)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return the squared distance of the metric, multiplied.
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the squared distance of the metric, multiplied."""
         return self.scale * self.underlying_metric.squared_dist(point_a, point_b)
 
     @property
@@ -118,26 +84,11 @@ class ScalarProductMetric(RiemannianMetric):
         return SumOfFactors([(lambda points: points, self.scale, self.underlying_metric.bulk)])
 
     def energy(self, path: ndarray) -> ndarray:
-        r"""Return the energy of the metric, multiplied.
-
-        Parameters
-        ----------
-        path : array, shape (..., n_times, \*shape)
-            Paths.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the energy of the metric, multiplied."""
         return self.scale * self.underlying_metric.energy(path)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         r"""Return the energy of one path and its gradient, multiplied.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, \*shape)
-            Path.
 
         Returns
         -------
@@ -148,79 +99,23 @@ class ScalarProductMetric(RiemannianMetric):
         return self.scale * energy, self.scale * gradient
 
     def length(self, path: ndarray) -> ndarray:
-        r"""Return the length of the metric, times the root.
-
-        Parameters
-        ----------
-        path : array, shape (..., n_times, \*shape)
-            Paths.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the length of the metric, times the root."""
         return np.sqrt(self.scale) * self.underlying_metric.length(path)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the Gram matrix of the metric, multiplied.
-
-        Parameters
-        ----------
-        vectors : array, shape (K, \*shape)
-            Tangent vectors.
-        base_point : array, shape (\*shape,) or (n, \*shape)
-            One base point, or several to average over.
-
-        Returns
-        -------
-        array, shape (K, K)
-        """
+        r"""Return the Gram matrix of the metric, multiplied."""
         return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        r"""Return the path as the metric does.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, \*shape)
-            Path.
-
-        Returns
-        -------
-        array, shape (n_times, \*shape)
-        """
+        r"""Return the path as the metric does."""
         return self.underlying_metric.remove_drift(path)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the exponential of the metric.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., \*shape)
-            Initial velocities.
-        base_point : array, shape (..., \*shape)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Return the exponential of the metric."""
         return self.underlying_metric.exp(tangent_vec, base_point)
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return the logarithm of the metric.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-            End points.
-        base_point : array, shape (..., \*shape)
-            Initial points.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Return the logarithm of the metric."""
         return self.underlying_metric.log(point, base_point)
 
     def parallel_transport(
@@ -230,57 +125,19 @@ class ScalarProductMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        r"""Transport vectors as the metric does.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., \*shape)
-            Tangent vectors at `base_point`.
-        base_point : array, shape (..., \*shape)
-            Points.
-        direction : array, shape (..., \*shape), optional
-            Initial velocity of the geodesic.
-        end_point : array, shape (..., \*shape), optional
-            End point of the geodesic; exactly one of the two is given.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Transport vectors as the metric does."""
         return self.underlying_metric.parallel_transport(
             tangent_vec, base_point, direction, end_point
         )
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the radius of the metric, times the root.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., \*shape), optional
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return the radius of the metric, times the root."""
         return np.sqrt(self.scale) * self.underlying_metric.injectivity_radius(base_point)
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
     ) -> ndarray:
-        r"""Return ⟨R(a, b) b, a⟩ of the metric, multiplied.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Tangent vectors a and b.
-        base_point : array, shape (..., \*shape)
-            Base point.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return ⟨R(a, b) b, a⟩ of the metric, multiplied."""
         form = self.underlying_metric.curvature_form(tangent_vec_a, tangent_vec_b, base_point)
         return self.scale * form
 

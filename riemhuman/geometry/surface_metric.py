@@ -92,15 +92,6 @@ class SurfaceMetric(RiemannianMetric):
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5).
 
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (...)
-
         Raises
         ------
         DegenerateSurfaceError
@@ -114,17 +105,6 @@ class SurfaceMetric(RiemannianMetric):
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
         """Return the inner product of the derivatives of the fields along h and k.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., V, 3)
-            Deformations h and k.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (...)
 
         Raises
         ------
@@ -143,15 +123,6 @@ class SurfaceMetric(RiemannianMetric):
 
         One path runs in compiled loops, which autograd knows with their gradient; several run by
         the definition.
-
-        Parameters
-        ----------
-        path : array, shape (..., n_times, V, 3)
-            Paths.
-
-        Returns
-        -------
-        array, shape (...)
 
         Raises
         ------
@@ -178,11 +149,6 @@ class SurfaceMetric(RiemannianMetric):
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form energy of one path and its gradient, in compiled loops.
 
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Path.
-
         Returns
         -------
         energy : float
@@ -198,15 +164,6 @@ class SurfaceMetric(RiemannianMetric):
         """Return the squared distances of a surface from others, and the gradient of their sum.
 
         In compiled loops, which look at each triangle of the surface once.
-
-        Parameters
-        ----------
-        point : array, shape (V, 3)
-            Surface f.
-        others : array, shape (n, V, 3)
-            Surfaces f_i.
-        weights : array, shape (n,)
-            Weights w_i > 0.
 
         Returns
         -------
@@ -236,11 +193,6 @@ class SurfaceMetric(RiemannianMetric):
         the energy is free to drift. Of all paths that differ by such motions of the interior
         surfaces, this one keeps as much of the body as it can on the straight path between the
         ends, by the sum of distances.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, V, 3)
-            Path.
 
         Returns
         -------
@@ -272,19 +224,7 @@ class SurfaceMetric(RiemannianMetric):
         return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
 
     def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Lower the index of tangent vectors.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., V, 3)
-            Deformations.
-        base_point : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
-        """
+        """Lower the index of tangent vectors."""
         vectors = self.space.check_tangent_vec(tangent_vec)
         surfaces = self.space.check_tangent_vec(base_point, "base_point")
         if surfaces.ndim == 2:
@@ -293,19 +233,7 @@ class SurfaceMetric(RiemannianMetric):
         return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        """Return the inner products of all pairs of deformations, averaged over surfaces.
-
-        Parameters
-        ----------
-        vectors : array, shape (K, V, 3)
-            Deformations.
-        base_point : array, shape (V, 3) or (n, V, 3)
-            One surface, or several to average over.
-
-        Returns
-        -------
-        array, shape (K, K)
-        """
+        """Return the inner products of all pairs of deformations, averaged over surfaces."""
         flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
         gram = quadratic_form(self.metric_matrix(base_point), flat)
         return 0.5 * (gram + gram.T)

@@ -50,27 +50,11 @@ class VectorSpace(Manifold):
             Candidate points.
         atol : float
             Not used.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         return self._candidates(point, "point")[1]
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the array itself: every array is tangent.
-
-        Parameters
-        ----------
-        vector : array, shape (..., \*shape)
-            Arrays.
-        base_point : array, shape (..., \*shape), optional
-            Points.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Return the array itself: every array is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -84,10 +68,6 @@ class VectorSpace(Manifold):
             Entries lie between −bound and bound.
         rng : int or numpy.random.Generator, optional
             Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, \*shape), or (\*shape,) for one sample
         """
         n_samples, bound = sample_count(n_samples), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
@@ -137,10 +117,6 @@ class FlatMetric(RiemannianMetric):
             Arrays.
         base_point : array, shape (..., \*shape), optional
             Base point; the inner product is the same at all of them.
-
-        Returns
-        -------
-        array, shape (...)
         """
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
@@ -151,53 +127,19 @@ class FlatMetric(RiemannianMetric):
         return np.sum(self._weights * product, axis=self.space._point_axes)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return Σ_t w_t ‖a_t − b_t‖².
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return Σ_t w_t ‖a_t − b_t‖²."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         difference = point_a - point_b
         return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return base_point + tangent_vec.
-
-        Parameters
-        ----------
-        tangent_vec : array, shape (..., \*shape)
-            Arrays.
-        base_point : array, shape (..., \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Return base_point + tangent_vec."""
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return self.space.check_point(base_point, "base_point") + tangent_vec
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return point − base_point.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-            Points.
-        base_point : array, shape (..., \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
+        r"""Return point − base_point."""
         base_point = self.space.check_point(base_point, "base_point")
         return self.space.check_point(point, "point") - base_point
 
@@ -217,10 +159,6 @@ class FlatMetric(RiemannianMetric):
         base_point, direction, end_point : array, shape (..., \*shape), optional
             Base point, and initial velocity or end of the geodesic; they take part in broadcasting
             alone.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
         """
         carried = real_array(tangent_vec, "tangent_vec", self.space.shape)
         for name, way in (
@@ -233,36 +171,14 @@ class FlatMetric(RiemannianMetric):
         return carried
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return infinity: straight lines never meet twice.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., \*shape), optional
-            Points.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return infinity: straight lines never meet twice."""
         leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
         return np.full(leading, np.inf)
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return 0: vector spaces are flat.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Arrays.
-        base_point : array, shape (..., \*shape), optional
-            Base point.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        r"""Return 0: vector spaces are flat."""
         return 0.0 * self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
 
     @property

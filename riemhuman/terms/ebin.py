@@ -73,11 +73,6 @@ class EbinTerm(Term):
 
         Not from the entries of g: slivers keep digits that those lose.
 
-        Parameters
-        ----------
-        first : Derivatives
-            First derivatives of surfaces.
-
         Returns
         -------
         x, y, s : array, shape (..., F)
@@ -92,34 +87,13 @@ class EbinTerm(Term):
 
         which is Theorem 1 (corrected) without its cancellation for near-equal matrices. Degenerate
         matrices are the apex of the cone. The gradient is 0 where g₁ = g₂ or s = 0.
-
-        Parameters
-        ----------
-        fields_a, fields_b : tuple of array, shape (..., F)
-            x, y and s of both.
-
-        Returns
-        -------
-        array, shape (..., F)
         """
         (x1, y1, s1), (x2, y2, s2) = fields_a, fields_b
         half = half_angle_sine_squared(excess(x1, y1, x2, y2), self.lam)
         return 16.0 * self.lam * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
 
     def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
-        """Return 16λ δs δs' + 2 s² (δx δx' + δy δy')/y².
-
-        Parameters
-        ----------
-        changes_a, changes_b : tuple of array, shape (..., F)
-            Changes of x, y and s.
-        fields : tuple of array, shape (..., F)
-            x, y and s.
-
-        Returns
-        -------
-        array, shape (..., F)
-        """
+        """Return 16λ δs δs' + 2 s² (δx δx' + δy δy')/y²."""
         (x1, y1, s1), (x2, y2, s2), (_, y, s) = changes_a, changes_b, fields
         return 16.0 * self.lam * s1 * s2 + 2.0 * (s / y) ** 2 * (x1 * x2 + y1 * y2)
 
@@ -130,10 +104,6 @@ class EbinTerm(Term):
         ----------
         first : Derivatives
             Not used: the form is constant.
-
-        Returns
-        -------
-        array, shape (6, 6)
         """
         rows = onp.zeros((3, 6))
         rows[0, [0, 3]] = math.sqrt(2.0), -math.sqrt(2.0)
@@ -152,15 +122,6 @@ class EbinTerm(Term):
         ‖L − L'‖ ≤ ℓ, the hyperbolic plane being of negative curvature. Let z = κ‖L − L'‖ ≤ θ. If
         z ≤ π, ½ Σ cos(√2 κ (L_k − L'_k)) ≥ cos z by Jensen, as cos √t is convex for 0 ≤ t ≤ 2π²;
         and it never falls below −1. So ‖φ − φ'‖² ≤ 16λ (s² + s'² − 2 s s' cos min(π, θ)) = d².
-
-        Parameters
-        ----------
-        fields : tuple of array, shape (..., F)
-            x, y and s.
-
-        Returns
-        -------
-        array, shape (..., F, 4)
         """
         x, y, s = fields
         # The logarithm lies along the spatial part of the point of the hyperboloid.

@@ -42,11 +42,6 @@ class NormalTerm(Term):
     def fields(self, first: Derivatives) -> Fields:
         """Return the unit normals.
 
-        Parameters
-        ----------
-        first : Derivatives
-            First derivatives of surfaces whose triangles have an area.
-
         Returns
         -------
         n : array, shape (..., F, 3)
@@ -54,17 +49,7 @@ class NormalTerm(Term):
         return (first.area_vectors / first.areas[..., None],)
 
     def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
-        """Return θ² of the angles θ between normals.
-
-        Parameters
-        ----------
-        fields_a, fields_b : tuple of array, shape (..., F, 3)
-            Unit normals.
-
-        Returns
-        -------
-        array, shape (..., F)
-        """
+        """Return θ² of the angles θ between normals."""
         difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
         return squared_arc(dot(difference, difference), dot(total, total))
 
@@ -77,10 +62,6 @@ class NormalTerm(Term):
             Changes of the normals, tangent to the sphere.
         fields : tuple of array
             Not used: the inner product is the same at all normals.
-
-        Returns
-        -------
-        array, shape (..., F)
         """
         return dot(changes_a[0], changes_b[0])
 
@@ -91,25 +72,11 @@ class NormalTerm(Term):
         ----------
         first : Derivatives
             Not used: the form is constant.
-
-        Returns
-        -------
-        array, shape (6, 6)
         """
         return np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])
 
     def chart(self, fields: Fields) -> ndarray:
-        """Return the normals themselves: a chord is at most its arc.
-
-        Parameters
-        ----------
-        fields : tuple of array
-            Unit normals.
-
-        Returns
-        -------
-        array, shape (..., F, 3)
-        """
+        """Return the normals themselves: a chord is at most its arc."""
         return fields[0]
 
     def feature_shape(self, n_faces: int) -> tuple[int, ...]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Any
 
 from numpy import ndarray
 from scipy.sparse import csr_array
+
+from riemhuman.docstrings import inherit_sections
 
 Slopes = tuple[float, ndarray, ndarray]
 
@@ -20,6 +23,10 @@ class QuadraticTerm(ABC):
     """
 
     sees_translations = False
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        inherit_sections(cls)
 
     @abstractmethod
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:

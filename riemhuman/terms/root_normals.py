@@ -57,10 +57,6 @@ class RootNormalTerm(FlatTerm):
         ----------
         first : Derivatives
             Not used: the form is constant.
-
-        Returns
-        -------
-        array, shape (6, 6)
         """
         swelling = np.array([0.5, 0.0, 0.0, 0.5, 0.0, 0.0])
         return np.outer(swelling, swelling) + np.diag([0.0, 0.0, 0.0, 0.0, 1.0, 1.0])

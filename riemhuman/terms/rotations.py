@@ -41,11 +41,6 @@ class RotationTerm(Term):
     def fields(self, first: Derivatives) -> Fields:
         """Return the unit quaternions of polar frames.
 
-        Parameters
-        ----------
-        first : Derivatives
-            First derivatives of surfaces whose triangles have an area.
-
         Returns
         -------
         q : array, shape (..., F, 4)
@@ -53,17 +48,7 @@ class RotationTerm(Term):
         return (quaternions(polar_frames(first.f_u, first.f_v)),)
 
     def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
-        """Return θ².
-
-        Parameters
-        ----------
-        fields_a, fields_b : tuple of array, shape (..., F, 4)
-            Unit quaternions.
-
-        Returns
-        -------
-        array, shape (..., F)
-        """
+        """Return θ²."""
         difference, total = fields_a[0] - fields_b[0], fields_a[0] + fields_b[0]
         p, q = dot(difference, difference), dot(total, total)
         return 4.0 * squared_arc(np.minimum(p, q), np.maximum(p, q))
@@ -77,10 +62,6 @@ class RotationTerm(Term):
             Changes of the quaternions.
         fields : tuple of array
             Not used: the inner product is the same at all rotations.
-
-        Returns
-        -------
-        array, shape (..., F)
         """
         return 4.0 * dot(changes_a[0], changes_b[0])
 
