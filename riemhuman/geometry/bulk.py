@@ -36,7 +36,7 @@ class Bulk(Protocol):
         """
 
     def rounding(self, features: Features) -> ndarray:
-        """Return how far each point is, at most, from the point its features stand for.
+        """Return a bound on the rounding error of each point's features, as a distance.
 
         Parameters
         ----------

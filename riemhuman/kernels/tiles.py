@@ -72,7 +72,7 @@ def padded(shape: tuple[int, ...], precision: str) -> ndarray:
 
 
 def rounding(gaps: Any, precision: str) -> ndarray:
-    """Return how far points are, at most, from those that their features stand for.
+    """Return a bound on the rounding error of each point's features, as a distance.
 
     Parameters
     ----------

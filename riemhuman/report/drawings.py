@@ -87,7 +87,7 @@ def draw_precision_recall(distances: Mapping[str, Step], labels: ndarray) -> Fig
 
 
 def draw_confusion(distances: ndarray, labels: ndarray, names: Sequence[str]) -> Figure:
-    """Draw who is taken for whom.
+    """Draw the confusion matrix of nearest neighbours.
 
     Parameters
     ----------

@@ -224,7 +224,7 @@ def plot_confusion(
     *,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw of which class the nearest neighbours of every class are.
+    """Plot the confusion matrix of nearest neighbours.
 
     Parameters
     ----------

@@ -225,8 +225,8 @@ class MiddleEquation:
 def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
     r"""Return how a point has left the manifold within one step, or "" if it has not.
 
-    Besides points that do not belong, those are told whose triangles have turned over: a normal
-    has turned by more than 120 degrees.
+    Points leave the manifold where they do not belong to it, and where a triangle is inverted: its
+    normal has turned by more than 120 degrees.
 
     Parameters
     ----------

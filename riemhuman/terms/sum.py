@@ -164,7 +164,7 @@ class SumOfTerms:
         return found
 
     def rounding(self, features: Features) -> ndarray:
-        """Return how far points are, at most, from those that their features stand for.
+        """Return a bound on the rounding error of each point's features, as a distance.
 
         Parameters
         ----------

@@ -255,7 +255,7 @@ class Term(ABC):
         return (n_faces * sum(self._field_sizes()),)
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
-        """Write features; return the squared distance, at most, to what they stand for.
+        """Write features; return a bound on the square of their rounding error.
 
         Parameters
         ----------
