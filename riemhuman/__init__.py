@@ -63,6 +63,7 @@ _ROOMS = (
     "jobs",
     "kernels",
     "measurements",
+    "motions",
     "protocols",
     "registration",
     "report",

@@ -1,0 +1,19 @@
+"""Motions as points: sequences of bodies compared, aligned and averaged, however fast they are."""
+
+from riemhuman.motions.dynamic_time_warping import DynamicTimeWarping
+from riemhuman.motions.motion_space import MotionSpace
+from riemhuman.motions.rate_dependent_metric import RateDependentMetric
+from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
+from riemhuman.motions.warp import Warp
+
+__all__ = [
+    "DynamicTimeWarping",
+    "MotionSpace",
+    "RateDependentMetric",
+    "RateInvariantMetric",
+    "Warp",
+]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

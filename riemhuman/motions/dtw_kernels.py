@@ -1,0 +1,177 @@
+"""Compiled dynamic programming of time warping: least sums of costs along monotone paths.
+
+Weights are symmetric (Sakoe and Chiba, "Dynamic programming algorithm optimization for spoken word
+recognition", IEEE TASSP 26, 1978): a step in both motions weighs 2, in one of them 1. A path from
+corner to corner so weighs n + m, however it runs.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import compiled
+
+
+@compiled
+def accumulate(
+    costs: ndarray,
+    window: float,
+    open_begin: bool,
+    most: float,
+    sums: ndarray,
+    starts: ndarray,
+) -> int:
+    """Fill in the least sums of all paths that end in each cell.
+
+    Parameters
+    ----------
+    costs : array, shape (n, m)
+        Costs of cells.
+    window : float
+        How far, as a share of both motions, matched frames may be apart; infinite for any.
+    open_begin : bool
+        Whether a path may begin at any frame of the second motion.
+    most : float
+        Sums above this are of no interest: work ends when all are.
+    sums : array, shape (n, m)
+        Least sums, infinite where no path leads; written to.
+    starts : array of int, shape (n, m)
+        Frame of the second motion with which the path begins; written to.
+
+    Returns
+    -------
+    int
+        Rows that were filled.
+    """
+    n, m = costs.shape
+    for i in range(n):
+        least = math.inf
+        for j in range(m):
+            best, start = math.inf, j
+            if abs(i * (m - 1) - j * (n - 1)) <= window * (n - 1) * (m - 1):
+                cost = costs[i, j]
+                if i == 0 and (j == 0 or open_begin):
+                    best = 2.0 * cost
+                if i > 0 and j > 0 and sums[i - 1, j - 1] + 2.0 * cost < best:
+                    best, start = sums[i - 1, j - 1] + 2.0 * cost, starts[i - 1, j - 1]
+                if i > 0 and sums[i - 1, j] + cost < best:
+                    best, start = sums[i - 1, j] + cost, starts[i - 1, j]
+                if j > 0 and sums[i, j - 1] + cost < best:
+                    best, start = sums[i, j - 1] + cost, starts[i, j - 1]
+            sums[i, j], starts[i, j] = best, start
+            least = min(least, best)
+        if least > most:
+            return i + 1
+    return n
+
+
+@compiled
+def trace(costs: ndarray, sums: ndarray, open_begin: bool, end: int, path: ndarray) -> int:
+    """Write the path of the least sum, from its end to its beginning.
+
+    Parameters
+    ----------
+    costs, sums : array, shape (n, m)
+        Costs of cells, and what `accumulate` made of them.
+    open_begin : bool
+        Whether a path may begin at any frame of the second motion.
+    end : int
+        Frame of the second motion with which it ends.
+    path : array of int, shape (n + m, 2)
+        Cells, the last first; written to.
+
+    Returns
+    -------
+    int
+        Number of cells.
+    """
+    i, j = len(costs) - 1, end
+    length = 0
+    while True:
+        path[length, 0], path[length, 1] = i, j
+        length += 1
+        if i == 0 and (j == 0 or (open_begin and sums[i, j] == 2.0 * costs[i, j])):
+            return length
+        if i > 0 and j > 0 and sums[i, j] == sums[i - 1, j - 1] + 2.0 * costs[i, j]:
+            i, j = i - 1, j - 1
+        elif i > 0 and sums[i, j] == sums[i - 1, j] + costs[i, j]:
+            i -= 1
+        else:
+            j -= 1
+
+
+@compiled
+def between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> ndarray:
+    r"""Return costs of frames with the nearest places half way to the frames before and after.
+
+    At the share s of the way from y to z, a frame x is at the squared distance (1 − s) d(x, y)² +
+    s d(x, z)² − s (1 − s) d(y, z)², by Stewart's theorem, which holds in flat spaces. The cost of
+    two frames is the mean of those of the first with places about the second and the other way.
+
+    Parameters
+    ----------
+    costs : array, shape (n, m)
+        Squared distances of frames.
+    steps_a, steps_b : array, shape (n - 1,) and (m - 1,)
+        Squared distances of frames that follow each other.
+
+    Returns
+    -------
+    array, shape (n, m)
+    """
+    n, m = costs.shape
+    nearer = np.empty((n, m))
+    for i in range(n):
+        for j in range(m):
+            here = costs[i, j]
+            one, other = here, here
+            if j + 1 < m:
+                one = min(one, _near(here, costs[i, j + 1], steps_b[j]))
+            if j > 0:
+                one = min(one, _near(here, costs[i, j - 1], steps_b[j - 1]))
+            if i + 1 < n:
+                other = min(other, _near(here, costs[i + 1, j], steps_a[i]))
+            if i > 0:
+                other = min(other, _near(here, costs[i - 1, j], steps_a[i - 1]))
+            nearer[i, j] = 0.5 * (one + other)
+    return nearer
+
+
+@compiled
+def _near(here: float, there: float, step: float) -> float:
+    if step <= 0.0:
+        return here
+    share = min(max(0.5 * (here - there + step) / step, 0.0), 0.5)
+    return max((1.0 - share) * here + share * there - share * (1.0 - share) * step, 0.0)
+
+
+@compiled
+def lower_bound(costs: ndarray, window: float) -> float:
+    """Return a sum that no path from corner to corner goes below.
+
+    Every frame of either motion has weight 1 in the cells it is matched in, each of which costs
+    at least the least within the window.
+
+    Parameters
+    ----------
+    costs : array, shape (n, m)
+        Costs of cells.
+    window : float
+        How far, as a share of both motions, matched frames may be apart.
+
+    Returns
+    -------
+    float
+    """
+    n, m = costs.shape
+    in_rows = np.full(n, math.inf)
+    in_columns = np.full(m, math.inf)
+    for i in range(n):
+        for j in range(m):
+            if abs(i * (m - 1) - j * (n - 1)) <= window * (n - 1) * (m - 1):
+                in_rows[i] = min(in_rows[i], costs[i, j])
+                in_columns[j] = min(in_columns[j], costs[i, j])
+    return in_rows.sum() + in_columns.sum()

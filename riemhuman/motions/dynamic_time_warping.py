@@ -1,0 +1,342 @@
+"""Dynamic time warping of motions over the distances of their frames."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import thread_count
+from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.motions.dtw_kernels import accumulate, lower_bound, trace
+from riemhuman.motions.frame_tables import (
+    ExactTables,
+    Frames,
+    ProjectedTables,
+    costs_between,
+    kept_frames,
+)
+from riemhuman.motions.frames import Motion, n_frames_of, several_motions
+from riemhuman.motions.warp import Warp
+from riemhuman.progress import ProgressBar
+from riemhuman.representation import constructed
+
+
+class DynamicTimeWarping:
+    r"""The least root mean squared distance of frames along a common clock.
+
+    .. math:: d(m_1, m_2)^2 = \min_{path} \frac{1}{n + m} \sum_{(i, j)} w_{ij}\, d(f_i, h_j)^2
+
+    over monotone paths from the first frames to the last, with the symmetric weights of Sakoe and
+    Chiba. It does not satisfy the triangle inequality; `RateInvariantMetric` does.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames, with a closed form.
+    window : float, optional
+        How far apart matched frames may be, as a share of either motion; by default any.
+    n_times : int, optional
+        Compare motions at this many equally spaced times, by cubic interpolation between frames;
+        by default at their frames. Motions of few frames need it to be near their own re-timings.
+    centered : bool
+        Compare how motions change: the mean of each along its length is taken off. What people
+        have of their own, such as how they hold their arms, goes with it.
+    between_frames : bool
+        Match frames with places between frames, too, so that a motion is near its own re-timing
+        whatever frames were taken.
+    n_components : int, optional
+        Number of principal components in place of exact distances in `dist_pairwise`; see
+        `riemhuman.motions.frame_tables`. By default distances are exact.
+    n_jobs : int, optional
+        Number of threads, -1 for one a core; by default one.
+
+    Raises
+    ------
+    ArgumentError
+        If a parameter is out of its range.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.AlignedSurfaces(knees.template)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> warping = rh.motions.DynamicTimeWarping(pose)
+    >>> slow, fast = knees[:40], knees[:40:2]
+    >>> bool(warping.dist(slow, fast) < warping.dist(slow, other[:40:2]))
+    True
+    >>> float(warping.warp(slow, fast)(20))
+    10.0
+    """
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        window: float | None = None,
+        *,
+        n_times: int | None = None,
+        centered: bool = False,
+        between_frames: bool = False,
+        n_components: int | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.metric = metric
+        self.window = window
+        self.n_times = n_times
+        self.centered = centered
+        self.between_frames = between_frames
+        self.n_components = n_components
+        self.n_jobs = n_jobs
+        self._window = math.inf
+        if window is not None:
+            self._window = real_number(window, "window", minimum=0.0)
+        if n_times is not None:
+            whole_number(n_times, "n_times", minimum=2)
+        if n_components is not None:
+            whole_number(n_components, "n_components", minimum=1)
+        thread_count(n_jobs)
+
+    def __repr__(self) -> str:
+        return constructed(self)
+
+    def dist(self, m1: Motion, m2: Motion) -> float:
+        """Return the distance of two motions.
+
+        Parameters
+        ----------
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions of at least two frames.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong, or the window admits no path.
+        """
+        return self.warp(m1, m2).dist
+
+    def warp(self, m1: Motion, m2: Motion) -> Warp:
+        """Return the best re-timing: which time of one motion corresponds to which of the other.
+
+        Parameters
+        ----------
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions of at least two frames.
+
+        Returns
+        -------
+        Warp
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong, or the window admits no path.
+        """
+        tables = ExactTables(self.metric)
+        costs = costs_between(tables, self._kept(tables, m1, "m1"), self._kept(tables, m2, "m2"))
+        total, cells = best_path(costs, self._window)
+        scales = [
+            (n_frames_of(motion) - 1) / (length - 1)
+            for motion, length in zip((m1, m2), costs.shape, strict=True)
+        ]
+        first, second = (cells * scales).T
+        return Warp(self._from_sum(total, costs), first, second)
+
+    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
+        """Return all distances within a set of motions.
+
+        Features of all frames are computed once, and kept.
+
+        Parameters
+        ----------
+        motions : sequence of motions
+            Motions of any numbers of frames, of at least two each.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+
+        Raises
+        ------
+        ArgumentError
+            If a motion is wrong, or the window admits no path.
+        """
+        several_motions(motions)
+        tables: Any = ExactTables(self.metric)
+        if self.n_components is not None:
+            tables = ProjectedTables(self.metric, motions, self.n_components)
+
+        def squared(one: Frames, other: Frames) -> float:
+            costs = costs_between(tables, one, other)
+            return self._from_sum(self._least_sum(costs), costs)
+
+        kept = [self._kept(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        return all_pairs(squared, kept, self.n_jobs, progress)
+
+    def kneighbors(
+        self, queries: Sequence[Motion], motions: Sequence[Motion], n_neighbors: int = 1
+    ) -> tuple[ndarray, ndarray]:
+        """Return the motions nearest to queries, the same that all distances would give.
+
+        Where the sum of the nearest frames alone is above the distance of those found, or a row of
+        the table is, the motion is given up.
+
+        Parameters
+        ----------
+        queries, motions : sequence of motions
+            Motions to compare, and motions to choose from.
+        n_neighbors : int
+            Number of neighbours.
+
+        Returns
+        -------
+        distances : array, shape (n_queries, n_neighbors)
+            Ascending.
+        indices : array of int, shape (n_queries, n_neighbors)
+            Of motions at the same distance, the lower index comes first.
+
+        Raises
+        ------
+        ArgumentError
+            If a motion is wrong, the window admits no path, or there are not as many motions.
+        """
+        several_motions(queries, "queries")
+        several_motions(motions)
+        if not 1 <= whole_number(n_neighbors, "n_neighbors") <= len(motions):
+            raise ArgumentError(
+                f"n_neighbors must be at least 1 and at most {len(motions)}, the number of "
+                f"motions; found {n_neighbors}"
+            )
+        tables = ExactTables(self.metric)
+        kept = [self._kept(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        distances = np.empty((len(queries), n_neighbors))
+        indices = np.empty((len(queries), n_neighbors), dtype=np.int64)
+        for row, motion in enumerate(queries):
+            query = self._kept(tables, motion, f"queries[{row}]")
+            found = self._nearest(tables, query, kept, n_neighbors)
+            distances[row], indices[row] = zip(*found, strict=True)
+        return distances, indices
+
+    def _nearest(
+        self, tables: Any, query: Frames, kept: Sequence[Frames], n_neighbors: int
+    ) -> list[tuple[float, int]]:
+        costs = [costs_between(tables, query, other) for other in kept]
+        bounds = [self._from_sum(lower_bound(c, self._window), c) for c in costs]
+        found: list[tuple[float, int]] = []
+        for k in np.argsort(bounds, kind="stable"):
+            most = found[-1][0] if len(found) == n_neighbors else math.inf
+            if bounds[k] > most:
+                break
+            least = self._least_sum(costs[k], (1.0 + 1e-9) * most**2 * sum(costs[k].shape))
+            found = sorted([*found, (self._from_sum(least, costs[k]), int(k))])[:n_neighbors]
+        return found
+
+    def _kept(self, tables: Any, motion: Motion, name: str) -> Frames:
+        return kept_frames(tables, motion, name, self.n_times, self.centered, self.between_frames)
+
+    def _least_sum(self, costs: ndarray, most: float = math.inf) -> float:
+        sums, starts = np.empty(costs.shape), np.empty(costs.shape, dtype=np.int64)
+        if accumulate(costs, self._window, False, most, sums, starts) < len(costs):
+            return math.inf if most < math.inf else _refuse(self._window, costs.shape)
+        total = float(sums[-1, -1])
+        return total if total < math.inf else _refuse(self._window, costs.shape)
+
+    @staticmethod
+    def _from_sum(total: float, costs: ndarray) -> float:
+        return math.sqrt(total / sum(costs.shape))
+
+
+def best_path(costs: ndarray, window: float) -> tuple[float, ndarray]:
+    """Return the least sum of costs from corner to corner, and its path.
+
+    Parameters
+    ----------
+    costs : array, shape (n, m)
+        Costs of cells.
+    window : float
+        How far, as a share of both motions, matched frames may be apart; infinite for any.
+
+    Returns
+    -------
+    total : float
+        The sum, with symmetric weights.
+    cells : array of int, shape (n_cells, 2)
+        Its cells, the first first.
+
+    Raises
+    ------
+    ArgumentError
+        If the window admits no path.
+    """
+    sums, starts = np.empty(costs.shape), np.empty(costs.shape, dtype=np.int64)
+    filled = accumulate(costs, window, False, math.inf, sums, starts)
+    if filled < len(costs) or not sums[-1, -1] < math.inf:
+        _refuse(window, costs.shape)
+    path = np.empty((sum(costs.shape), 2), dtype=np.int64)
+    length = trace(costs, sums, False, costs.shape[1] - 1, path)
+    return float(sums[-1, -1]), path[:length][::-1]
+
+
+def all_pairs(
+    dist: Callable[[Any, Any], float],
+    items: Sequence[Any],
+    n_jobs: int | None,
+    progress: bool,
+) -> ndarray:
+    """Return the distances of all pairs of items.
+
+    Parameters
+    ----------
+    dist : callable
+        Takes two items to their distance.
+    items : sequence
+        The items.
+    n_jobs : int or None
+        Number of threads.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    array, shape (n, n)
+        Symmetric, with zero diagonal.
+    """
+    n = len(items)
+    distances = np.zeros((n, n))
+
+    def fill(i: int) -> int:
+        for j in range(i):
+            distances[i, j] = distances[j, i] = dist(items[i], items[j])
+        return i
+
+    bar = ProgressBar(total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs")
+    with (
+        bar,
+        single_threaded_libraries(),
+        ThreadPoolExecutor(thread_count(n_jobs)) as pool,
+    ):
+        # The longest rows first, so that no thread is left with one at the end.
+        for done in pool.map(fill, range(n - 1, -1, -1)):
+            bar.update(done)
+    return distances
+
+
+def _refuse(window: float, shape: tuple[int, ...]) -> float:
+    raise ArgumentError(
+        f"window={window:g} admits no path between {shape[0]} and {shape[1]} frames; "
+        f"{1.0 / (min(shape) - 1):.2g} does"
+    )

@@ -1,0 +1,256 @@
+r"""Squared distances between the frames of motions, in tables that differences can be taken of.
+
+In a flat space :math:`|\sum_k \alpha_k x_k - \sum_l \beta_l y_l|^2`, for coefficients with one
+sum, is :math:`\sum \alpha_k\beta_l D_{kl} - u(\alpha) - u(\beta)` with :math:`u(\alpha) =
+\tfrac12 \sum \alpha_k\alpha_{k'} D_{kk'}`: motions are interpolated between frames, and their
+means taken off, by way of the squared distances D alone. Metrics of surfaces are not flat, but over
+the distance of neighbouring frames, nearly so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.interpolate import CubicSpline
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.motions.dtw_kernels import between_frames
+from riemhuman.motions.frames import Motion, frame_runs, n_frames_of, sampled_frames
+from riemhuman.retrieval.rows import Projection
+
+# Frames whose principal components stand for those of all.
+_MOST_SAMPLED = 600
+
+
+@dataclass(frozen=True)
+class Frames:
+    """What is kept of one motion.
+
+    Attributes
+    ----------
+    features : tuple of array, each of shape (n_frames, ...)
+        What distances need of each frame.
+    coefficients : array, shape (n_times, n_frames) or None
+        Combinations of frames to be compared in place of the frames.
+    spread : array, shape (n_times,)
+        u of every combination.
+    steps : array, shape (n_times - 1,) or None
+        Squared distances of combinations that follow each other, where places between them count.
+    """
+
+    features: tuple[ndarray, ...]
+    coefficients: ndarray | None
+    spread: ndarray
+    steps: ndarray | None
+
+
+class ExactTables:
+    """Distances of the metric itself, in double precision.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames.
+    """
+
+    def __init__(self, metric: RiemannianMetric) -> None:
+        self._metric = metric
+
+    def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
+        """Return what distances need of each frame.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            The motion.
+        name : str
+            Its name, for messages.
+
+        Returns
+        -------
+        tuple of array
+        """
+        runs = [self._metric.features(run) for run in frame_runs(self._metric.space, motion, name)]
+        return tuple(np.concatenate(arrays) for arrays in zip(*runs, strict=True))
+
+    def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
+        """Return the squared distances of all pairs of frames.
+
+        Parameters
+        ----------
+        a, b : tuple of array
+            Features of n and of m frames.
+
+        Returns
+        -------
+        array, shape (n, m)
+        """
+        return self._metric.squared_dist_of_features(a, b)
+
+
+class ProjectedTables:
+    """Distances of principal components of the lower bound that a metric of surfaces has.
+
+    None is above the metric's own. What the components leave out counts by its norm.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric with a method `lower_bound_coordinates`.
+    motions : sequence of motions
+        Motions whose frames, one in so many, the components are taken of.
+    n_components : int
+        Their number, at most.
+
+    Raises
+    ------
+    ArgumentError
+        If the metric has no such method.
+    """
+
+    def __init__(
+        self, metric: RiemannianMetric, motions: Sequence[Motion], n_components: int
+    ) -> None:
+        if not hasattr(metric, "lower_bound_coordinates"):
+            raise ArgumentError(
+                f"n_components needs a metric with lower_bound_coordinates, such as ElasticMetric; "
+                f"found {type(metric).__name__}"
+            )
+        self._metric: Any = metric
+        step = -(-sum(len(motion) for motion in motions) // _MOST_SAMPLED)
+        sample = [
+            metric.lower_bound_coordinates(frame)
+            for k, motion in enumerate(motions)
+            for frame in sampled_frames(metric.space, motion, f"motions[{k}]", step)
+        ]
+        self._projection = Projection.fit(np.stack(sample), n_components)
+
+    def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
+        """Return the coordinates of each frame.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            The motion.
+        name : str
+            Its name, for messages.
+
+        Returns
+        -------
+        tuple of one array, shape (n_frames, n_components + 1)
+        """
+        runs = frame_runs(self._metric.space, motion, name)
+        rows = [self._projection(self._metric.lower_bound_coordinates(run)) for run in runs]
+        return (np.concatenate(rows),)
+
+    def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
+        """Return the squared distances of all pairs of frames.
+
+        Parameters
+        ----------
+        a, b : tuple of array
+            Coordinates of n and of m frames.
+
+        Returns
+        -------
+        array, shape (n, m)
+        """
+        rows, others = a[0], b[0]
+        squares = np.einsum("ij,ij->i", rows, rows)[:, None] + np.einsum("ij,ij->i", others, others)
+        return np.maximum(squares - 2.0 * rows @ others.T, 0.0)
+
+
+def kept_frames(
+    tables: Any,
+    motion: Motion,
+    name: str,
+    n_times: int | None,
+    centered: bool,
+    between: bool,
+) -> Frames:
+    """Return what is kept of a motion to compare it with others.
+
+    Parameters
+    ----------
+    tables : ExactTables or ProjectedTables
+        How distances of frames are found.
+    motion : array or sequence, shape (n_frames, V, 3)
+        The motion, of at least two frames.
+    name : str
+        Its name, for messages.
+    n_times : int or None
+        Number of equally spaced times at which to compare it, by cubic interpolation; None for
+        its frames.
+    centered : bool
+        Whether its mean along its length is taken off.
+    between : bool
+        Whether places between frames count.
+
+    Returns
+    -------
+    Frames
+
+    Raises
+    ------
+    ArgumentError
+        If there are fewer than two frames, or one is wrong.
+    """
+    n_frames = n_frames_of(motion, name)
+    if n_frames < 2:
+        raise ArgumentError(f"{name} must have at least 2 frames; found {n_frames}")
+    features = tables.features(motion, name)
+    if n_times is None and not centered and not between:
+        return Frames(features, None, np.zeros(n_frames), None)
+    within = tables.squared(features, features)
+    if n_times is None:
+        coefficients = np.eye(n_frames)
+    else:
+        places = np.linspace(0.0, n_frames - 1.0, n_times)
+        coefficients = CubicSpline(np.arange(n_frames), np.eye(n_frames))(places)
+    if centered:
+        coefficients = coefficients - _shares_of_length(within)
+    spread = 0.5 * np.einsum("ti,ij,tj->t", coefficients, within, coefficients, optimize=True)
+    if not between:
+        return Frames(features, coefficients, spread, None)
+    changes = np.diff(coefficients, axis=0)
+    steps = -0.5 * np.einsum("ti,ij,tj->t", changes, within, changes, optimize=True)
+    return Frames(features, coefficients, spread, np.maximum(steps, 0.0))
+
+
+def costs_between(tables: Any, one: Frames, other: Frames) -> ndarray:
+    """Return the squared distances between two motions at all pairs of times.
+
+    Parameters
+    ----------
+    tables : ExactTables or ProjectedTables
+        How distances of frames are found.
+    one, other : Frames
+        What is kept of the two.
+
+    Returns
+    -------
+    array, shape (n_times, n_times of the other)
+    """
+    costs = tables.squared(one.features, other.features)
+    if one.coefficients is not None and other.coefficients is not None:
+        costs = one.coefficients @ costs @ other.coefficients.T
+        costs = np.maximum(costs - one.spread[:, None] - other.spread, 0.0)
+    if one.steps is not None and other.steps is not None:
+        costs = between_frames(costs, one.steps, other.steps)
+    return costs
+
+
+def _shares_of_length(within: ndarray) -> ndarray:
+    """Return the weight of each frame in the mean of a motion along its length."""
+    lengths = np.sqrt(np.maximum(np.diagonal(within, 1), 0.0))
+    if not lengths.any():
+        return np.full(len(within), 1.0 / len(within))
+    shares = np.zeros(len(within))
+    shares[:-1] += 0.5 * lengths
+    shares[1:] += 0.5 * lengths
+    return shares / shares.sum()

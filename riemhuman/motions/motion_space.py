@@ -1,0 +1,356 @@
+"""The space of motions: curves of surfaces, given by frames."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.motions.frames import (
+    Motion,
+    frame_runs,
+    n_frames_of,
+    rising_times,
+    whole_motion,
+)
+from riemhuman.motions.rate_dependent_metric import RateDependentMetric
+from riemhuman.protocols import GeodesicSolver, uninterrupted
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+
+
+class MotionSpace(Manifold):
+    """Curves of surfaces, each a point of shape (n_times, V, 3).
+
+    Metrics of motions also take motions of other numbers of frames, where they make sense of them;
+    `resample` gives every motion the same.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        Space of the frames, with the metric that frames are compared by.
+    n_times : int
+        Number of equally spaced times of a point.
+    geodesic_solver : GeodesicSolver, optional
+        How to find the surfaces between two frames. By default every triangle turns and stretches
+        evenly, see `riemhuman.solvers.PoissonPath`: limbs keep their length, and the energy is
+        close to the least.
+    equip : bool
+        Whether to equip the space with `RateDependentMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> motion = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    >>> space = rh.AlignedSurfaces(motion.template)
+    >>> motions = rh.motions.MotionSpace(space, n_times=5)
+    >>> motions.shape
+    (5, 1202, 3)
+    >>> bool(motions.belongs(motions.resample(motion[:40])))
+    True
+    """
+
+    def __init__(
+        self,
+        space: AlignedSurfaces,
+        n_times: int = 50,
+        geodesic_solver: GeodesicSolver | None = None,
+        equip: bool = True,
+    ) -> None:
+        self.frames = space
+        self.n_times = whole_number(n_times, "n_times", minimum=2)
+        self.geodesic_solver = geodesic_solver
+        super().__init__(n_times * space.dim, (n_times, *space.shape), equip)
+
+    def default_metric(self) -> type[RiemannianMetric]:
+        """Return `RateDependentMetric`."""
+        return RateDependentMetric
+
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        """Tell whether all frames belong to their space.
+
+        Parameters
+        ----------
+        point : array, shape (..., n_times, V, 3)
+            Candidate motions.
+        atol : float
+            Absolute tolerance of the space of frames.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        point, _ = self._candidates(point, "point")
+        return np.all(self.frames.belongs(point, atol), axis=-1)
+
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+        """Return the vector itself: every deformation of every frame is tangent.
+
+        Parameters
+        ----------
+        vector : array, shape (..., n_times, V, 3)
+            Deformations.
+        base_point : array, shape (..., n_times, V, 3), optional
+            Motions.
+
+        Returns
+        -------
+        array, shape (..., n_times, V, 3)
+        """
+        return real_array(vector, "vector", self.shape)
+
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+        """Draw straight paths between random surfaces.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of motions.
+        bound : float
+            How far the surfaces spread.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
+
+        Returns
+        -------
+        array, shape (n_samples, n_times, V, 3), or (n_times, V, 3) for one sample
+        """
+        n_samples, rng = sample_count(n_samples), generator(rng)
+        ends = self.frames.random_point(2 * n_samples, bound, rng)
+        start, end = ends[:n_samples, None], ends[n_samples:, None]
+        times = np.linspace(0.0, 1.0, self.n_times)[:, None, None]
+        return stack_samples((1.0 - times) * start + times * end, n_samples)
+
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
+        """Return motions as float64 arrays, or say what is wrong with them.
+
+        Parameters
+        ----------
+        point : array_like, shape (..., n_times, V, 3)
+            Motions.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., n_times, V, 3)
+        """
+        return self.frames.check_point(real_array(point, name, self.shape), name)
+
+    def resample(
+        self,
+        motion: Motion,
+        n_times: int | None = None,
+        *,
+        times: ndarray | None = None,
+        at: ndarray | None = None,
+        name: str = "motion",
+    ) -> ndarray:
+        """Return a motion at other times; between frames, on geodesics.
+
+        Frames are read two at a time.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            Motion of at least two frames.
+        n_times : int, optional
+            Number of equally spaced times from the first frame to the last; by default that of the
+            space.
+        times : array, shape (n_frames,), optional
+            Time of each frame, rising; by default 0, 1, 2, ….
+        at : array, shape (n,), optional
+            Times wanted, which never fall, in place of equally spaced ones.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (n_times, V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong, times do not rise, or times are wanted that the motion does not
+            have.
+        DegenerateSurfaceError
+            If a triangle has no area, so that it has no rotation.
+        """
+        n_frames = n_frames_of(motion, name)
+        if n_frames < 2:
+            raise ArgumentError(f"{name} must have at least 2 frames; found {n_frames}")
+        known = np.arange(float(n_frames))
+        if times is not None:
+            known = rising_times(times, "times", n_frames)
+        if at is None:
+            count = self.n_times if n_times is None else n_times
+            wanted = np.linspace(known[0], known[-1], whole_number(count, "n_times", minimum=2))
+        else:
+            wanted = _times_within(at, known)
+        # Linear between frames: frame k is at k.
+        places = np.interp(wanted, known, np.arange(n_frames))
+        segments = np.minimum(places.astype(int), n_frames - 2)
+        result = np.empty((len(places), *self.frames.shape))
+        for segment in np.unique(segments):
+            chosen = segments == segment
+            pair = whole_motion(
+                self.frames,
+                motion[segment : segment + 2],
+                f"{name}[{segment}:{segment + 2}]",
+            )
+            result[chosen] = self.between(pair[0], pair[1], places[chosen] - segment)
+        return result
+
+    def between(self, start: ndarray, end: ndarray, times: ndarray) -> ndarray:
+        """Return the surfaces between two surfaces.
+
+        Parameters
+        ----------
+        start, end : array, shape (V, 3)
+            Surfaces.
+        times : array, shape (n,)
+            Times in [0, 1].
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+            At 0 and 1 the surfaces themselves.
+        """
+        times = np.asarray(times, dtype=np.float64)
+        if self.geodesic_solver is not None:
+            found = uninterrupted(self.geodesic_solver.solve(self.frames.metric, start, end))
+            places = times * (len(found.path) - 1)
+            index = np.clip(places.astype(int), 0, len(found.path) - 2)
+            share = (places - index)[:, None, None]
+            return (1.0 - share) * found.path[index] + share * found.path[index + 1]
+        surfaces = np.empty((len(times), *self.frames.shape))
+        surfaces[times == 0.0], surfaces[times == 1.0] = start, end
+        inside = (times > 0.0) & (times < 1.0)
+        if inside.any():
+            self.frames.check_immersed(np.stack([start, end]), "frames")
+            interpolator = self.frames.template.interpolator
+            turns = interpolator.turns(start, end)
+            if interpolator.is_torn(turns):
+                turns = interpolator.mended(turns)
+            surfaces[inside] = interpolator.interpolate(start, end, times[inside], turns)
+        return surfaces
+
+    def crop(self, motion: Motion, start: float, stop: float, *, name: str = "motion") -> ndarray:
+        """Return a part of a motion.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            The motion.
+        start, stop : float
+            First and last time of the part, counted in frames from 0; between frames, surfaces lie
+            on geodesics.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+            The surface at `start`, the frames between, and the surface at `stop`.
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong, or 0 ≤ start < stop ≤ n_frames − 1 does not hold.
+        """
+        start = real_number(start, "start", minimum=0.0)
+        stop = real_number(stop, "stop", minimum=start, strict=True)
+        between = np.arange(np.floor(start) + 1.0, np.ceil(stop))
+        return self.resample(motion, at=np.concatenate([[start], between, [stop]]), name=name)
+
+    def trim(self, motion: Motion, share: float = 0.05, *, name: str = "motion") -> ndarray:
+        """Return a motion without the stillness at its beginning and end.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            Motion of at least two frames.
+        share : float
+            Frames whose steps are below this share of the longest are still.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+            The frames from the first step that is not still to the last.
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong, or nothing moves.
+        """
+        share = real_number(share, "share", minimum=0.0)
+        steps = self._steps(motion, name)
+        moving = np.flatnonzero(steps > share * steps.max())
+        if not len(moving):
+            raise ArgumentError(f"{name} must have a step above the share {share:g} of the longest")
+        return whole_motion(self.frames, motion[int(moving[0]) : int(moving[-1]) + 2], name)
+
+    def smooth(self, motion: Motion, n_passes: int = 1, *, name: str = "motion") -> ndarray:
+        """Return a motion with less noise: frames are drawn to the midpoints of their neighbours.
+
+        A pass takes each frame but the first and last half way along the geodesic to the midpoint
+        of those before and after it, which is what weights ¼, ½, ¼ are in a flat space.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            Motion of at least two frames.
+        n_passes : int
+            Number of passes.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (n_frames, V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong.
+        """
+        whole_number(n_passes, "n_passes", minimum=0)
+        frames, half = whole_motion(self.frames, motion, name, 2), np.array([0.5])
+        for _ in range(n_passes):
+            before = frames.copy()
+            for k in range(1, len(frames) - 1):
+                middle = self.between(before[k - 1], before[k + 1], half)[0]
+                frames[k] = self.between(before[k], middle, half)[0]
+        return frames
+
+    def _steps(self, motion: Motion, name: str) -> ndarray:
+        """Return the distances of frames that follow each other."""
+        if n_frames_of(motion, name) < 2:
+            raise ArgumentError(f"{name} must have at least 2 frames; found 1")
+        steps: list[ndarray] = []
+        last = None
+        for run in frame_runs(self.frames, motion, name):
+            joined = run if last is None else np.concatenate([last, run])
+            last = run[-1:]
+            steps.append(np.asarray(self.frames.metric.dist(joined[:-1], joined[1:])))
+        return np.concatenate(steps)
+
+
+def _times_within(at: Any, known: ndarray) -> ndarray:
+    wanted = np.asarray(real_array(at, "at", ("n_times",), batched=False))
+    if (np.diff(wanted) < 0).any():
+        raise ArgumentError("at must hold times that never fall; found an earlier after a later")
+    if len(wanted) and (wanted[0] < known[0] or wanted[-1] > known[-1]):
+        raise ArgumentError(
+            f"at must lie within the motion, {known[0]:g} to {known[-1]:g}; found "
+            f"{wanted[0]:g} to {wanted[-1]:g}"
+        )
+    return wanted
