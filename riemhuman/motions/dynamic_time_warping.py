@@ -13,8 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import thread_count
-from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.kernels.threads import single_threaded_libraries, thread_count
 from riemhuman.motions.dtw_kernels import accumulate, lower_bound, trace
 from riemhuman.motions.frame_tables import (
     ExactTables,

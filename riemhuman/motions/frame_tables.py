@@ -90,7 +90,7 @@ class ExactTables:
         -------
         array, shape (n, m)
         """
-        return self._metric.squared_dist_of_features(a, b)
+        return self._metric.bulk.squared_distances(a, b)
 
 
 class ProjectedTables:

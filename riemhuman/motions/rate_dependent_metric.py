@@ -9,8 +9,8 @@ from numpy import ndarray
 
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import Features
 from riemhuman.protocols import GeodesicSolver
+from riemhuman.terms.sum import Features
 
 if TYPE_CHECKING:
     from riemhuman.motions.motion_space import MotionSpace
@@ -124,12 +124,12 @@ class _OverTime(Bulk):
         ]
         return np.sqrt(np.sum(squares, axis=0))
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
         total: Any = 0.0
         for t, weight in enumerate(self._weights):
             one = _at(a, t)
             other = one if b is a else _at(b, t)
-            total = total + weight * self._bulk.squared_distances(one, other, n_jobs)
+            total = total + weight * self._bulk.squared_distances(one, other, n_threads)
         return total
 
 

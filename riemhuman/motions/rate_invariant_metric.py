@@ -14,13 +14,15 @@ from riemhuman.checks import metric_weight, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import MEMORY, Features, Points, pair_by_pair
+from riemhuman.geometry.pairwise import MEMORY, Points
+from riemhuman.kernels.threads import for_each
 from riemhuman.motions.dynamic_time_warping import all_pairs
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions, whole_motion
 from riemhuman.motions.transported_velocities import TransportedVelocities
 from riemhuman.motions.velocity_kernels import best_gain, trace_gain
 from riemhuman.motions.warp import Warp
 from riemhuman.retrieval.rows import Projection
+from riemhuman.terms.sum import Features
 
 if TYPE_CHECKING:
     from riemhuman.motions.motion_space import MotionSpace
@@ -299,11 +301,18 @@ class _OfCurves(Bulk):
     def rounding(self, features: Features) -> ndarray:
         return np.zeros(len(features[0]))
 
-    def squared_distances(self, a: Features, b: Features, n_jobs: int | None) -> ndarray:
-        def squared(*both: Any) -> ndarray:
-            return np.asarray(self._metric._squared(Curve(*both[:3]), Curve(*both[3:])))
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        rows, columns = ([Curve(*arrays) for arrays in zip(*each, strict=True)] for each in (a, b))
+        squared = np.zeros((len(rows), len(columns)))
 
-        return pair_by_pair(squared, a, b, n_jobs)
+        def fill_row(i: int) -> None:
+            for j in range(i + 1 if a is b else 0, len(columns)):
+                squared[i, j] = self._metric._squared(rows[i], columns[j])
+                if a is b:
+                    squared[j, i] = squared[i, j]
+
+        for_each(fill_row, range(len(squared)), n_threads)
+        return squared
 
 
 def _gains(shape: tuple[int, ...], n_steps: int) -> tuple[ndarray, ndarray]:
