@@ -1,5 +1,6 @@
 """Measurements of bodies: girths, lengths, heights, breadths, volumes, and bodies from them."""
 
+from riemhuman.measurements.comparison import VisitComparison, compare_visits, noise_of_poses
 from riemhuman.measurements.definitions import (
     Area,
     Breadth,
@@ -12,9 +13,12 @@ from riemhuman.measurements.definitions import (
     Volume,
     measurement_from_dict,
 )
+from riemhuman.measurements.inverse import MeasuredPerson, model_from_measurements
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import MeasuredBodies, Measurements
+from riemhuman.measurements.nearest_body import NearestBody, nearest_body
 from riemhuman.measurements.open_body import open_measurements
+from riemhuman.measurements.regression import ShapeRegression, regress_shape
 from riemhuman.measurements.standard_pose import in_standard_pose
 
 __all__ = [
@@ -26,13 +30,22 @@ __all__ = [
     "Length",
     "Mass",
     "MeasuredBodies",
+    "MeasuredPerson",
     "Measurement",
     "MeasurementSet",
     "Measurements",
+    "NearestBody",
+    "ShapeRegression",
+    "VisitComparison",
     "Volume",
+    "compare_visits",
     "in_standard_pose",
     "measurement_from_dict",
+    "model_from_measurements",
+    "nearest_body",
+    "noise_of_poses",
     "open_measurements",
+    "regress_shape",
 ]
 
 

@@ -39,7 +39,7 @@ _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
 _UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]
 # Of the mean body's stature, the height of the glabella, above the brows.
 _GLABELLA = 0.953
-_BELOW_CROTCH = 0.03
+_BELOW_CROTCH, _BELOW_FOLD = 0.03, 0.01
 _STEP = 0.005
 
 
@@ -208,13 +208,14 @@ class _Body:
 
 
 def _fold(body: _Body, nipple: ndarray) -> ndarray:
-    """Return where the profile below a nipple bends most: the fold under the breast."""
+    """Return a place just below where the profile under a nipple bends most."""
     heights = np.arange(nipple[1] - 0.11, nipple[1] - 0.02, _STEP)
     inside = [np.array([nipple[0], height, 0.0]) for height in heights]
     profile = np.array([body.hits(place, _FORWARD)[0][2] for place in inside])
     smooth = np.convolve(profile, np.ones(3) / 3.0, "same")
     bend = smooth[4:] - 2.0 * smooth[2:-2] + smooth[:-4]
-    return body.hits(inside[2 + int(bend[1:-1].argmax()) + 1], _FORWARD)[0]
+    fold = 3 + int(bend[1:-1].argmax())
+    return body.hits(inside[fold] - _BELOW_FOLD * _UP, _FORWARD)[0]
 
 
 def _narrowest(body: _Body, low: float, high: float) -> float:

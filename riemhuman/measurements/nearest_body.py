@@ -1,0 +1,182 @@
+r"""The body nearest to a given one that has other measurements.
+
+Minimises d²(f₀, f) over all vertices of f subject to m_k(f) = v_k, by steps of sequential quadratic
+programming: with M the matrix of the metric at f, g the gradient of d² and J the derivatives of the
+measurements, the step p solves 2 M p + Jᵀ μ = −g, J p = v − m(f).
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.measurements.measuring import Measurements, as_mapping
+from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
+
+_MOST_HALVINGS = 12
+
+
+@dataclass(frozen=True, eq=False)
+class NearestBody:
+    """A body with wanted measurements, and what changed.
+
+    Attributes
+    ----------
+    point : array, shape (V, 3)
+        The body, metres.
+    distance : float
+        Its distance from the given body.
+    before, after : dict of str to float
+        All measurements of both bodies.
+    converged : bool
+        Whether the measurements are met and the search came to rest.
+    n_iterations : int
+        Steps.
+    message : str
+        How the search ended.
+    """
+
+    point: ndarray
+    distance: float
+    before: dict[str, float]
+    after: dict[str, float]
+    converged: bool
+    n_iterations: int
+    message: str
+
+    @property
+    def changes(self) -> dict[str, float]:
+        """Differences of all measurements, after less before."""
+        return {name: value - self.before[name] for name, value in self.after.items()}
+
+
+def nearest_body(
+    measurements: Measurements,
+    metric: Any,
+    point: Any,
+    wanted: Mapping[str, float],
+    *,
+    tolerance: float = 1e-4,
+    max_iter: int = 60,
+) -> NearestBody:
+    """Return the body nearest to a given one whose measurements have given values.
+
+    Which body that is depends on the metric. Under metrics of first order, such as
+    `rh.ElasticMetric`, the surface may have an edge where a tape runs; with a second-order term, as
+    `rh.SobolevMetric` has it, the change is smooth. All vertices are free.
+
+    Parameters
+    ----------
+    measurements : Measurements
+        What is measured.
+    metric : RiemannianMetric
+        A metric on aligned surfaces with `energy_and_gradient` and `metric_matrix`.
+    point : array_like, shape (V, 3)
+        The given body, as it stands, metres.
+    wanted : mapping of str to float
+        Values to have; the other measurements are free.
+    tolerance : float
+        Values are met to this share, and the search is at rest when no vertex moves by more than
+        this share of a metre.
+    max_iter : int
+        Most steps.
+
+    Returns
+    -------
+    NearestBody
+
+    Raises
+    ------
+    ArgumentError
+        If a name is unknown, the metric has no matrix, or a measurement cannot be taken.
+
+    Warns
+    -----
+    ConvergenceWarning
+        If the values are not met, or the search has not come to rest.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model, ["waist girth", "hip girth"])
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SobolevMetric(space, a0=1.0, a2=0.01)
+    >>> slimmer = own.measure(bodies[0])["waist girth"] - 0.05
+    >>> result = rh.measurements.nearest_body(own, metric, bodies[0], {"waist girth": slimmer})
+    >>> round(result.changes["waist girth"], 3)
+    -0.05
+    """
+    real_number(tolerance, "tolerance", minimum=0.0, strict=True)
+    whole_number(max_iter, "max_iter", minimum=1)
+    if not (hasattr(metric, "metric_matrix") and hasattr(metric, "energy_and_gradient")):
+        raise ArgumentError(
+            f"metric must have energy_and_gradient and metric_matrix; found {metric!r}"
+        )
+    start = real_array(point, "point", metric.space.shape, batched=False)
+    goals = as_mapping(wanted, measurements.names)
+    own = Measurements(measurements.definitions, list(goals))
+    values = np.array(list(goals.values()))
+    f = start.copy()
+    found, slopes = _measured(own, f)
+    energy, gradient = 0.0, np.zeros_like(f)
+    n_steps, penalty = 0, 0.0
+    while n_steps < max_iter:
+        n_steps += 1
+        factor = SparseCholeskyFactor(2.0 * metric.metric_matrix(f))
+        rows = slopes.reshape(len(values), -1)
+        solved = factor.inverse(np.concatenate([rows, gradient.reshape(1, -1)]).T)
+        by_rows, by_gradient = solved[:, :-1], solved[:, -1]
+        gram = rows @ by_rows
+        multipliers = -np.linalg.solve(gram, values - found + rows @ by_gradient)
+        # The second step meets the values alone, where a kink of a hull is in the way.
+        steps = [
+            -(by_gradient + by_rows @ multipliers),
+            by_rows @ np.linalg.solve(gram, values - found),
+        ]
+        penalty = max(penalty, 2.0 * float(np.abs(multipliers).max()))
+        merit = energy + penalty * np.abs(found - values).sum()
+        for step, halvings in product(steps, range(_MOST_HALVINGS)):
+            moved = f + 0.5**halvings * step.reshape(f.shape)
+            trial, trial_slopes = _measured(own, moved)
+            trial_energy, both = metric.energy_and_gradient(np.stack([start, moved]))
+            if trial_energy + penalty * np.abs(trial - values).sum() < merit:
+                break
+        else:
+            break
+        f, found, slopes = moved, trial, trial_slopes
+        energy, gradient = float(trial_energy), both[1]
+        if _met(found, values, tolerance).all() and np.abs(step).max() < tolerance:
+            break
+    is_met = _met(found, values, tolerance)
+    converged = bool(is_met.all()) and n_steps < max_iter
+    message = f"stopped after {n_steps} steps" if n_steps == max_iter else "no step gains more"
+    message += "; the values are met" if is_met.all() else ""
+    if not converged:
+        missed = [name for name, is_one in zip(goals, is_met, strict=True) if not is_one]
+        message += f"; not met: {', '.join(missed)}" if missed else ""
+        warnings.warn(message, ConvergenceWarning, stacklevel=2)
+    both_measured = measurements.measure(np.stack([start, f]), missing="nan")
+    before, after = (
+        dict(zip(both_measured.names, row.tolist(), strict=True)) for row in both_measured.values
+    )
+    distance = float(np.sqrt(max(energy, 0.0)))
+    return NearestBody(f, distance, before, after, converged, n_steps, message)
+
+
+def _measured(own: Measurements, f: ndarray) -> tuple[ndarray, ndarray]:
+    measured = own.measure(f, gradient=True)
+    assert measured.gradient is not None
+    return measured.values, measured.gradient
+
+
+def _met(found: ndarray, values: ndarray, tolerance: float) -> ndarray:
+    return np.abs(found - values) <= tolerance * np.abs(values)

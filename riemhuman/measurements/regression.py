@@ -1,0 +1,128 @@
+"""How bodies change with a measurement or a covariate, and whether chance would do as well."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.statistics.geodesic_regression import GeodesicRegression
+from riemhuman.statistics.image_spaces import image_space
+from riemhuman.statistics.tangent_pca import mean_point
+
+
+@dataclass(frozen=True, eq=False)
+class ShapeRegression:
+    """Bodies along a measurement.
+
+    Attributes
+    ----------
+    regression : GeodesicRegression
+        The fitted geodesic: ``regression.predict([0.7, 0.9])`` gives bodies.
+    explained : float
+        Share of the variance at the mean that the number explains, R².
+    p_value : float
+        Probability of as large a share were the numbers dealt to the people at random.
+    n_permutations : int
+        Number of deals tried.
+    """
+
+    regression: GeodesicRegression
+    explained: float
+    p_value: float
+    n_permutations: int
+
+
+def regress_shape(
+    space: Any,
+    values: Any,
+    points: Any,
+    *,
+    people: Any = None,
+    n_permutations: int = 999,
+    rng: Rng = None,
+    **options: Any,
+) -> ShapeRegression:
+    r"""Fit bodies by a geodesic along a number, and test it by permutations.
+
+    With logarithms :math:`L_i` of the bodies at their mean, and centred numbers :math:`t_i`, the
+    share explained is :math:`R^2 = |\sum_i t_i L_i|^2 / (\sum_i t_i^2 \sum_i |L_i|^2)`. The numbers
+    are dealt to the people anew, and the p-value is the share of deals, the given one among them,
+    that explain as much.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        Space with a metric.
+    values : array_like, shape (n,)
+        A measurement or a covariate of every body.
+    points : array_like, shape (n, V, 3)
+        Bodies.
+    people : array_like, shape (n,), optional
+        Who each body is: bodies of one person have one value and keep it together. By default every
+        body is a person.
+    n_permutations : int
+        Number of deals.
+    rng : int or numpy.random.Generator, optional
+        Where deals are drawn from.
+    **options
+        Further arguments of `rh.GeodesicRegression`.
+
+    Returns
+    -------
+    ShapeRegression
+
+    Raises
+    ------
+    ArgumentError
+        If numbers and bodies do not fit each other, or one person has several values.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse").select(pose=0)
+    >>> waists = rh.measurements.Measurements(bodies.model).measure(bodies.points)["waist girth"]
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = space.equip_with_metric(rh.ElasticMetric, a=1.0, lam=1.0, c=0.1)
+    >>> found = rh.measurements.regress_shape(space, waists, bodies.points, rng=0, max_iter=0)
+    >>> found.p_value <= 0.05
+    True
+    """
+    points = space.metric.check_points(points, "points")
+    values = real_array(values, "values", (len(points),), batched=False)
+    n_permutations = whole_number(n_permutations, "n_permutations", minimum=1)
+    labels = np.arange(len(points)) if people is None else np.asarray(people)
+    if labels.shape != values.shape:
+        raise ArgumentError(f"people must have shape {values.shape}; found {labels.shape}")
+    _, first, of_person = np.unique(labels, return_index=True, return_inverse=True)
+    of_person = of_person.reshape(-1)
+    if (values != values[first][of_person]).any():
+        raise ArgumentError("values must be one for each person; found several of one")
+    regression = GeodesicRegression(space, **options).fit(values, points)
+    gram = _gram_matrix(space, regression, points)
+    rng = generator(rng)
+    own = values[first]
+    found = _explained(gram, own[of_person])
+    dealt = [_explained(gram, rng.permutation(own)[of_person]) for _ in range(n_permutations)]
+    as_much = 1 + int(np.sum(np.array(dealt) >= found * (1.0 - 1e-12)))
+    return ShapeRegression(regression, found, as_much / (1 + n_permutations), n_permutations)
+
+
+def _gram_matrix(space: Any, regression: GeodesicRegression, points: ndarray) -> ndarray:
+    """Return inner products of the logarithms at the mean, shape (n, n)."""
+    image = image_space(space.metric, regression.image, regression.nearest)
+    mean = mean_point(regression.mean_, space, image, points)
+    base = image.embed(mean[None])[0]
+    logs = image.metric.log(image.embed(points), base)
+    return np.array(
+        [[float(image.metric.inner_product(one, other, base)) for other in logs] for one in logs]
+    )
+
+
+def _explained(gram: ndarray, values: ndarray) -> float:
+    centred = values - values.mean()
+    return float(centred @ gram @ centred / (centred @ centred * np.trace(gram)))
