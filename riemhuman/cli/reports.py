@@ -65,7 +65,12 @@ def _report(options: argparse.Namespace) -> None:
         bodies = read_body_set(options, resolution, bars=reporter.bars)
     basis = _basis(options, reporter)
     page = make_report(
-        options.output, bodies=bodies, basis=basis, quick=options.quick, progress=reporter.task
+        options.output,
+        bodies=bodies,
+        basis=basis,
+        quick=options.quick,
+        progress=reporter.task,
+        bars=reporter.bars,
     )
     say(str(page))
 

@@ -8,26 +8,23 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, whole_number
-from riemhuman.descriptors.descriptor import Descriptor, pairwise
+from riemhuman.descriptors.descriptor import pairwise
 from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.descriptors.spectral_descriptor import SpectralDescriptor
 
 _NORMALIZATIONS = ("none", "area")
 
 
-class KernelSignature(Descriptor):
+class KernelSignature(SpectralDescriptor):
     """Signatures Σ_k w_k φ_k(x)² of all points x, gathered over the surface.
 
     Subclasses are frozen records of parameters that define `_of`, the signatures by a spectrum.
     Histograms are compared by the sum of absolute differences, means by the Euclidean distance.
     """
 
-    _in_threads = False
-
     pooling: str
     normalization: str
-    n_eigenvalues: int
     n_bins: int
-    laplacian: str
 
     def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the signatures of every vertex.
@@ -54,7 +51,7 @@ class KernelSignature(Descriptor):
         DegenerateSurfaceError
             If a triangle has no area, with the cotangent Laplacian.
         """
-        return self._of(self._spectrum(vertices, faces))
+        return self._of(self._scaled(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
         """Return all distances within a set of vectors.
@@ -75,8 +72,9 @@ class KernelSignature(Descriptor):
     def _of(self, found: Spectrum) -> np.ndarray:
         """Return the signatures, shape (n_scales, V)."""
 
-    def _spectrum(self, vertices: ArrayLike, faces: ArrayLike) -> Spectrum:
-        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
+    def _scaled(self, found: Spectrum) -> Spectrum:
+        """Return the part of a spectrum that is used, of the surface as it is or of area 1."""
+        found = found.first(self.n_eigenvalues)
         return found.of_unit_area() if self.normalization == "area" else found
 
     def _check_choices(self, poolings: tuple[str, ...]) -> None:

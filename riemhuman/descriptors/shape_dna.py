@@ -5,17 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, whole_number
-from riemhuman.descriptors.descriptor import Descriptor
-from riemhuman.descriptors.spectra import LAPLACIANS, spectrum
+from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum
+from riemhuman.descriptors.spectral_descriptor import SpectralDescriptor
 
 _NORMALIZATIONS = ("none", "area", "first")
 
 
 @dataclass(frozen=True)
-class ShapeDNA(Descriptor):
+class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
 
     They depend on lengths within the surface alone, so that bending leaves them as they are. By
@@ -56,8 +55,6 @@ class ShapeDNA(Descriptor):
     True
     """
 
-    _in_threads = False
-
     n_eigenvalues: int = 50
     normalization: str = "none"
     reweighted: bool = True
@@ -68,31 +65,19 @@ class ShapeDNA(Descriptor):
         one_of(self.normalization, "normalization", _NORMALIZATIONS)
         one_of(self.laplacian, "laplacian", LAPLACIANS)
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the eigenvalues of one surface.
+    def of_spectrum(self, found: Spectrum) -> np.ndarray:
+        """Return the eigenvalues of a surface.
 
         Parameters
         ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
-        faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
+        found : Spectrum
+            Its spectrum, with `n_eigenvalues` eigenvalues or more.
 
         Returns
         -------
         array, shape (n_eigenvalues,)
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the mesh has fewer eigenvalues.
-        DegenerateSurfaceError
-            If a triangle has no area, with the cotangent Laplacian.
         """
-        found = spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)
-        values = found.eigenvalues
+        values = found.eigenvalues[: self.n_eigenvalues]
         if self.normalization == "area":
             values = values * found.areas.sum()
         elif self.normalization == "first":

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,6 +48,24 @@ class Spectrum:
     functions: np.ndarray
     constants: np.ndarray
     areas: np.ndarray
+
+    def first(self, n_eigenvalues: int) -> Spectrum:
+        """Return the lowest part of the spectrum.
+
+        Parameters
+        ----------
+        n_eigenvalues : int
+            How many eigenvalues are kept.
+
+        Returns
+        -------
+        Spectrum
+        """
+        return replace(
+            self,
+            eigenvalues=self.eigenvalues[:n_eigenvalues],
+            functions=self.functions[:n_eigenvalues],
+        )
 
     def of_unit_area(self) -> Spectrum:
         """Return the spectrum of the same surface, scaled to area 1.

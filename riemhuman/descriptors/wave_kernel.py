@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.descriptors.kernel_signature import KernelSignature
@@ -93,30 +92,19 @@ class WaveKernelSignature(KernelSignature):
             )
         self._check_choices(_POOLINGS)
 
-    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the gathered signatures of one surface.
+    def of_spectrum(self, found: Spectrum) -> np.ndarray:
+        """Return the gathered signatures of a surface.
 
         Parameters
         ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
-        faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
+        found : Spectrum
+            Its spectrum, with `n_eigenvalues` eigenvalues or more.
 
         Returns
         -------
         array, shape (n_energies * n_bins,), or (n_energies,) for a mean
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the mesh has too few eigenvalues.
-        DegenerateSurfaceError
-            If a triangle has no area, with the cotangent Laplacian.
         """
-        found = self._spectrum(vertices, faces)
+        found = self._scaled(found)
         used = found.areas > 0
         values = self._of(found)[:, used]
         if self.pooling == "histogram":

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from riemhuman.report.plan import (
     elastic_metric,
 )
 from riemhuman.report.store import Computed, ResultStore, Step
-from riemhuman.retrieval.benchmark import timed_distances
+from riemhuman.retrieval.benchmark import Described, described_together, timed_distances
 from riemhuman.retrieval.scores import scores
 
 if TYPE_CHECKING:
@@ -27,7 +28,12 @@ if TYPE_CHECKING:
 
 
 def distance_steps(
-    store: ResultStore, digest: str, bodies: Bodies, representations: Mapping[str, Any]
+    store: ResultStore,
+    digest: str,
+    bodies: Bodies,
+    representations: Mapping[str, Any],
+    *,
+    bars: bool = False,
 ) -> dict[str, Step]:
     """Compute the distances of all bodies by every representation.
 
@@ -43,6 +49,8 @@ def distance_steps(
         The bodies.
     representations : mapping of str to object
         Metrics and descriptors by name, as for `riemhuman.retrieval.benchmark`.
+    bars : bool
+        Whether to show progress bars.
 
     Returns
     -------
@@ -50,11 +58,21 @@ def distance_steps(
         Distances, shape (n, n), and the seconds of a body and of a pair.
     """
     steps = {}
-    for name, representation in representations.items():
 
-        def compute(representation: Any = representation) -> Computed:
+    @cache
+    def together() -> dict[str, Described]:
+        # When the first of them is wanted: a report that has them all computes no spectrum.
+        return described_together(representations, bodies, progress=bars)
+
+    for name, representation in representations.items():
+        shares = hasattr(representation, "describe_together")
+
+        def compute(
+            name: str = name, representation: Any = representation, shares: bool = shares
+        ) -> Computed:
+            described = together().get(name) if shares else None
             try:
-                return _measured_distances(representation, bodies)
+                return _measured_distances(representation, bodies, described)
             except RiemhumanError as error:
                 return {}, {"problem": f"{type(error).__name__}: {error}"}
 
@@ -65,8 +83,10 @@ def distance_steps(
     return steps
 
 
-def _measured_distances(representation: Any, bodies: Bodies) -> Computed:
-    matrix, per_body, per_pair = timed_distances(representation, bodies, n_jobs=-1)
+def _measured_distances(
+    representation: Any, bodies: Bodies, described: Described | None
+) -> Computed:
+    matrix, per_body, per_pair = timed_distances(representation, bodies, -1, described)
     return {"distances": np.asarray(matrix)}, {
         "seconds_per_body": per_body,
         "seconds_per_pair": per_pair,

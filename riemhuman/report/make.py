@@ -40,6 +40,7 @@ def make_report(
     quick: bool = False,
     representations: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
+    bars: bool = False,
 ) -> Path:
     """Redo the experiments of the paper's sections 5 and 6, and write a page about them.
 
@@ -65,6 +66,8 @@ def make_report(
         those of other packages alone, see `riemhuman.extensions`.
     progress : callable, optional
         Takes the name of what is being done to a context manager, which lasts as long.
+    bars : bool
+        Whether to show progress bars within what takes long.
 
     Returns
     -------
@@ -98,7 +101,7 @@ def make_report(
     if basis is not None:
         basis.check_fits(bodies.template)
     with opened_folder(output) as folder:
-        return _make(folder, bodies, basis, quick, representations, watch, begun)
+        return _make(folder, bodies, basis, quick, representations, watch, bars, begun)
 
 
 def _make(
@@ -108,6 +111,7 @@ def _make(
     quick: bool,
     representations: Mapping[str, Any] | None,
     watch: Progress,
+    bars: bool,
     begun: str,
 ) -> Path:
     plan = QUICK if quick else Plan()
@@ -122,7 +126,7 @@ def _make(
     if representations is None:
         representations = of_extensions(bodies) if quick else available(bodies)
     compared = {**table_metrics(bodies), **representations}
-    results = compute_results(store, digest, bodies, space, plan, basis, compared)
+    results = compute_results(store, digest, bodies, space, plan, basis, compared, bars=bars)
 
     with watch("Page and figures"), figure_style():
         materials = Materials(folder, bodies, results, plan, store, figures, digest)

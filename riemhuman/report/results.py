@@ -69,6 +69,8 @@ def compute_results(
     plan: Plan,
     basis: DeformationBasis | None,
     representations: Mapping[str, Any],
+    *,
+    bars: bool = False,
 ) -> Results:
     """Run all experiments.
 
@@ -89,12 +91,14 @@ def compute_results(
         others.
     representations : mapping of str to object
         Metrics and descriptors by name; the paper's two metrics are among them.
+    bars : bool
+        Whether to show progress bars.
 
     Returns
     -------
     Results
     """
-    measured = distance_steps(store, digest, bodies, representations)
+    measured = distance_steps(store, digest, bodies, representations, bars=bars)
     problems = {n: s.record["problem"] for n, s in measured.items() if "problem" in s.record}
     distances = {name: step for name, step in measured.items() if name not in problems}
     pose, shape = (distances[name].arrays["distances"] for name in (POSE, SHAPE))

@@ -29,6 +29,8 @@ ROTATION_METRIC = "rotation metric"
 GENERAL_METRIC = "general elastic metric (1, 1, 1)"
 """Name of the metric of diffused rotations, which tells how they stand whoever they are."""
 
+Described = tuple[np.ndarray, float]
+
 _LABELS = {"shape": "subject", "pose": "pose"}
 
 
@@ -123,11 +125,14 @@ def benchmark(
     labels = _labels(bodies)
 
     records = []
+    described = described_together(representations, bodies, progress=progress)
     bar = ProgressBar(representations.items(), disable=not progress, unit="representation")
     for name, representation in bar:
         bar.set_description(name)
         try:
-            distances, per_body, per_pair = timed_distances(representation, bodies, n_jobs)
+            distances, per_body, per_pair = timed_distances(
+                representation, bodies, n_jobs, described.get(name)
+            )
             found = {task: scores(distances, classes) for task, classes in labels.items()}
             records += [
                 BenchmarkRecord(name, task, found[task], per_body, per_pair) for task in found
@@ -204,8 +209,41 @@ def _labels(bodies: Any) -> dict[str, list[Any]]:
     return found
 
 
+def described_together(
+    representations: Mapping[str, Any], bodies: Any, *, progress: bool = False
+) -> dict[str, Described]:
+    """Return the vectors of those descriptors that share what is costly, such as spectra.
+
+    Parameters
+    ----------
+    representations : mapping of str to object
+        By name, metrics and descriptors; those with the method ``describe_together`` share.
+    bodies : Bodies or LabelledMeshes
+        Surfaces.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    dict of str to (array, float)
+        Vectors of the bodies by one descriptor, and the seconds it would take alone. Nothing if
+        there are fewer than two such descriptors, or they refuse the bodies: each says why then.
+    """
+    sharing = {
+        name: each for name, each in representations.items() if hasattr(each, "describe_together")
+    }
+    if len(sharing) < 2:
+        return {}
+    together = next(iter(sharing.values())).describe_together
+    try:
+        vectors, seconds = together(list(sharing.values()), bodies, progress=progress)
+    except RiemhumanError:
+        return {}
+    return dict(zip(sharing, zip(vectors, seconds, strict=True), strict=True))
+
+
 def timed_distances(
-    representation: Any, bodies: Any, n_jobs: int | None
+    representation: Any, bodies: Any, n_jobs: int | None, described: Described | None = None
 ) -> tuple[np.ndarray, float, float]:
     """Return all distances of a set of bodies, and what they cost.
 
@@ -217,6 +255,9 @@ def timed_distances(
         Surfaces.
     n_jobs : int, optional
         Number of threads, -1 for one a core; by default one.
+    described : (array, float), optional
+        Vectors of the bodies by the descriptor, and the seconds they took; see
+        `described_together`.
 
     Returns
     -------
@@ -243,14 +284,17 @@ def timed_distances(
         return distances, 0.0, (time.perf_counter() - start) / n_pairs
 
     start = time.perf_counter()
-    if hasattr(representation, "describe_all"):
+    if described is not None:
+        vectors, seconds = described
+    elif hasattr(representation, "describe_all"):
         vectors = representation.describe_all(bodies, n_jobs=n_jobs)
     else:
         vectors = np.stack([representation.describe(*mesh) for mesh in _meshes(bodies)])
-    described = time.perf_counter()
+    if described is None:
+        seconds = time.perf_counter() - start
+    start = time.perf_counter()
     distances = representation.distances(vectors)
-    finished = time.perf_counter()
-    return distances, (described - start) / n_bodies, (finished - described) / n_pairs
+    return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
 
 
 def _meshes(bodies: Any) -> Any:

@@ -199,6 +199,26 @@ def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
         dna.describe_all([])
 
 
+def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch):
+    meshes = [folded_sheet(angle) for angle in (0.0, 0.5)]
+    sharing = [*descriptors(8), ShapeDNA(5), HeatKernelSignature(n_eigenvalues=6)]
+    computed = []
+
+    def counted(*arguments):
+        computed.append(arguments)
+        return spectrum(*arguments)
+
+    monkeypatch.setattr("riemhuman.descriptors.spectral_descriptor.spectrum", counted)
+    vectors, seconds = ShapeDNA.describe_together(sharing, meshes)
+    assert len(computed) == len(meshes)
+    for descriptor, found, taken in zip(sharing, vectors, seconds, strict=True):
+        np.testing.assert_allclose(found, descriptor.describe_all(meshes), rtol=1e-7, atol=1e-9)
+        assert taken > 0
+    flat = np.zeros_like(meshes[0][0])
+    with pytest.raises(DegenerateSurfaceError, match=r"^body 1: the mesh has 480 of 480"):
+        ShapeDNA.describe_together(sharing, [meshes[0], (flat, meshes[0][1])])
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [

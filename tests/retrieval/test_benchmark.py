@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_bodies
+from riemhuman.descriptors import HeatKernelSignature, ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.retrieval import (
     BenchmarkRecord,
@@ -46,6 +47,24 @@ class Heights:
 
     def distances(self, vectors):
         return np.abs(vectors - vectors.T)
+
+
+def test_descriptors_share_what_is_costly(few, monkeypatch):
+    apart = {"dna": ShapeDNA(10), "heat": HeatKernelSignature(n_eigenvalues=12)}
+    alone = [record for name in apart for record in benchmark(few, {name: apart[name]})]
+    monkeypatch.setattr(ShapeDNA, "describe", None)
+    monkeypatch.setattr(HeatKernelSignature, "describe", None)
+    together = benchmark(few, apart)
+    assert [record.scores for record in together] == [record.scores for record in alone]
+    assert all(record.seconds_per_body > 0 for record in together)
+
+
+def test_where_they_cannot_share_each_says_why(few):
+    n_vertices = len(few.points[0])
+    made = {"dna": ShapeDNA(5), "heat": HeatKernelSignature(n_eigenvalues=n_vertices + 1)}
+    records = {record.representation: record for record in benchmark(few, made)}
+    assert records["dna"].problem is None
+    assert "exceeds" in records["heat"].problem
 
 
 def test_metrics_by_default(few):
