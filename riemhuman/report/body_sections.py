@@ -6,7 +6,7 @@ from html import escape
 
 import numpy as np
 
-from riemhuman.report import drawings, report_tables
+from riemhuman.report import drawings, findings, report_tables
 from riemhuman.report.materials import Materials, Task
 from riemhuman.report.page import Section, figure, heading, paragraph, side_by_side
 from riemhuman.report.plan import POSE, SHAPE
@@ -31,9 +31,8 @@ def retrieval_section(materials: Materials) -> Section | None:
         return None
     parts = [
         paragraph(
-            "Every body asks for the others of its person, and of its pose. A metric that sees "
-            "nothing but pose ranks the same person in other poses last, and so finds fewer of "
-            "them than chance would."
+            "Every body is a query for the others of its person, and for those in its pose; all "
+            "other bodies are ranked by their distance."
         ),
         side_by_side(*(_scores(materials, task) for task in tasks)),
     ]
@@ -56,7 +55,8 @@ def retrieval_section(materials: Materials) -> Section | None:
 
 def _scores(materials: Materials, task: Task) -> str:
     table = report_tables.retrieval_table(task.name, materials.results.distances, task.labels)
-    said = verdict(table, task.metric)
+    rival = POSE if task.metric == SHAPE else SHAPE
+    said = f"{verdict(table, task.metric)} {findings.below_chance(table.rows, rival, task.labels)}"
     return f'{heading(task.question)}{materials.table(table)}<p class="note">{said}</p>'
 
 
@@ -110,9 +110,9 @@ def map_section(materials: Materials) -> Section:
     bodies, positions = materials.bodies, materials.results.maps.arrays
     parts = [
         paragraph(
-            "Each point is a body, its colour a class, and one body stands for each. The shape "
-            "metric gathers people, the pose metric poses. t-SNE keeps neighbours together; "
-            "multidimensional scaling (MDS) keeps distances as far as a plane can."
+            "Each point is a body, its colour a class, and one body stands for each class. t-SNE "
+            "keeps neighbours together, and its positions have no unit; multidimensional scaling "
+            "(MDS) keeps distances, in metres, as far as a plane can."
         )
     ]
     for method, title in (("t-sne", "t-SNE"), ("mds", "MDS")):
@@ -122,20 +122,25 @@ def map_section(materials: Materials) -> Section:
             ("pose", POSE, bodies.pose, bodies.pose_names),
         ):
             placed = positions[f"{task} {method}"]
+            kind = "person" if task == "shape" else "pose"
             picture = materials.picture(
                 f"map-{task}-{method}",
-                f"{title} map of the bodies by the {name}, coloured by "
-                f"{'person' if task == 'shape' else 'pose'}.",
+                f"{title} map of the bodies by the {name}, coloured by {kind}.",
                 drawings.draw_map,
                 bodies,
                 placed,
                 labels,
                 names,
+                "m" if method == "mds" else None,
             )
-            gathered = "person" if task == "shape" else "pose"
-            figures.append(
-                figure(picture, f"{title}, {name}. Points of one {gathered} share a colour.")
+            said = (
+                f"{title}, {name}. Points of one {kind} share a colour; the nearest point is of "
+                f"the same {kind} for {findings.neighbours_kept(placed, labels):.0f} % of bodies."
             )
+            if method == "mds":
+                distances = materials.results.distances[name].arrays["distances"]
+                said += f" Stress {findings.stress(distances, placed):.2f}: 0 keeps all distances."
+            figures.append(figure(picture, said))
         parts += [heading(title), side_by_side(*figures)]
     return Section("maps", "Maps of people and of poses", "Maps", parts)
 
@@ -175,10 +180,12 @@ def sweep_section(materials: Materials) -> Section | None:
     )
     parts = [
         paragraph(
-            "With a = 1, a small λ and c = 0 find people; the more the normals weigh, the more "
-            "the metric finds poses. The last column is the normals alone."
+            f"{findings.best_weights(step.record['rows'])} The last column is the normals alone, "
+            "a = 0 and c = 1."
         ),
-        figure(picture, "Mean average precision; deep blue finds all.", wide=True),
+        figure(
+            picture, "Mean average precision (mAP), per cent; the deepest blue is 100 %.", wide=True
+        ),
         "<details><summary>All numbers</summary>" + materials.table(table) + "</details>",
     ]
     return Section("sweep", "Between shape and pose", "Weights", parts)

@@ -36,7 +36,13 @@ PATH_TITLES = {
 }
 
 
-def draw_map(bodies: Bodies, positions: ndarray, labels: ndarray, names: Sequence[str]) -> Figure:
+def draw_map(
+    bodies: Bodies,
+    positions: ndarray,
+    labels: ndarray,
+    names: Sequence[str],
+    unit: str | None = None,
+) -> Figure:
     """Draw a map of the bodies with a representative of every class.
 
     Parameters
@@ -49,6 +55,8 @@ def draw_map(bodies: Bodies, positions: ndarray, labels: ndarray, names: Sequenc
         Classes.
     names : sequence of str
         Names of the classes.
+    unit : str, optional
+        Unit of the positions, if they have any.
 
     Returns
     -------
@@ -61,6 +69,7 @@ def draw_map(bodies: Bodies, positions: ndarray, labels: ndarray, names: Sequenc
         [spoken(name) for name in names],
         points=bodies.points,
         faces=bodies.template.faces,
+        unit=unit,
         ax=figure.subplots(),
     )
     return figure

@@ -165,7 +165,7 @@ def viewer_figure(fragment: str, caption: str) -> str:
     -------
     str
     """
-    return f"<figure>{fragment}<figcaption>{caption}</figcaption></figure>"
+    return f'<figure class="live">{fragment}<figcaption>{caption}</figcaption></figure>'
 
 
 def side_by_side(*parts: str) -> str:

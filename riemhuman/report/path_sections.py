@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from riemhuman.report import drawings, report_tables
+from riemhuman.report import drawings, findings, report_tables
 from riemhuman.report.body_plots import per_area
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
@@ -52,8 +52,7 @@ def difference_section(materials: Materials) -> Section | None:
         paragraph(
             "The squared distance is a sum over triangles, of a metric part (stretching and "
             "shearing) and a normal part (turning). Pale triangles add nothing, dark red ones "
-            "most. Another pose turns whole limbs and stretches the skin at the joints alone; "
-            "another person stretches everything and turns little."
+            f"most. {findings.shares(step.record['rows'])}"
         ),
         viewer_figure(
             viewer.fragment("differences-view"),
@@ -86,9 +85,9 @@ def geodesic_section(materials: Materials) -> Section | None:
     energies = report_tables.energy_table(every)
     parts = [
         paragraph(
-            "A geodesic is a path of least energy. Along a change of pose the metric (1, 1, 0) "
-            "keeps the body’s shape; along a change of person the normals alone, (0, 0, 1), "
-            f"keep its pose. The basis: {results.basis}."
+            "A geodesic is a path of least energy. The metric (1, 1, 0) counts how triangles "
+            "stretch and shear on the way, the normals alone, (0, 0, 1), how they turn. "
+            f"The basis: {results.basis}."
         )
     ]
     for (name, step), letter in zip(results.geodesics.items(), "ab", strict=False):
@@ -121,7 +120,7 @@ def geodesic_section(materials: Materials) -> Section | None:
             viewer_figure(
                 viewer.fragment("geodesics-view"),
                 f"From {materials.name(start)} to {materials.name(end)}. Switch the metric "
-                "at the middle of the path: each takes its own way between the two bodies.",
+                "at the middle of the path to see how the three differ.",
             ),
         ]
     parts.append(materials.table(table))
@@ -163,9 +162,8 @@ def comparison_section(materials: Materials) -> Section | None:
     parts = [
         paragraph(
             f"From {materials.name(start)} to {materials.name(end)}, as in figure 5 of the "
-            "paper. On the straight path limbs that turn shrink on the way: its triangles "
-            f"change their areas by {linear} in the mean beyond what the ends do, ours by "
-            f"{ours}."
+            "paper. Beyond what the ends do, triangles change their areas on the way by "
+            f"{linear} in the mean on the straight path, and by {ours} on ours."
         ),
         viewer_figure(
             viewer.fragment("comparison-view"),

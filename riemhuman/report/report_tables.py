@@ -382,10 +382,14 @@ def step_table(steps: Sequence[Step]) -> Table:
     -------
     Table
     """
-    rows = [{"step": step.name, "seconds": step.seconds} for step in steps]
+    rows = [{"title": step.title, "step": step.name, "seconds": step.seconds} for step in steps]
     return Table(
         "steps",
         "Wall time of every step when it was computed.",
-        (Column("step", "Step"), Column("seconds", "Seconds", ".2f")),
+        (
+            Column("title", "Step"),
+            Column("step", "step", shown=False),
+            Column("seconds", "Seconds", ".2f"),
+        ),
         rows,
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Mapping, Sequence
-from textwrap import fill
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,15 +14,16 @@ from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.report.body_plots import new_axes
 from riemhuman.report.colors import class_colors
+from riemhuman.report.map_labels import add_length_bar, add_thumbnails
 from riemhuman.report.rankings import confusion, precision_recall
-from riemhuman.surfaces.rendering import View, render, window_around
+from riemhuman.surfaces.rendering import View
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MARKERS = ("o", "s", "D", "^", "v")
-_THUMBNAIL_INCHES = 0.62
-_THUMBNAIL_PIXELS = 200
+# Shades on which dark text reads, in figures for light and for dark pages.
+_LIGHTEST, _DEEPEST, _ON_SHADES = "#eef3f8", "#5b8fbe", "#101418"
 
 
 def plot_embedding(
@@ -34,6 +34,7 @@ def plot_embedding(
     points: ArrayLike | None = None,
     faces: ArrayLike | None = None,
     view: View | None = None,
+    unit: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw items in the plane, coloured by class, with a representative of every class.
@@ -52,6 +53,8 @@ def plot_embedding(
         Triangles of the bodies.
     view : View, optional
         Where the bodies are seen from.
+    unit : str, optional
+        Unit of the positions; a bar shows how long it is, the same in both directions.
     ax : matplotlib.axes.Axes, optional
         Axes to draw in; by default those of a new figure.
 
@@ -95,11 +98,13 @@ def plot_embedding(
     margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
+    if unit is not None:
+        add_length_bar(ax, unit)
     if points is None or faces is None:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
         return ax
     surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
-    _add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())
+    add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())
     return ax
 
 
@@ -261,12 +266,12 @@ def plot_confusion(
     classes = np.unique(items)
     titles = [str(label) if names is None else names[label] for label in classes]
     ax = new_axes(ax, 4.2, 4.0)
-    heat_map(ax, counts, counts.sum(axis=1).max())
+    heat_map(ax, np.ma.masked_equal(counts, 0), counts.sum(axis=1).max())
     ax.set_xticks(range(len(titles)), titles, rotation=90)
     ax.set_yticks(range(len(titles)), titles)
     ax.set(xlabel="nearest neighbour", ylabel="body")
     for row, column in np.argwhere(counts):
-        write_in_cell(ax, row, column, str(counts[row, column]), counts[row, column], counts.max())
+        write_in_cell(ax, row, column, str(counts[row, column]))
     return ax
 
 
@@ -315,32 +320,32 @@ def plot_sweep(
     ax.set_yticks(range(len(lams)), [f"{lam:g}" for lam in lams])
     ax.set(xlabel="c (with a = 1)", ylabel="λ")
     for (row, column), score in np.ndenumerate(cells):
-        write_in_cell(ax, row, column, f"{score:.0f}", score, 100.0)
+        write_in_cell(ax, row, column, f"{score:.0f}")
     return ax
 
 
 def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
-    """Draw a matrix as shades from nothing to deep blue.
+    """Draw a matrix as shades from almost white to blue, on all of which dark text reads.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
         Axes to draw in.
     values : array, shape (n_rows, n_columns)
-        Values of at least 0.
+        Values of at least 0; those that are masked have no shade.
     largest : float
         Value of the deepest shade.
     """
     colors = import_optional("matplotlib.colors", "plot")
-    shades = colors.LinearSegmentedColormap.from_list("shades", ["#3c6f9c00", "#3c6f9c"])
+    shades = colors.LinearSegmentedColormap.from_list("shades", [_LIGHTEST, _DEEPEST])
     ax.imshow(values, cmap=shades, vmin=0, vmax=largest, aspect="auto", interpolation="nearest")
     for spine in ax.spines.values():
         spine.set_visible(False)
     ax.tick_params(length=0)
 
 
-def write_in_cell(ax: Axes, row: int, column: int, text: str, value: float, largest: float) -> None:
-    """Write into a cell of a heat map, in white where its shade is deep.
+def write_in_cell(ax: Axes, row: int, column: int, text: str) -> None:
+    """Write into a cell of a heat map.
 
     Parameters
     ----------
@@ -350,81 +355,10 @@ def write_in_cell(ax: Axes, row: int, column: int, text: str, value: float, larg
         Cell.
     text : str
         What to write.
-    value, largest : float
-        Value of the cell, and of the deepest shade.
     """
-    deep = {"color": "white"} if value > 0.55 * largest else {}
-    ax.text(column, row, text, ha="center", va="center", fontsize="small", **deep)
+    ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
 
 
 def _bare(ax: Axes) -> None:
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)
-
-
-def _add_thumbnails(
-    ax: Axes,
-    positions: ndarray,
-    labels: ndarray,
-    colors: ndarray,
-    names: Sequence[str] | None,
-    points: ndarray,
-    faces: ArrayLike,
-    view: View,
-) -> None:
-    offsetbox = import_optional("matplotlib.offsetbox", "plot")
-    classes = np.unique(labels)
-    centres = np.stack([np.median(positions[labels == label], axis=0) for label in classes])
-    if ax.figure.get_layout_engine() is not None:
-        ax.figure.draw_without_rendering()  # finds the size of the axes
-    width, height = ax.figure.get_size_inches() * ax.get_position().size
-    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
-    size = np.array([ax.get_xlim()[1], ax.get_ylim()[1]]) - low
-    inches = size / (width, height)
-    places = _free_places(
-        (positions - low) / inches, (centres - low) / inches, np.array([width, height])
-    )
-    for label, centre, place in zip(classes, centres, places, strict=True):
-        own = np.flatnonzero(labels == label)
-        to_centre = np.linalg.norm(
-            (positions[own] - np.median(positions[own], axis=0)) / size, axis=1
-        )
-        body = points[own[to_centre.argmin()]]
-        window = window_around(body, view)
-        tint = 0.25 + 0.75 * colors[label]
-        picture = render(
-            body, faces, height=_THUMBNAIL_PIXELS, view=view, window=window, color=tint
-        )
-        zoom = _THUMBNAIL_INCHES * 72 / _THUMBNAIL_PIXELS
-        at = low + place * inches
-        ax.plot(*np.stack([centre, at]).T, color=colors[label], linewidth=0.6, alpha=0.7, zorder=1)
-        ax.add_artist(
-            offsetbox.AnnotationBbox(
-                offsetbox.OffsetImage(picture, zoom=zoom), at, frameon=False, pad=0, zorder=2
-            )
-        )
-        ax.annotate(
-            str(label) if names is None else fill(names[label], 15), at, xytext=(0, -0.36 * 72),
-            textcoords="offset points", ha="center", va="top", fontsize=7, zorder=4,
-        )  # fmt: skip
-
-
-def _free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray]:
-    """Return for every class a place near it that covers few items; all in inches."""
-    angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    steps = np.concatenate([radius * spokes for radius in (0.45, 0.6, 0.8, 1.05, 1.35, 1.7)])
-    reach = np.array([0.4, 0.5])
-    places: dict[int, ndarray] = {}
-    # Each class in turn takes the best place that the others leave, and does so once more.
-    for index in [*range(len(centres))] * 3:
-        candidates = centres[index] + steps
-        covered = (np.abs(items[None] - candidates[:, None]) < reach).all(axis=-1).sum(axis=1)
-        cost = 1.0 * covered + 4.0 * np.linalg.norm(steps, axis=1)
-        cost += 50.0 * ((candidates < reach) | (candidates > size - reach)).any(axis=1)
-        for other, place in places.items():
-            gap = np.abs(candidates - place) / (2 * reach)
-            if other != index:
-                cost += 40.0 * np.clip(1.0 - gap, 0, None).prod(axis=1) ** 0.5
-        places[index] = candidates[cost.argmin()]
-    return [places[index] for index in range(len(centres))]

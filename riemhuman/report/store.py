@@ -7,7 +7,7 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,8 @@ class Step:
         Wall time of the computation, whenever that was.
     reused : bool
         Whether it was read from the file of an earlier run.
+    title : str
+        What was done, in words.
     """
 
     name: str
@@ -50,6 +52,7 @@ class Step:
     fingerprint: str
     seconds: float
     reused: bool
+    title: str = ""
 
 
 class ResultStore:
@@ -118,6 +121,7 @@ class ResultStore:
             }
             save_arrays(file, {**arrays, "about": np.array(json.dumps(header))}, compressed=True)
             step = Step(name, dict(arrays), dict(record), wanted, seconds, reused=False)
+        step = replace(step, title=title or name)
         self.steps.append(step)
         return step
 

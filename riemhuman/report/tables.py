@@ -80,11 +80,13 @@ class Table:
     def html(self) -> str:
         """Return the table as part of a page; every number carries the digits of the file.
 
+        Columns without a value are left out.
+
         Returns
         -------
         str
         """
-        columns = [column for column in self.columns if column.shown]
+        columns = [column for column in self.columns if column.shown and self._holds(column)]
         heads = "".join(
             f'<th scope="col"{_kind(column)}>{escape(column.title)}</th>' for column in columns
         )
@@ -148,6 +150,10 @@ class Table:
             f'<data value="{written(value)}" data-table="{self.name}" data-row="{index}" '
             f'data-column="{column.key}">{shown}</data>'
         )
+
+    def _holds(self, column: Column) -> bool:
+        """Tell whether any row has a value in a column."""
+        return not all(_nothing(row[column.key]) for row in self.rows)
 
     def _best(self, column: Column) -> Any:
         values = [row[column.key] for row in self.rows if not _nothing(row[column.key])]

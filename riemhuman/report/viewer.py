@@ -28,7 +28,7 @@ from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
 from riemhuman.surfaces.rendering import View
 
-_STILL_HEIGHT = 320
+_STILL_HEIGHT = 240
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,10 @@ class Viewer:
             for index, name in enumerate(self.choices)
         )
         stills = "".join(
-            f'<img class="still" src="{self._still(bodies)}" alt=""{" hidden" if index else ""}>'
-            for index, bodies in enumerate(self.choices.values())
+            f'<img class="still" src="{self._still(bodies)}" '
+            f'alt="{escape(f"Picture of the bodies: {name or self.title}", quote=True)}"'
+            f"{' hidden' if index else ''}>"
+            for index, (name, bodies) in enumerate(self.choices.items())
         )
         data = payload(self.choices, self.faces, self.view, self.max_vertices)
         return Template(web_file("viewer.html")).substitute(

@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -14,6 +15,7 @@ from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.report import make_report
+from riemhuman.report.findings import chance_of_tier
 from riemhuman.report.plan import POSE, SHAPE
 from riemhuman.retrieval import benchmark
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -113,7 +115,7 @@ def test_the_page_can_be_heard_and_driven_by_keys(page):
         assert slider["id"] in page.labels
     for canvas in page.all("canvas"):
         assert canvas["tabindex"] == "0"
-        assert "arrow keys" in canvas["aria-label"]
+        assert "arrow keys" in canvas["aria-label"].lower()
     for region in page.all("div"):
         if region.get("role") == "region":
             assert region["tabindex"] == "0"
@@ -286,6 +288,26 @@ class Refusing:
 
     def distances(self, vectors):
         raise AssertionError
+
+
+@pytest.mark.slow
+def test_on_shuffled_labels_nothing_is_said_that_is_not_so(tmp_path, nine_bodies):
+    order = np.random.default_rng(4).permutation(len(nine_bodies))
+    labels = {"subject": nine_bodies.subject[order], "pose": nine_bodies.pose[order]}
+    shuffled = replace(nine_bodies, **labels)
+    page = make_report(tmp_path / "report", bodies=shuffled, quick=True)
+    markup = re.sub(r"<script.*?</script>", "", page.read_text("utf-8"), flags=re.DOTALL)
+    text = re.sub(r"<[^>]+>", "", markup)
+    rows = rows_of(tmp_path / "report", "retrieval-shape")
+    pose = next(float(row["first_tier"]) for row in rows if row["representation"] == POSE)
+    assert ("more than the" in text.split("Who is it?")[1].split("How do they stand?")[0]) == (
+        pose < chance_of_tier(shuffled.subject)
+    )
+    swept = rows_of(tmp_path / "report", "sweep")
+    best = max(float(row["shape_mean_average_precision"]) for row in swept)
+    assert f"mAP {best:.1f} %" in text
+    assert "gathers" not in text
+    assert "keeps the body" not in text
 
 
 def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):

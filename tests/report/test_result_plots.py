@@ -1,5 +1,7 @@
 """Maps, energies and retrieval results as matplotlib pictures."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from riemhuman.report.result_plots import (
     plot_precision_recall,
     plot_sweep,
 )
+from riemhuman.report.web_files import web_file
 
 LABELS = np.repeat([0, 1, 2], 4)
 POSITIONS = np.random.default_rng(0).normal(size=(12, 2)) + 8 * np.eye(3)[LABELS][:, :2]
@@ -66,6 +69,38 @@ def test_confusion_writes_its_counts():
     written = {text.get_position(): text.get_text() for text in ax.texts}
     assert written == {(j, i): str(counts[i, j]) for i, j in np.argwhere(counts)}
     assert [tick.get_text() for tick in ax.get_yticklabels()] == ["one", "two", "three"]
+
+
+def contrast(one, other):
+    """Return the contrast of two colours, as the Web Content Accessibility Guidelines define it."""
+    linear = [
+        np.where(
+            np.array(c) <= 0.04045, np.array(c) / 12.92, ((np.array(c) + 0.055) / 1.055) ** 2.4
+        )
+        for c in (one, other)
+    ]
+    low, high = sorted(float(c[:3] @ [0.2126, 0.7152, 0.0722]) for c in linear)
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_what_is_written_in_cells_reads_on_every_shade():
+    to_rgba = pytest.importorskip("matplotlib.colors").to_rgba
+    ax = plot_sweep(np.linspace(0, 100, 12).reshape(3, 4), [1, 2, 3], list("abcd"))
+    (image,) = ax.images
+    for text in ax.texts:
+        column, row = text.get_position()
+        shade = image.cmap(image.norm(image.get_array()[row, column]))
+        assert shade[3] == 1  # whatever the ground is
+        assert contrast(to_rgba(text.get_color()), shade) >= 4.5
+
+
+def test_what_is_written_on_the_page_reads_on_its_ground():
+    to_rgba = pytest.importorskip("matplotlib.colors").to_rgba
+    light, dark, printed = re.findall(r":root \{([^}]*--ground[^}]*)\}", web_file("page.css"))
+    for theme in (light, dark, printed):
+        color = dict(re.findall(r"--(\w+): (#[0-9a-f]+);", theme))
+        for written in ("ink", "quiet", "accent"):
+            assert contrast(to_rgba(color[written]), to_rgba(color["ground"])) >= 4.5
 
 
 def test_sweep_writes_its_scores():

@@ -37,6 +37,15 @@ def test_the_file_keeps_all_digits():
     assert [row[4] for row in rest] == ["x", "", "y, z"]
 
 
+def test_columns_without_values_are_in_the_file_alone():
+    rows = [{"name": "a", "empty": None, "some": None}, {"name": "b", "empty": None, "some": 1.0}]
+    columns = (Column("name", "Name"), Column("empty", "Empty", "d"), Column("some", "Some", "g"))
+    table = Table("gaps", "Gaps.", columns, rows)
+    assert "Empty" not in table.html()
+    assert "Some" in table.html()
+    assert table.csv().startswith("name,empty,some")
+
+
 def test_the_file_is_no_program():
     table = Table("made-up", "", (Column("name", "Name"),), [{"name": "=1+1"}, {"name": -1.5}])
     assert table.csv() == "name\n'=1+1\n-1.5\n"

@@ -1,0 +1,141 @@
+"""What the results say in words, sentence by sentence, and only where they say it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+_TASKS = {"shape": "people", "pose": "poses"}
+
+
+def chance_of_tier(labels: ndarray) -> float:
+    """Return the first tier that items in random order have on average, per cent.
+
+    Parameters
+    ----------
+    labels : array, shape (n,)
+        Classes.
+
+    Returns
+    -------
+    float
+    """
+    _, inverse, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    others = counts[inverse] - 1
+    asked = others > 0
+    return float(100 * (others[asked] / (len(labels) - 1)).mean()) if asked.any() else 0.0
+
+
+def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray) -> str:
+    """Say that a metric finds fewer of a class than chance would, if it does.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of the retrieval table.
+    metric : str
+        Representation in question.
+    labels : array, shape (n,)
+        Classes.
+
+    Returns
+    -------
+    str
+    """
+    found = next(row["first_tier"] for row in rows if row["representation"] == metric)
+    chance = chance_of_tier(labels)
+    if found >= chance:
+        return ""
+    return (
+        f"Chance alone would put {chance:.1f} % into the first tier, more than the {found:.1f} % "
+        f"of the {metric}: it ranks bodies of another class first."
+    )
+
+
+def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Say which weights of the sweep find most people, and which find most poses.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of the sweep.
+
+    Returns
+    -------
+    str
+    """
+    said = []
+    for task, what in _TASKS.items():
+        key = f"{task}_mean_average_precision"
+        if key not in rows[0]:
+            continue
+        best = max(row[key] for row in rows)
+        first = next(row for row in rows if row[key] == best)
+        lam = "" if first["lam"] is None else f", λ = {first['lam']:g}"
+        ties = sum(row[key] == best for row in rows) - 1
+        more = f" (and {ties} other {'choice' if ties == 1 else 'choices'})" if ties else ""
+        said.append(
+            f"{what} with a = {first['a']:g}{lam}, c = {first['c']:g}{more}: mAP {best:.1f} %"
+        )
+    return f"Best found are {'; '.join(said)}." if said else ""
+
+
+def neighbours_kept(positions: ndarray, labels: ndarray) -> float:
+    """Return how many nearest neighbours on a map are of the same class, per cent.
+
+    Parameters
+    ----------
+    positions : array, shape (n, 2)
+        Where the items are.
+    labels : array, shape (n,)
+        Classes.
+
+    Returns
+    -------
+    float
+    """
+    gaps = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    np.fill_diagonal(gaps, np.inf)
+    return float(100 * (labels[gaps.argmin(axis=1)] == labels).mean())
+
+
+def stress(distances: ndarray, positions: ndarray) -> float:
+    r"""Return Kruskal's stress of a map, √(Σ (d_ij − δ_ij)² / Σ d_ij²) over all pairs.
+
+    Parameters
+    ----------
+    distances : array, shape (n, n)
+        Distances d of the items.
+    positions : array, shape (n, 2)
+        Where they are on the map, at distances δ.
+
+    Returns
+    -------
+    float
+        0 if the map keeps all distances.
+    """
+    on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
+    return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))
+
+
+def shares(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Say how much of the squared distance of pairs of bodies is by the normals.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        Rows of the table of differences.
+
+    Returns
+    -------
+    str
+    """
+    said = [
+        f"{100 * row['normal_part'] / row['squared_distance']:.0f} % for {row['pair']}"
+        for row in rows
+        if row["squared_distance"] > 0
+    ]
+    return f"The normal part is {' and '.join(said)}." if said else ""

@@ -1,0 +1,207 @@
+"""What stands on a map of bodies: one body of every class with its name, and a bar of length."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from textwrap import fill
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.optional import import_optional
+from riemhuman.surfaces.rendering import View, render, window_around
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_THUMBNAIL_INCHES = 0.62
+_THUMBNAIL_PIXELS = 200
+_NAME_POINTS = 7
+_NAME_BELOW = 0.34  # inches from the middle of the body to its name
+# Half the width and height, inches, of a body with its name in two lines, and of the name alone.
+_WHOLE, _WHOLE_MIDDLE = np.array([0.46, 0.46]), np.array([0.0, -0.13])
+_NAME, _NAME_MIDDLE = np.array([0.46, 0.13]), np.array([0.0, -0.47])
+
+
+def add_length_bar(ax: Axes, unit: str) -> None:
+    """Draw a bar of a round length, and let the map have one scale in both directions.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Axes of the map.
+    unit : str
+        Unit of the positions.
+    """
+    limits = np.array([ax.get_xlim(), ax.get_ylim()])
+    inches = _inches(ax)
+    half = (np.ptp(limits, axis=1) / inches).max() * inches / 2
+    (left, right), (bottom, top) = limits.mean(axis=1)[:, None] + np.outer(half, [-1, 1])
+    ax.set(xlim=(left, right), ylim=(bottom, top))
+    most = 0.25 * (right - left)
+    power = 10.0 ** np.floor(np.log10(most))
+    length = max(times * power for times in (1, 2, 5) if times * power <= most)
+    ax.plot([left, left + length], [bottom, bottom], color="#8a8f96", linewidth=2, clip_on=False)
+    ax.annotate(
+        f"{length:g} {unit}", (left, bottom), xytext=(0, 3), textcoords="offset points",
+        ha="left", va="bottom", fontsize=_NAME_POINTS,
+    )  # fmt: skip
+
+
+def add_thumbnails(
+    ax: Axes,
+    positions: ndarray,
+    labels: ndarray,
+    colors: ndarray,
+    names: Sequence[str] | None,
+    points: ndarray,
+    faces: ArrayLike,
+    view: View,
+) -> None:
+    """Draw a body of every class beside its points, with its name and a line to their middle.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes
+        Axes of the map.
+    positions : array, shape (n, 2)
+        Where the items are.
+    labels : array of int, shape (n,)
+        Class of each item.
+    colors : array, shape (n_classes, 3)
+        Colours of the classes.
+    names : sequence of str, optional
+        Names of the classes.
+    points : array, shape (n, V, 3)
+        Bodies of the items; that nearest to the middle of its class stands for it.
+    faces : array_like, shape (F, 3)
+        Triangles of the bodies.
+    view : View
+        Where the bodies are seen from.
+    """
+    offsetbox = import_optional("matplotlib.offsetbox", "plot")
+    classes = np.unique(labels)
+    centres = np.stack([np.median(positions[labels == label], axis=0) for label in classes])
+    extent = _inches(ax)
+    low = np.array([ax.get_xlim()[0], ax.get_ylim()[0]])
+    size = np.array([ax.get_xlim()[1], ax.get_ylim()[1]]) - low
+    inches = size / extent
+    starts = (centres - low) / inches
+    places = free_places((positions - low) / inches, starts, extent)
+    for label, start, place in zip(classes, starts, places, strict=True):
+        own = np.flatnonzero(labels == label)
+        to_centre = np.linalg.norm(
+            (positions[own] - np.median(positions[own], axis=0)) / size, axis=1
+        )
+        body = points[own[to_centre.argmin()]]
+        window = window_around(body, view)
+        tint = 0.25 + 0.75 * colors[label]
+        picture = render(
+            body, faces, height=_THUMBNAIL_PIXELS, view=view, window=window, color=tint
+        )
+        zoom = _THUMBNAIL_INCHES * 72 / _THUMBNAIL_PIXELS
+        line = low + np.stack([start, leader_end(start, place)]) * inches
+        ax.plot(*line.T, color=colors[label], linewidth=0.6, alpha=0.7, zorder=1)
+        at = low + place * inches
+        ax.add_artist(
+            offsetbox.AnnotationBbox(
+                offsetbox.OffsetImage(picture, zoom=zoom), at, frameon=False, pad=0, zorder=2
+            )
+        )
+        ax.annotate(
+            str(label) if names is None else fill(names[label], 15), at,
+            xytext=(0, -72 * _NAME_BELOW), textcoords="offset points", ha="center", va="top",
+            fontsize=_NAME_POINTS, linespacing=1.0, zorder=4,
+        )  # fmt: skip
+
+
+def _inches(ax: Axes) -> ndarray:
+    """Return the width and height of the axes."""
+    if ax.figure.get_layout_engine() is not None:
+        ax.figure.draw_without_rendering()  # finds them
+    return np.asarray(ax.figure.get_size_inches() * ax.get_position().size)
+
+
+def free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray]:
+    """Return for every class a place near it that covers few items, with a line that meets no name.
+
+    Parameters
+    ----------
+    items : array, shape (n, 2)
+        Where the items are, inches.
+    centres : array, shape (n_classes, 2)
+        Middle of every class, inches.
+    size : array, shape (2,)
+        Width and height of the map, inches.
+
+    Returns
+    -------
+    list of array, each of shape (2,)
+        Middle of the body of every class, inches.
+    """
+    angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    steps = np.concatenate([radius * spokes for radius in (0.5, 0.65, 0.8, 1.05, 1.35, 1.7, 2.1)])
+    places: dict[int, ndarray] = {}
+    # Each class in turn takes the best place that the others leave, and does so again.
+    for index in [*range(len(centres))] * 6:
+        candidates = centres[index] + steps
+        boxes = candidates + _WHOLE_MIDDLE
+        covered = (np.abs(items[None] - boxes[:, None]) < _WHOLE).all(axis=-1).sum(axis=1)
+        cost = 1.0 * covered + 4.0 * np.linalg.norm(steps, axis=1)
+        cost += 50.0 * ((boxes < _WHOLE) | (boxes > size - _WHOLE)).any(axis=1)
+        ends = np.stack([leader_end(centres[index], place) for place in candidates])
+        for other, place in places.items():
+            if other == index:
+                continue
+            gap = np.abs(candidates - place) / (2 * _WHOLE)
+            cost += 40.0 * np.clip(1.0 - gap, 0, None).prod(axis=1) ** 0.5
+            cost += 30.0 * crosses(centres[index], ends, place + _NAME_MIDDLE, _NAME)
+            end = leader_end(centres[other], place)
+            cost += 30.0 * crosses(centres[other], end, candidates + _NAME_MIDDLE, _NAME)
+        places[index] = candidates[cost.argmin()]
+    return [places[index] for index in range(len(centres))]
+
+
+def leader_end(start: ndarray, place: ndarray) -> ndarray:
+    """Return where the line to a body ends: at the edge of the body with its name.
+
+    Parameters
+    ----------
+    start : array, shape (2,)
+        Where it begins, inches.
+    place : array, shape (2,)
+        Middle of the body, inches.
+
+    Returns
+    -------
+    array, shape (2,)
+    """
+    middle = place + _WHOLE_MIDDLE
+    away = start - middle
+    return middle + away * min(1.0, float((_WHOLE / np.maximum(np.abs(away), 1e-9)).min()))
+
+
+def crosses(start: ndarray, end: ndarray, middle: ndarray, reach: ndarray) -> ndarray:
+    """Tell whether lines cross boxes.
+
+    Parameters
+    ----------
+    start, end : array, shape (..., 2)
+        Ends of the lines.
+    middle : array, shape (..., 2)
+        Middles of the boxes.
+    reach : array, shape (2,)
+        Half their width and height.
+
+    Returns
+    -------
+    array of bool, shape (...)
+    """
+    way = np.where(end == start, 1e-12, end - start)
+    one, other = (middle - reach - start) / way, (middle + reach - start) / way
+    enters = np.minimum(one, other).max(axis=-1)
+    leaves = np.maximum(one, other).min(axis=-1)
+    return (enters <= leaves) & (leaves >= 0) & (enters <= 1)
