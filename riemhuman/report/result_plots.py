@@ -98,10 +98,11 @@ def plot_embedding(
     margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
+    if points is None or faces is None:
+        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     if unit is not None:
         add_length_bar(ax, unit)
     if points is None or faces is None:
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
         return ax
     surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
     add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())

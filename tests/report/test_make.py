@@ -251,8 +251,8 @@ class Watched:
     def __init__(self, function):
         self.function = function
 
-    def __call__(self, *arguments):
-        self.result = self.function(*arguments)
+    def __call__(self, *arguments, **named):
+        self.result = self.function(*arguments, **named)
         return self.result
 
 
