@@ -54,6 +54,7 @@ class AlignedSurfaces(Manifold):
     ) -> None:
         self.template = template
         self.scale = one_of(scale, "scale", SCALES)
+        self._reference = template.vertices
         super().__init__(3 * template.n_vertices, (template.n_vertices, 3), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
@@ -307,7 +308,7 @@ class AlignedSurfaces(Manifold):
             If one is more than eight times as large or as small as the template.
         """
         if self.scale is not None:
-            refuse_other_scale(values_of(point), self.template.vertices, name, "the template")
+            refuse_other_scale(values_of(point), self._reference, name, "the template")
 
     def check_immersed(self, f: Any, name: str = "f") -> ndarray:
         """Return surfaces as float64 arrays, refusing those with triangles without area.

@@ -53,9 +53,12 @@ class GaugeInvariantMetric(MidpointMetric):
     semidefinite, and the surfaces of a path of least energy are free to slide along themselves.
     Unlike G, the metric sees translations. Triangles of the template must be oriented alike.
 
-    Paths over smooth deformations, such as mesh harmonics, are found in a few iterations. Over a
-    basis of motions, and between poses far apart, the energy still falls after hundreds: at the
-    resolution of a body's mesh there is always a way to slide a little more.
+    Paths over smooth deformations, such as mesh harmonics, are found in some tens of iterations.
+    Over a basis of motions, between poses far apart, the energy still falls after hundreds, and
+    not because surfaces slide: φ is what it is, and a motion without any stretching, a translation
+    too, costs φ² times the squared curvatures. Fingers that are carried far cost most of all. The
+    way of least energy swells them while they travel, far from anything near the straight path,
+    and some cost of sliding does not change that.
 
     Examples
     --------

@@ -16,6 +16,7 @@ from typing import Any, Generic
 import numpy as np
 
 from riemhuman.errors import ArgumentTypeError
+from riemhuman.protocols import SpaceOfFactors
 from riemhuman.storage.code import is_own, library_of, reached_by
 
 # Parameters that no distance depends on, and one that none does where it has a closed form.
@@ -231,7 +232,7 @@ class _Description:
         if library is None and hasattr(value, "__dict__"):
             described |= self._by_name("attributes", _public_attributes(value))
         # The factors of a product bring the metrics that make up its own.
-        if hasattr(value, "factors"):
+        if isinstance(value, SpaceOfFactors):
             described["metrics"] = [self.of(factor.metric) for factor in value.factors]
         return described
 

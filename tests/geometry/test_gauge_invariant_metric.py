@@ -13,6 +13,7 @@ from cases import (
 )
 from parametric_surfaces import sphere, torus
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentTypeError, DegenerateSurfaceError, NotDefinedError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -139,6 +140,17 @@ def test_solvers_find_paths_over_smooth_deformations():
     assert result.energy < 0.995 * metric.energy(np.linspace(start, end, 6))
 
 
+def test_why_limbs_do_not_travel_far():
+    """Carrying a thin part costs by its curvature, which no regularisation along it changes."""
+    bodies = load_open_bodies("coarse")
+    space = AlignedSurfaces(bodies.template, equip=False)
+    base, start, end = SRNFMetric(space), bodies[0], bodies[1]
+    metric = GaugeInvariantMetric(base)
+    step = np.broadcast_to([0.1, 0.0, 0.0], start.shape)
+    assert base.norm(step, start) < 1e-9
+    assert metric.squared_norm(step, start) > 10 * base.squared_dist(start, end)
+
+
 def test_gram_matrix_is_semidefinite():
     template = sphere_template()
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
@@ -213,6 +225,9 @@ def test_vertices_outside_all_triangles_are_not_seen():
     wider = [np.concatenate([one, [[1.0, 2.0, 3.0]]]) for one in (f, h)]
     here, there = (GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(t))) for t in (template, more))
     np.testing.assert_allclose(there.norm(wider[1], wider[0]), here.norm(h, f), rtol=1e-13)
+    averages = corner_averages(more.faces, more.n_vertices)
+    projected = normal_projection.project(wider[1], wider[0], more, averages)
+    np.testing.assert_array_equal(projected[-1], 0.0)
     path = np.stack([f, f + 0.1 * h])
     wide = np.stack([wider[0], wider[0] + 0.1 * wider[1]])
     np.testing.assert_allclose(there.energy(wide), here.energy(path), rtol=1e-13)

@@ -10,6 +10,8 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.solvers import BasisMean, BasisPath
+from riemhuman.surfaces import DeformationBasis
 
 TEMPLATE = open_template()
 SPACE = AlignedSurfaces(TEMPLATE)
@@ -59,6 +61,37 @@ def test_neighbors_are_exact():
     expected = np.argsort(metric.dist_pairwise(points, precision="double"), axis=1)[:, :4]
     found = NearestNeighbors(metric, n_neighbors=4).fit(points).kneighbors(points)[1]
     np.testing.assert_array_equal(found, expected)
+
+
+def test_geodesics():
+    """A path between bodies is shorter than the straight one, and no shorter than the distance."""
+    template = sphere_template(2)
+    metric = GeneralElasticMetric(AlignedSurfaces(template, equip=False), A, B, C)
+    start, end = surfaces(template, 2, rng=3, size=0.4)
+    basis = DeformationBasis.from_laplacian(template, n_components=20)
+    result = BasisPath(basis, n_nodes=6, tolerance=1e-8).solve(metric, start, end)
+    assert result.converged
+    straight = metric.energy(np.linspace(start, end, 6))
+    assert metric.squared_dist(start, end) < result.energy < 0.98 * straight
+    slopes = metric.energy_and_gradient(result.path)[1][1:-1]
+    along = np.einsum("iv,kv->ik", slopes.reshape(4, -1), basis.flat)
+    at_first = metric.energy_and_gradient(np.linspace(start, end, 6))[1][1:-1]
+    assert np.abs(along).max() < 0.02 * np.abs(at_first.reshape(4, -1) @ basis.flat.T).max()
+
+
+def test_growing_spheres_and_their_mean():
+    """Growth alone costs d² = 16 b A (r₁ − r₂)² of spheres: their mean has the mean radius."""
+    template = sphere_template(2)
+    metric = GeneralElasticMetric(AlignedSurfaces(template, equip=False), A, B, C)
+    radii = np.array([0.8, 1.0, 1.5])
+    points = radii[:, None, None] * template.vertices
+    area = template.face_areas.sum()
+    expected = 16 * B * area * (radii[:, None] - radii) ** 2
+    np.testing.assert_allclose(metric.dist_pairwise(points) ** 2, expected, rtol=1e-5)
+    basis = DeformationBasis(template.vertices[None], orthonormalize=True)
+    mean = BasisMean(basis).solve(metric, points)
+    np.testing.assert_allclose(mean.point, radii.mean() * template.vertices, rtol=1e-4)
+    np.testing.assert_allclose(mean.variance, 16 * B * area * radii.var(), rtol=1e-6)
 
 
 @pytest.mark.parametrize(
