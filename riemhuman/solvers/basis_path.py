@@ -10,14 +10,15 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
 from riemhuman.protocols import GeodesicSolver, PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
-from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize, minimize_in_rounds
+from riemhuman.solvers.minimization import Minimum, minimize
 from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
+from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds, estimated_gap
 from riemhuman.solvers.results import PathResult, warn_unless_converged
 from riemhuman.solvers.rounding import path_floor
 from riemhuman.solvers.simple_paths import (
@@ -25,6 +26,7 @@ from riemhuman.solvers.simple_paths import (
     check_initial_path,
     linear_path,
     lower_bound,
+    percentage,
 )
 
 if TYPE_CHECKING:
@@ -69,7 +71,7 @@ class BasisPath:
         Whether to take motions that the metric does not see, such as rigid motions of interior
         surfaces where c = 0, out of the path found; its energy stays the same.
     options : mapping
-        More options of SciPy's minimiser.
+        More options of SciPy's minimiser, for its methods.
     callback : callable, optional
         Called with (iteration, energy, path) after each iteration.
     progress : bool
@@ -132,6 +134,9 @@ class BasisPath:
         ArgumentError
             If the end points or the basis do not fit the metric's space or each other, or the
             initial path has other ends or no finite energy.
+        DegenerateSurfaceError
+            If a triangle of an end point, or of the path that another method starts on, has no
+            area.
 
         Warns
         -----
@@ -153,13 +158,14 @@ class BasisPath:
                 if found[-1][1].interrupted:
                     break
         line, minimum = min(found, key=lambda pair: pair[1].value)
-        path = self._path(line, minimum.x)
+        path = self._path(line, minimum.x.reshape(self.n_nodes - 2, len(self.basis)))
         last = found[-1][1]
         result = PathResult(
             metric.remove_drift(path) if self.remove_drift and self.n_nodes > 2 else path,
             minimum.value,
             minimum.values,
             lower_bound(metric, line),
+            percentage(minimum.gap, minimum.value),
             n_iterations=minimum.n_iterations,
             n_evaluations=sum(other.n_evaluations for _, other in found),
             converged=minimum.converged and not last.interrupted,
@@ -173,11 +179,18 @@ class BasisPath:
     ) -> list[ndarray]:
         straight = linear_path(start, end, self.n_nodes)
         if self.method != "preconditioned":
+            if not np.all(metric.space.belongs(straight[1:-1])):
+                raise DegenerateSurfaceError(
+                    f"method={self.method!r} starts on the straight path, on which a surface has a "
+                    "triangle without area, as where a body turns by half a turn; pass "
+                    f"initial=PoissonPath({self.n_nodes}), or leave the method at 'preconditioned'"
+                )
             return [straight]
         turned = turned_paths(metric, self.energy, start, end, self.n_nodes)
+        # The gradient is not needed, but found where surfaces that are flat have no energy.
+        energy, _ = self.energy.value_and_gradient(metric, straight)
         # Half a turn of the body flattens the middle of the straight path, at little cost.
-        is_immersed = np.all(metric.space.belongs(straight[1:-1]))
-        if is_immersed and self.energy.value(metric, straight) <= turned[0][1]:
+        if energy <= turned[0][1] and np.all(metric.space.belongs(straight[1:-1])):
             return [straight]
         return [path for path, _ in turned]
 
@@ -191,77 +204,59 @@ class BasisPath:
                 "without area; pass another initial_path"
             )
         if self.n_nodes == 2:
-            nothing = np.zeros((0, len(self.basis)))
+            nothing = np.zeros(0)
+            message = "a single segment"
             return Minimum(
-                nothing, energy, np.array([energy]), n_evaluations=1, message="a single segment"
+                nothing, energy, np.array([energy]), n_evaluations=1, message=message, gap=0.0
             )
         return self._minimize(metric, line, energy, gradient)
 
     def _minimize(
         self, metric: RiemannianMetric, line: ndarray, line_energy: float, line_gradient: ndarray
     ) -> Minimum:
-        """Return the coefficients α of least energy, shape (n_nodes − 2, K)."""
-        start = np.zeros((self.n_nodes - 2, len(self.basis)))
-        floor = path_floor(metric, self.energy, line)
+        """Return the coefficients α of least energy, all in one row."""
+        shape = self.n_nodes - 2, len(self.basis)
+        start = np.zeros(shape[0] * shape[1])
 
         def energy(coefficients: ndarray) -> tuple[float, ndarray]:
             if coefficients.any():
-                path = self._path(line, coefficients)
+                path = self._path(line, coefficients.reshape(shape))
                 value, gradient = self.energy.value_and_gradient(metric, path)
             else:
                 value, gradient = line_energy, line_gradient
-            return value, pair_with_rows(gradient[1:-1].reshape(len(start), -1), self.basis.flat)
+            along = gradient[1:-1].reshape(len(line) - 2, -1)
+            return value, pair_with_rows(along, self.basis.flat).ravel()
 
-        def around(coefficients: ndarray) -> LocalProblem:
-            path = self._path(line, coefficients)
-            unit = self.energy.value(metric, path) if coefficients.any() else line_energy
-            unit = unit or 1.0
+        def inverse_hessian_at(coefficients: ndarray) -> Operator:
+            path = self._path(line, coefficients.reshape(shape))
             gram = metric.gram_matrix(self.basis.vectors, path[[1, -2]])
-            change = PathPreconditioner(CholeskyFactor(gram / unit), self.n_nodes - 1)
-
-            def position(variables: ndarray) -> ndarray:
-                return coefficients + change.coefficients(variables.reshape(start.shape))
-
-            def objective(variables: ndarray) -> tuple[float, ndarray]:
-                value, gradient = energy(position(variables))
-                return value / unit, change.gradient(gradient).ravel() / unit
-
-            return LocalProblem(objective, position, unit)
+            hessian = PathPreconditioner(CholeskyFactor(gram), len(line) - 1)
+            return lambda slope: hessian.inverse(slope.reshape(shape)).ravel()
 
         def report(iteration: int, value: float, coefficients: ndarray) -> None:
             if self.callback is not None:
-                path = self._path(line, coefficients.reshape(start.shape))
-                self.callback(iteration, value, path)
+                self.callback(iteration, value, self._path(line, coefficients.reshape(shape)))
 
+        settings: dict[str, Any] = {
+            "max_iter": self.max_iter,
+            "floor": path_floor(metric, self.energy, line),
+            "callback": report,
+            "progress": self.progress,
+            "description": "geodesic",
+        }
         if self.method == "preconditioned":
-            return minimize_in_rounds(
-                around,
-                start,
-                max_iter=self.max_iter,
-                expected_decrease=self.tolerance,
-                floor=floor,
-                options=self.options,
-                callback=report,
-                progress=self.progress,
-                description="geodesic",
+            return descend_in_rounds(
+                energy, start, inverse_hessian_at, expected_decrease=self.tolerance, **settings
             )
-
-        def flat_energy(variables: ndarray) -> tuple[float, ndarray]:
-            value, gradient = energy(variables.reshape(start.shape))
-            return value, gradient.ravel()
-
-        minimum = minimize(
-            flat_energy,
-            start.ravel(),
-            method=self.method.upper(),
-            max_iter=self.max_iter,
-            floor=floor,
-            options=self.options,
-            callback=report,
-            progress=self.progress,
-            description="geodesic",
+        method = self.method.upper()
+        found = minimize(energy, start, method=method, options=self.options, **settings)
+        _, slope = energy(found.x)
+        newton = 0.5 * float(slope @ inverse_hessian_at(found.x)(slope))
+        return replace(
+            found,
+            gap=estimated_gap(newton, found.values),
+            n_evaluations=found.n_evaluations + bool(found.x.any()),
         )
-        return replace(minimum, x=minimum.x.reshape(start.shape))
 
     def _path(self, line: ndarray, coefficients: ndarray) -> ndarray:
         path = line.copy()

@@ -39,6 +39,8 @@ class Minimum(Result):
         Value at the start and after each iteration.
     interrupted : bool
         Whether it was stopped from the keyboard.
+    gap : float
+        Estimate of how far the value is above its minimum, nan where there is none.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of value and gradient.
     converged : bool
@@ -51,6 +53,7 @@ class Minimum(Result):
     value: float
     values: ndarray
     interrupted: bool = False
+    gap: float = np.nan
 
 
 class _Record:

@@ -35,6 +35,7 @@ from riemhuman.solvers.simple_paths import (
     known_path,
     linear_path,
     lower_bound,
+    percentage,
 )
 from riemhuman.solvers.spatial_factors import spatial_factor
 
@@ -147,7 +148,7 @@ class PathStraightening:
         n_segments = self.n_nodes - 1
         if n_segments == 1:
             single = linear_path(start, end, 2)
-            return known_path(metric, self.energy, single, "a single segment")
+            return known_path(metric, self.energy, single, "a single segment", gap=0.0)
         levels = [n_segments]
         if initial_path is None:
             levels = [*(n for n in self.coarse_segments if n < n_segments), n_segments]
@@ -185,9 +186,8 @@ class _Descent:
         solver, metric = self._solver, self._metric
         floor = path_floor(metric, solver.energy, self._whole)
         if _energy(metric, solver.energy, self._whole) <= floor:
-            return known_path(
-                metric, solver.energy, self._whole, "the end points are no distance apart"
-            )
+            message = "the end points are no distance apart"
+            return known_path(metric, solver.energy, self._whole, message, gap=0.0)
         found: Minimum | None = None
         try:
             for n_segments in levels:
@@ -201,17 +201,18 @@ class _Descent:
         if found is None or len(self._path) < solver.n_nodes:
             self._path = self._better_start(solver.n_nodes - 1, is_first=False)
             value = _energy(metric, solver.energy, self._path)
-            values, converged = np.array([value]), False
+            values, converged, gap = np.array([value]), False, np.nan
             message = INTERRUPTED
         else:
             value, values = found.value, found.values
-            converged, message = found.converged, found.message
+            converged, message, gap = found.converged, found.message, found.gap
         remove_drift = metric.remove_drift if solver.remove_drift else np.copy
         return PathResult(
             remove_drift(_on_manifold(metric, self._path)),
             value,
             values,
             lower_bound(metric, self._path),
+            percentage(gap, value),
             n_iterations=len(values) - 1,
             n_evaluations=self._n_evaluations,
             converged=converged,

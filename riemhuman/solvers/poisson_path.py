@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from operator import itemgetter
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
-# Parts of a body that are tried both ways, each at the cost of one path; the smallest matter least.
-_MOST_PARTS = 8
-
-# A part of this share of the area is a limb, and a path within this factor of the least energy
-# may still lead to less once it is minimised.
+# A part of this share of the area is a limb. At most so many are tried both ways, the largest, each
+# at the cost of one path; smaller parts, most of them a few triangles, are tried together.
 _LIMB = 0.01
+_MOST_LIMBS = 8
+
+# A path within this factor of the least energy may still lead to less once it is minimised.
 _RIVAL = 1.1
 
 
@@ -34,8 +34,8 @@ class PoissonPath:
     """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
 
     Triangles turn the shorter way. Where neighbours then turn different ways, as in a limb that
-    turns by about half a turn, each part of the body, the largest first, turns the shorter way or
-    like its neighbours, whichever costs less energy.
+    turns by about half a turn, each limb, the largest first, turns the shorter way or like its
+    neighbours, whichever costs less energy; so do all smaller parts together.
 
     Parameters
     ----------
@@ -120,26 +120,37 @@ def turned_paths(
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator
 
-    def candidate(turns: ndarray) -> tuple[float, ndarray, ndarray]:
-        path = turned_path(metric, start, end, n_nodes, turns)
-        return energy.value(metric, path), path, turns
-
     shorter = interpolator.turns(start, end)
-    best = candidate(shorter)
+    if not interpolator.is_torn(shorter):
+        path = turned_path(metric, start, end, n_nodes, shorter)
+        return [(path, energy.value(metric, path))]
+    alike = interpolator.mended(shorter)
+    parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
+    areas = space.template.face_areas
+    n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
+    if parts[n_limbs:]:
+        parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
+
+    @cache
+    def candidate(ways: tuple[bool, ...]) -> tuple[float, ndarray]:
+        """Return energy and path where some parts turn alike."""
+        turns = shorter.copy()
+        for part, is_alike in zip(parts, ways, strict=True):
+            turns[part] = (alike if is_alike else shorter)[part]
+        path = turned_path(metric, start, end, n_nodes, turns)
+        return energy.value(metric, path), path
+
+    def cost(ways: tuple[bool, ...]) -> float:
+        return candidate(ways)[0]
+
+    best = min((False,) * len(parts), (True,) * len(parts), key=cost)
     rivals = []
-    if interpolator.is_torn(shorter):
-        alike = interpolator.mended(shorter)
-        best = min(best, candidate(alike), key=itemgetter(0))
-        parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
-        limb = _LIMB * space.template.face_areas.sum()
-        for part in parts[:_MOST_PARTS]:
-            turns = best[2].copy()
-            turns[part] = shorter[part] + alike[part] - turns[part]
-            best, other = sorted([best, candidate(turns)], key=itemgetter(0))
-            if space.template.face_areas[part].sum() >= limb:
-                rivals.append(other)
-    rivals = [rival for rival in rivals if rival[0] <= _RIVAL * best[0]]
-    return [(path, value) for value, path, _ in (best, *rivals)]
+    for k in range(len(parts)):
+        best, other = sorted([best, (*best[:k], not best[k], *best[k + 1 :])], key=cost)
+        if k < n_limbs:
+            rivals.append(other)
+    rivals = [ways for ways in rivals if cost(ways) <= _RIVAL * cost(best)]
+    return [candidate(ways)[::-1] for ways in (best, *rivals)]
 
 
 def turned_path(

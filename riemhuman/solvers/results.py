@@ -163,6 +163,9 @@ class PathResult(Result):
     lower_bound : float
         Squared distance of the ends where the metric has it in closed form, else 0: no path has
         less energy, by segments or in the limit of many.
+    gap : float
+        Estimate, in per cent of the energy, of how far it is above the energy that the solver
+        would converge to if it went on; nan where a path was not sought by its energy.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient.
     converged : bool
@@ -184,6 +187,7 @@ class PathResult(Result):
     energy: float
     energies: ndarray
     lower_bound: float = 0.0
+    gap: float = np.nan
 
 
 @dataclass(frozen=True, repr=False)

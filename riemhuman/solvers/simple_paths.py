@@ -116,7 +116,7 @@ class ClosedFormGeodesic:
             )
         start, end = check_end_points(metric, start, end)
         path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_nodes))
-        return known_path(metric, self.energy, path, "closed form")
+        return known_path(metric, self.energy, path, "closed form", gap=0.0)
 
 
 def check_end_points(
@@ -201,7 +201,7 @@ def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
 
 
 def known_path(
-    metric: RiemannianMetric, energy: PathEnergy, path: ndarray, message: str
+    metric: RiemannianMetric, energy: PathEnergy, path: ndarray, message: str, gap: float = np.nan
 ) -> PathResult:
     r"""Return the result of a solver that need not search.
 
@@ -215,6 +215,8 @@ def known_path(
         The path.
     message : str
         How it was found.
+    gap : float
+        How far its energy is above the least, in per cent, where that is known.
 
     Returns
     -------
@@ -222,7 +224,24 @@ def known_path(
     """
     value = energy.value(metric, path)
     bound = lower_bound(metric, path)
-    return PathResult(path, value, np.array([value]), bound, n_evaluations=1, message=message)
+    return PathResult(path, value, np.array([value]), bound, gap, n_evaluations=1, message=message)
+
+
+def percentage(gap: float, energy: float) -> float:
+    """Return the gap of an energy to its minimum in per cent of the energy, 0 of no energy.
+
+    Parameters
+    ----------
+    gap : float
+        How far the energy is above its minimum.
+    energy : float
+        The energy.
+
+    Returns
+    -------
+    float
+    """
+    return 100.0 * gap / energy if energy > 0 else 0.0
 
 
 def lower_bound(metric: RiemannianMetric, path: ndarray) -> float:

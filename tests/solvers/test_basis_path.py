@@ -340,7 +340,7 @@ def test_callback_sees_every_iteration(solved):
 
 def test_interruption_keeps_what_was_reached():
     def interrupt(iteration, energy, path):
-        if iteration == 3:
+        if iteration == 2:
             raise KeyboardInterrupt
 
     metric = elastic((1, 1, 0))
@@ -426,6 +426,17 @@ def test_a_body_turned_by_half_a_turn_turns(weights, axis, n_nodes):
         assert result.converged
         assert np.all(metric.space.belongs(result.path))
         assert metric.squared_dist(start, end) <= result.energy <= turned.energy * (1 + 1e-12)
+
+
+def test_other_methods_say_how_to_turn_a_body_by_half_a_turn():
+    start = bodies.body("resting")
+    end = start * [-1.0, 1.0, -1.0]
+    settings = {"n_nodes": 5, "method": "l-bfgs-b", "options": {"ftol": 1e-2}}
+    with pytest.raises(DegenerateSurfaceError, match=r"initial=PoissonPath\(5\)"):
+        BasisPath(bodies.basis(20), **settings).solve(elastic((1, 1, 1)), start, end)
+    solver = BasisPath(bodies.basis(20), initial=PoissonPath(5), **settings)
+    turned = PoissonPath(5).solve(elastic((1, 1, 1)), start, end)
+    assert solver.solve(elastic((1, 1, 1)), start, end).energy <= turned.energy
 
 
 def test_half_a_turn_under_an_energy_that_rounds_below_zero():
