@@ -1,0 +1,110 @@
+"""Motions re-timed to the clock of one of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.motions.dynamic_time_warping import DynamicTimeWarping
+from riemhuman.motions.frames import Motion, n_frames_of
+from riemhuman.motions.warp import Warp
+
+if TYPE_CHECKING:
+    from riemhuman.motions.motion_space import MotionSpace
+
+# How much of the even clock keeps a re-timing from standing still.
+_EVEN = 1e-3
+
+
+class Alignment(Protocol):
+    """What finds the best re-timing of two motions: `DynamicTimeWarping`, `RateInvariantMetric`."""
+
+    def warp(self, m1: Motion, m2: Motion) -> Warp:
+        """Return which time of one motion corresponds to which of the other.
+
+        Parameters
+        ----------
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions.
+
+        Returns
+        -------
+        Warp
+        """
+
+    def dist_pairwise(self, motions: Sequence[Motion], /) -> ndarray:
+        """Return all distances within a set of motions.
+
+        Parameters
+        ----------
+        motions : sequence of motions
+            Motions.
+
+        Returns
+        -------
+        array, shape (n, n)
+        """
+
+
+def default_alignment(space: MotionSpace) -> Alignment:
+    """Return dynamic time warping of changes, with the metric of the frames.
+
+    Parameters
+    ----------
+    space : MotionSpace
+        Space of motions.
+
+    Returns
+    -------
+    Alignment
+    """
+    return DynamicTimeWarping(space.frames.metric, centered=True, between_frames=True)
+
+
+def matched_times(alignment: Alignment, reference: Motion, motion: Motion, n_times: int) -> ndarray:
+    """Return the times of a motion that correspond to equally spaced ones of a reference.
+
+    Parameters
+    ----------
+    alignment : Alignment
+        Finds the re-timing.
+    reference, motion : array or sequence, shape (n, V, 3) and (m, V, 3)
+        Motions.
+    n_times : int
+        Number of times.
+
+    Returns
+    -------
+    array, shape (n_times,)
+        Rising from 0 to 1, the duration of the motion.
+    """
+    last, other_last = n_frames_of(reference) - 1, n_frames_of(motion) - 1
+    even = np.linspace(0.0, 1.0, n_times)
+    times = alignment.warp(reference, motion)(even * last) / other_last
+    times[0], times[-1] = 0.0, 1.0
+    return (1.0 - _EVEN) * times + _EVEN * even
+
+
+def at_times(space: MotionSpace, motion: Motion, times: ndarray, name: str = "motion") -> ndarray:
+    """Return a motion at shares of its duration.
+
+    Parameters
+    ----------
+    space : MotionSpace
+        Space of motions.
+    motion : array or sequence, shape (n_frames, V, 3)
+        The motion.
+    times : array, shape (n_times,)
+        Times in [0, 1] that never fall.
+    name : str
+        Name of the motion, for messages.
+
+    Returns
+    -------
+    array, shape (n_times, V, 3)
+    """
+    last = n_frames_of(motion, name) - 1
+    return space.resample(motion, at=np.clip(times, 0.0, 1.0) * last, name=name)
