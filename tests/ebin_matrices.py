@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from riemhuman.terms import ebin, ebin_tangent
+from riemhuman.terms import ebin, ebin_matrices, ebin_tangent
 
 LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
 
@@ -50,7 +50,9 @@ def pairs(family, lam=1.0):
 
 def squared_dist(g1, g2, lam):
     """Return the squared distances of matrices by the term."""
-    return ebin.EbinTerm(lam=lam).squared_dist(ebin.coordinates(g1), ebin.coordinates(g2))
+    return ebin.EbinTerm(lam=lam).squared_dist(
+        ebin_matrices.coordinates(g1), ebin_matrices.coordinates(g2)
+    )
 
 
 FAMILIES = (

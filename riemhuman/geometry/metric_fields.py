@@ -14,7 +14,7 @@ from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import GeodesicSolver
-from riemhuman.terms import ebin, ebin_geodesics, ebin_tangent, ebin_transport
+from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
 from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class MetricFields(Manifold):
         """
         point, finite = self._candidates(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
-        positive = (point[..., 0, 0] > 0) & ~ebin.is_degenerate(point)
+        positive = (point[..., 0, 0] > 0) & ~ebin_matrices.is_degenerate(point)
         return finite & np.all(symmetric & positive, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
@@ -124,9 +124,11 @@ class MetricFields(Manifold):
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
         crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size
-        degenerate = ebin.is_degenerate(g)
+        degenerate = ebin_matrices.is_degenerate(g)
         rounding = 1e-9 * size**2
-        negative = (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (ebin.determinants(g) < -rounding)
+        negative = (
+            (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (ebin_matrices.determinants(g) < -rounding)
+        )
         refuse_triangles(crooked, f"{name} must hold symmetric matrices", ArgumentError)
         refuse_triangles(
             negative, f"{name} must hold positive semidefinite matrices", ArgumentError
@@ -205,7 +207,9 @@ class EbinMetric(RiemannianMetric):
         """
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
-        values = self._term.squared_dist(ebin.coordinates(point_a), ebin.coordinates(point_b))
+        values = self._term.squared_dist(
+            ebin_matrices.coordinates(point_a), ebin_matrices.coordinates(point_b)
+        )
         return np.sum(values * self.space.template.face_areas, axis=-1)
 
     @property
@@ -214,7 +218,7 @@ class EbinMetric(RiemannianMetric):
         return TermOfFields(
             self._term,
             self.space.template,
-            lambda points: ebin.coordinates(
+            lambda points: ebin_matrices.coordinates(
                 self.space.check_point(points, "points", completion=True)
             ),
         )
@@ -232,7 +236,7 @@ class EbinMetric(RiemannianMetric):
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         with np.errstate(over="ignore", invalid="ignore"):
             end, met_apex = ebin_geodesics.exp(tangent_vec, base_point, self.lam)
-            lost = ebin.has_lost_its_shape(values_of(end))
+            lost = ebin_matrices.has_lost_its_shape(values_of(end))
         refuse_triangles(
             values_of(met_apex),
             "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
@@ -257,7 +261,7 @@ class EbinMetric(RiemannianMetric):
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
         refuse_triangles(
-            values_of(ebin.angle(base_point, point, self.lam)) >= np.pi,
+            values_of(ebin_matrices.angle(base_point, point, self.lam)) >= np.pi,
             "point must be within an angle θ < π of base_point, or the minimal path runs through "
             "g = 0 and there is no logarithm",
             OutsideManifoldError,
@@ -270,7 +274,7 @@ class EbinMetric(RiemannianMetric):
         Every triangle's matrices are a cone over a hyperbolic plane, without positive curvature.
         """
         g = self.space.check_point(base_point, "base_point")
-        radii = 4.0 * np.sqrt(self.lam * np.sqrt(ebin.determinants(g)))
+        radii = 4.0 * np.sqrt(self.lam * np.sqrt(ebin_matrices.determinants(g)))
         return np.min(np.sqrt(self.space.template.face_areas) * radii, axis=-1)
 
     def curvature_form(
@@ -295,7 +299,7 @@ class EbinMetric(RiemannianMetric):
         )
         squares = ebin_tangent.trace(first @ first) * ebin_tangent.trace(second @ second)
         areas = squares - ebin_tangent.trace(first @ second) ** 2
-        factor = (8.0 * self.lam + 1.0) / (16.0 * self.lam) * np.sqrt(ebin.determinants(g))
+        factor = (8.0 * self.lam + 1.0) / (16.0 * self.lam) * np.sqrt(ebin_matrices.determinants(g))
         return -np.sum(self.space.template.face_areas * factor * areas, axis=-1)
 
     def parallel_transport(

@@ -15,26 +15,27 @@ K₀ = K − ½ tr(g₁⁻¹K) g₁ and θ = √(tr((g₁⁻¹K₀)²)/λ)/4).
 from __future__ import annotations
 
 import math
-from functools import cache
 
 import autograd.numpy as np
 import numpy as onp
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
-from numpy.polynomial import Chebyshev, Polynomial
 
 from riemhuman.checks import metric_weight
 from riemhuman.kernels.compiled import FUSED, SUM, compiled, evaluate, polynomial, split
-from riemhuman.kernels.linear import entry
 from riemhuman.kernels.scalars import (
     inverse_hyperbolic_sine_cardinal,
-    product_minus_square,
     sine_cardinal,
     square_root,
 )
-from riemhuman.kernels.surface import DEGENERATE, Derivatives
+from riemhuman.kernels.surface import Derivatives
 from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW, in_tiles
 from riemhuman.kernels.triangles import triangle
+from riemhuman.terms.half_angle_fit import (
+    LARGEST_LAMBDA,
+    excess_at_pi,
+    half_angle_polynomial,
+)
 from riemhuman.terms.term import Fields, Term
 
 
@@ -77,7 +78,7 @@ class EbinTerm(Term):
         -------
         x, y, s : array, shape (..., F)
         """
-        return _coordinates(first.e, first.m, first.areas, first.degenerate)
+        return half_plane(first.e, first.m, first.areas, first.degenerate)
 
     def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
         r"""Return the squared distances of matrices in the completion.
@@ -163,90 +164,29 @@ class EbinTerm(Term):
         return _segments(records, slopes, areas, self.weight, self.lam)
 
 
-_FEW_DIGITS = 1e5 * np.finfo(float).eps
-
 STEEPEST = 18.0
 """The largest κ of `EbinTerm.chart`: steeper charts are tighter, but wind bodies around in too many
 dimensions."""
 
 
-def determinants(g: ndarray) -> ndarray:
-    """Return det g to working precision, also for near-degenerate g.
+def half_plane(
+    e: ndarray, m: ndarray, areas: ndarray, degenerate: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the coordinates x, y of ĝ, and s, of [[e, m], [m, g]].
 
     Parameters
     ----------
-    g : array, shape (..., 2, 2)
-        Symmetric matrices.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    return product_minus_square(entry(g, 0, 0), entry(g, 1, 1), entry(g, 0, 1))
-
-
-def is_degenerate(g: ndarray) -> ndarray:
-    """Tell where g is singular to working precision: det g ≤ 8 ε g₁₁ g₂₂.
-
-    Parameters
-    ----------
-    g : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
-
-    Returns
-    -------
-    array of bool, shape (...)
-    """
-    return _is_small(determinants(g), g)
-
-
-def _is_small(determinant: ndarray, g: ndarray) -> ndarray:
-    """Return whether det g is rounding error alone."""
-    return determinant <= DEGENERATE * entry(g, 0, 0) * entry(g, 1, 1)
-
-
-def has_lost_its_shape(g: ndarray) -> ndarray:
-    """Tell where g overflows, or is so near to singular that det g has fewer than five digits.
-
-    Parameters
-    ----------
-    g : array, shape (..., 2, 2)
-        Symmetric matrices, or what became of them by overflow.
-
-    Returns
-    -------
-    array of bool, shape (...)
-    """
-    # Written so that infinite entries, whose determinants are NaN, are told too.
-    return ~(determinants(g) > _FEW_DIGITS * entry(g, 0, 0) * entry(g, 1, 1))
-
-
-def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the half-plane coordinates x, y of ĝ and the radius s = (det g)^(1/4).
-
-    A degenerate g is the apex s = 0 of the cone, where x = 0, y = 1 stand for the undefined ĝ.
-
-    Parameters
-    ----------
-    g : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
+    e, m : array, shape (...)
+        Entries; e is never 0.
+    areas : array, shape (...)
+        Area ratios √det g, never 0.
+    degenerate : array of bool, shape (...)
+        Where s = 0, x = 0 and y = areas/e count instead.
 
     Returns
     -------
     x, y, s : array, shape (...)
     """
-    determinant = determinants(g)
-    degenerate = _is_small(determinant, g)
-    areas = np.sqrt(np.where(degenerate, 1.0, determinant))
-    return _coordinates(
-        np.where(degenerate, 1.0, entry(g, 0, 0)), entry(g, 0, 1), areas, degenerate
-    )
-
-
-def _coordinates(
-    e: ndarray, m: ndarray, areas: ndarray, degenerate: ndarray
-) -> tuple[ndarray, ndarray, ndarray]:
-    """Return x, y and s of [[e, m], [m, g]] with the area ratio √det g; e and it are never 0."""
     s = np.where(degenerate, 0.0, np.sqrt(areas))
     return np.where(degenerate, 0.0, m / e), areas / e, s
 
@@ -328,25 +268,6 @@ defvjp(
     lambda answer, m, lam: lambda upstream: upstream * _half_angle_slope(m, lam),
     argnums=(0,),
 )
-
-
-def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
-    """Return θ, the angle between the two matrices on the cone, not cut off at π.
-
-    Parameters
-    ----------
-    g1, g2 : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
-    lam : float
-        λ > 0.
-
-    Returns
-    -------
-    array, shape (...)
-    """
-    x1, y1, _ = coordinates(g1)
-    x2, y2, _ = coordinates(g2)
-    return angle_per_distance(lam) * hyperbolic_distance(excess(x1, y1, x2, y2))
 
 
 @compiled(forceinline=True)
@@ -442,53 +363,6 @@ def _pack(x: ndarray, y: ndarray, s: ndarray, roots: ndarray, lam: float, kept: 
         inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & (radius < LARGEST)
         gap += step if inside else math.inf
     return 16.0 * lam * gap
-
-
-LARGEST_LAMBDA = 0.01
-"""Up to this λ the polynomials are exact to rounding errors."""
-
-_DEGREES = {onp.dtype(onp.float32): 7, onp.dtype(onp.float64): 12}
-
-
-def excess_at_pi(lam: float) -> float:
-    """Return m_π, the value of cosh ℓ − 1 where θ = π.
-
-    Parameters
-    ----------
-    lam : float
-        λ > 0, at most `LARGEST_LAMBDA`.
-
-    Returns
-    -------
-    float
-    """
-    return float(2.0 * onp.sinh(onp.pi * onp.sqrt(2.0 * lam)) ** 2)
-
-
-@cache
-def half_angle_polynomial(lam: float, dtype: onp.dtype) -> tuple[float, ...]:
-    """Return the coefficients P of sin²(½θ) = z P(z), z = m/m_π in [0, 1].
-
-    Parameters
-    ----------
-    lam : float
-        λ > 0, at most `LARGEST_LAMBDA`.
-    dtype : dtype
-        float32 or float64: the precision of the coefficients, and for which they are enough.
-
-    Returns
-    -------
-    tuple of float
-        Coefficients, constant term first.
-    """
-    kappa, reach = 0.5 / onp.sqrt(2.0 * lam), excess_at_pi(lam)
-
-    def quotient(z: onp.ndarray) -> onp.ndarray:
-        return onp.sin(kappa * onp.arcsinh(onp.sqrt(0.5 * reach * z))) ** 2 / z
-
-    fit = Chebyshev.interpolate(quotient, _DEGREES[dtype], domain=[0.0, 1.0])
-    powers = fit.convert(kind=Polynomial, domain=[-1.0, 1.0], window=[-1.0, 1.0])
-    return tuple(dtype.type(c) for c in powers.coef)
 
 
 # sin²(a)/a² as a function of a² in [0, π²/4], to 1e-7 and 1e-16.

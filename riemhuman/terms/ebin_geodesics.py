@@ -12,14 +12,8 @@ from riemhuman.kernels.scalars import (
     sine_cardinal,
 )
 from riemhuman.kernels.surface import symmetric_matrices
-from riemhuman.terms.ebin import (
-    angle,
-    angle_per_distance,
-    coordinates,
-    excess,
-    hyperbolic_distance,
-    is_degenerate,
-)
+from riemhuman.terms.ebin import angle_per_distance, excess, hyperbolic_distance
+from riemhuman.terms.ebin_matrices import angle, coordinates, is_degenerate
 from riemhuman.terms.ebin_tangent import size, trace, traceless, unwhiten, whiten
 
 

@@ -8,7 +8,7 @@ from numpy import ndarray
 from riemhuman.kernels.linear import entry
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import symmetric_matrices
-from riemhuman.terms.ebin import coordinates, determinants
+from riemhuman.terms.ebin_matrices import coordinates, determinants
 
 
 def trace(matrices: ndarray) -> ndarray:

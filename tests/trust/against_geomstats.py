@@ -39,7 +39,7 @@ from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.statistics import HierarchicalClustering, KMedoids
 from riemhuman.statistics import TangentPCA as OurTangentPCA
-from riemhuman.terms import ebin
+from riemhuman.terms import ebin_matrices
 
 EBIN_WEIGHTS = [(1.0, 1e-4), (2.0, 0.05), (1.0, 0.5), (1.0, 1.0), (0.3, 10.0)]
 NO_WEIGHTS = dict.fromkeys(("a0", "a1", "b1", "c1", "d1", "a2"), 0.0)
@@ -136,7 +136,9 @@ def test_shear_is_that_of_the_affine_metric():
     whole = SPDMatrices(2, equip=False).equip_with_metric(SPDAffineMetric).metric
     volume = np.log(np.linalg.det(g2) / np.linalg.det(g1))
     shear = whole.squared_dist(g1, g2) - volume**2 / 2.0
-    np.testing.assert_allclose(ebin.angle(g1, g2, 0.7), np.sqrt(shear / 0.7) / 4.0, rtol=1e-9)
+    np.testing.assert_allclose(
+        ebin_matrices.angle(g1, g2, 0.7), np.sqrt(shear / 0.7) / 4.0, rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("lam", [0.5, 2.0])

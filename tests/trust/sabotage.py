@@ -42,6 +42,7 @@ _MIRRORS = {
     "geometry/term_fields.py": "geometry/test_pullback.py",
     "kernels/tiles.py": "terms/test_pairs.py",
     "kernels/triangles.py": "terms",
+    "terms/ebin_matrices.py": "terms/test_ebin.py",
     "terms/flat.py": "terms",
     "terms/normals.py": "terms",
     "terms/root_normals.py": "terms",
@@ -81,7 +82,7 @@ _SPEED_ALONE = {
         "threaded": "whether threads share the work",
         "size": "triangles that terms pass over together",
     },
-    "terms/ebin.py": {"_DEGREES": "more terms than needed are no less exact"},
+    "terms/half_angle_fit.py": {"_DEGREES": "more terms than needed are no less exact"},
     "terms/term.py": {"_BLOCK": "surfaces looked at together"},
     "kernels/threads.py": {
         "N_CHUNKS": "parts that threads share",

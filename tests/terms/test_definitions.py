@@ -1,0 +1,103 @@
+"""Every term there is: its compiled forms are its definition, to rounding."""
+
+import importlib
+import inspect
+import pkgutil
+
+import numpy as np
+import pytest
+from autograd import grad
+from cases import deformations, sphere_template, surfaces
+
+import riemhuman.terms
+from riemhuman.kernels import surface, tiles, triangles
+from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, RotationTerm, Term
+from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
+from riemhuman.terms.normal_projection import NormalPartTerm
+from riemhuman.terms.quadratic import QuadraticTerm
+from riemhuman.terms.second_order import SecondOrderTerm
+from riemhuman.terms.sum import packed
+from riemhuman.terms.zeroth_order import ZerothOrderTerm
+
+TEMPLATE = sphere_template()
+FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
+OPERATOR = TEMPLATE.differential_operator
+POINTS = surfaces(TEMPLATE, 4, rng=2)
+FIRST_ORDER = FirstOrderTerm(TEMPLATE, FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3))
+TERMS = [EbinTerm(0.7, 1e-3), EbinTerm(0.7, 2.0), NormalTerm(0.3), RootNormalTerm(1.1)]
+TERMS += [RotationTerm(0.6)]
+QUADRATIC = [FIRST_ORDER, NormalPartTerm(TEMPLATE, FIRST_ORDER)]
+QUADRATIC += [ZerothOrderTerm(TEMPLATE, 0.4), SecondOrderTerm(TEMPLATE, 0.1)]
+
+each_term = pytest.mark.parametrize("term", TERMS, ids=repr)
+each_quadratic = pytest.mark.parametrize("term", QUADRATIC, ids=lambda term: type(term).__name__)
+
+
+def test_no_term_is_left_out():
+    found = set()
+    for module in pkgutil.iter_modules(riemhuman.terms.__path__, "riemhuman.terms."):
+        members = vars(importlib.import_module(module.name)).values()
+        found |= {one for one in members if inspect.isclass(one)}
+    found = {one for one in found if issubclass(one, (Term, QuadraticTerm))}
+    assert found - {Term, QuadraticTerm, FlatTerm} == {type(one) for one in TERMS + QUADRATIC}
+
+
+def close(found, expected, rtol=1e-11):
+    np.testing.assert_allclose(found, expected, rtol=0, atol=rtol * np.abs(expected).max())
+
+
+@each_term
+def test_segments(term):
+    records = np.empty((len(FACES), len(POINTS), triangles.LENGTH))
+    by_vertex = np.ascontiguousarray(np.swapaxes(POINTS, 0, 1))
+    triangles.fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
+    found = []
+    for add_segments in (term.add_segments, lambda *parts: Term.add_segments(term, *parts)):
+        slopes, gradient = np.zeros_like(records), np.zeros_like(by_vertex)
+        value = add_segments(records, slopes, AREAS)
+        triangles.add_gradient(records, slopes, FACES, FRAMES, 0, len(FACES), gradient)
+        found.append((value, gradient))
+    (value, gradient), (expected, expected_gradient) = found
+    assert value == pytest.approx(expected, rel=1e-12)
+    close(gradient, expected_gradient)
+
+
+@each_term
+def test_pairs(term):
+    fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in POINTS]
+    expected = [[term.squared_dist(one, other) @ AREAS for other in fields] for one in fields]
+    kept = tiles.of_one_kind(POINTS)
+    for pack in (
+        lambda i, row: term.pack(tuple(map(tiles.of_one_kind, fields[i])), AREAS, row),
+        lambda i, row: term.pack_surface(kept[i], FACES, FRAMES, AREAS, row),
+    ):
+        features, _ = packed(term, pack, len(POINTS), AREAS, "double")
+        close(term.squared_distances(features, features, AREAS), expected)
+
+
+@each_term
+def test_forms(term):
+    first = surface.derivatives(POINTS[0], OPERATOR)
+    scale = first.areas[:, None, None] ** term.area_power
+    close(scale * term.form(first), Term.form(term, first), 1e-10)
+
+
+@each_quadratic
+def test_squared_norms(term):
+    vectors = deformations(TEMPLATE, len(POINTS), rng=3)
+
+    def definition(h, f):
+        return np.sum(term.inner_product(h, h, f))
+
+    by_vertex = [np.ascontiguousarray(np.swapaxes(one, 0, 1)) for one in (vectors, POINTS)]
+    value, *slopes = term.squared_norms_and_slopes(*by_vertex)
+    assert value == pytest.approx(definition(vectors, POINTS), rel=1e-11)
+    for k, slope in enumerate(slopes):
+        close(np.swapaxes(slope, 0, 1), grad(definition, k)(vectors, POINTS), 1e-10)
+
+
+@each_quadratic
+def test_quadratic_matrices(term):
+    h, k = deformations(TEMPLATE, 2, rng=4)
+    found = h.ravel() @ (term.matrix(POINTS[0]) @ k.ravel())
+    assert found == pytest.approx(term.inner_product(h, k, POINTS[0]), rel=1e-10)
