@@ -434,10 +434,15 @@ class MetricWithMatrix(Protocol):
 
 @runtime_checkable
 class MetricOfSurfaces(Protocol):
-    """A metric that tells whether it sees how long the edges of a surface are.
+    """A metric of surfaces that tells what it sees.
 
-    Where it does not, surfaces of least mean squared distance have limbs like rubber.
+    Where lengths are not seen, surfaces of least mean squared distance have limbs like rubber;
+    where translations are not, nothing says where the next surface of a geodesic is.
     """
+
+    @property
+    def sees_translations(self) -> bool:
+        """Whether distances change when one of two surfaces is translated."""
 
     @property
     def sees_lengths(self) -> bool:

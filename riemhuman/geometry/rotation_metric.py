@@ -68,6 +68,7 @@ class RotationMetric(PullbackMetric):
     """
 
     space: AlignedSurfaces
+    sees_translations = False
     sees_lengths = False
 
     def __init__(

@@ -66,6 +66,7 @@ class SurfaceMetric(RiemannianMetric):
     """
 
     space: AlignedSurfaces
+    sees_translations = False
 
     def __init__(
         self,

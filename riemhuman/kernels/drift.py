@@ -58,6 +58,45 @@ def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
     return moved
 
 
+def steady_path(path: ndarray, weights: ndarray) -> ndarray:
+    """Translate interior surfaces so that the centroid moves uniformly from one end to the other.
+
+    Parameters
+    ----------
+    path : array, shape (n_times, V, 3)
+        Path.
+    weights : array, shape (V,)
+        Weights of the vertices.
+
+    Returns
+    -------
+    array, shape (n_times, V, 3)
+        Path with the same ends.
+    """
+    centroids = centroid(path, weights)
+    times = np.linspace(0.0, 1.0, len(path))[:, None, None]
+    moved = path + ((1.0 - times) * centroids[:1] + times * centroids[-1:] - centroids)
+    moved[[0, -1]] = path[[0, -1]]
+    return moved
+
+
+def centroid(f: ndarray, weights: ndarray) -> ndarray:
+    """Return the weighted mean of vertices.
+
+    Parameters
+    ----------
+    f : array, shape (..., V, 3)
+        Surfaces or deformations.
+    weights : array, shape (V,)
+        Weights of the vertices.
+
+    Returns
+    -------
+    array, shape (..., 1, 3)
+    """
+    return (weights / weights.sum())[None] @ f
+
+
 def _rigid_motions(
     f: ndarray, target: ndarray, weights: ndarray, rotations: bool
 ) -> tuple[ndarray, ndarray]:

@@ -212,7 +212,10 @@ class DiscreteExponential:
             stop = degeneration(metric, points[-1], found.points[2])
             if not stop and found.error > _LOST:
                 stop = vanishing(metric, *points[-2:]) if len(points) > 1 else ""
-                stop = stop or "no next point solves the geodesic equation; use more steps"
+                stop = stop or (
+                    "no next point solves the geodesic equation; use more steps, or a metric that "
+                    "sees more: a > 0 and c > 0"
+                )
             if stop:
                 stop = f"{where}: {stop}"
                 break

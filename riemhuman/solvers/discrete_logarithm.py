@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver, was_interrupted
+from riemhuman.kernels.drift import steady_path
+from riemhuman.protocols import GeodesicSolver, MetricOfSurfaces, was_interrupted
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration
 from riemhuman.solvers.path_straightening import PathStraightening
@@ -185,9 +187,13 @@ class DiscreteLogarithm:
         if self.geodesic_solver is not None:
             return whole_path_result(self.geodesic_solver.solve(metric, start, end))
         if self.basis is None:
-            return PathStraightening(n_nodes, tolerance=_TOLERANCE, remove_drift=False).solve(
-                metric, start, end
-            )
+            over_all = PathStraightening(n_nodes, tolerance=_TOLERANCE, remove_drift=False)
+            found = over_all.solve(metric, start, end)
+            if isinstance(metric, MetricOfSurfaces) and not metric.sees_translations:
+                # As the exponential moves surfaces where the metric does not say.
+                space: Any = metric.space
+                found = replace(found, path=steady_path(found.path, space.template.vertex_areas))
+            return found
         basis = self.basis.joined((end - start)[None])
         solver = BasisPath(basis, n_nodes, remove_drift=False)
         first = solver.solve(metric, start, end)

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from autograd.core import make_vjp
@@ -23,7 +23,8 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import Basis, SpaceWithFields, SurfaceSpace
+from riemhuman.kernels.drift import centroid
+from riemhuman.protocols import Basis, MetricOfSurfaces, SpaceWithFields, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.root_finding import find_root
 from riemhuman.solvers.spatial_factors import spatial_factor
@@ -33,6 +34,12 @@ _LEAST_COSINE = -0.5
 
 # A triangle that has lost as much of its area within one time step is about to vanish.
 _LEAST_AREA = 0.5
+
+# Sizes of a surface by which one time step cannot move it.
+_FAR = 100.0
+
+# Ridge of the metric's matrix of surfaces: a larger one hides how softly a limb as a whole moves.
+_RIDGE = 1e-6
 
 # Relative changes of a point's entries that count as rounding errors.
 _ROUNDING = 1e-7
@@ -145,6 +152,14 @@ class MiddleEquation:
 
         return self._solve(triple, guess, 8.0, self._squared_dist(start, end))
 
+    def _steady(self, shift: ndarray) -> ndarray:
+        """Take out translations that the metric does not see: the centroid then moves uniformly."""
+        metric = self.metric
+        if not isinstance(metric, MetricOfSurfaces) or metric.sees_translations:
+            return shift
+        space: Any = metric.space
+        return shift - centroid(shift, space.template.vertex_areas)
+
     def _regular(self, point: ndarray) -> ndarray:
         return self.metric.space.projection(point)
 
@@ -168,11 +183,13 @@ class MiddleEquation:
         def shift_of(variables: ndarray) -> ndarray:
             shift = factor.solve_transposed(variables[:, None])[:, 0]
             if directions is not None:
-                shift = shift @ directions
-            return shift.reshape(shape)
+                return (shift @ directions).reshape(shape)
+            return self._steady(shift.reshape(shape))
 
         def equation(variables: ndarray) -> ndarray | None:
             points = triple(shift_of(variables))
+            if _sizes_away(metric.space, middle, points) > _FAR:
+                return None
             if not np.all(metric.space.belongs(points)):
                 return None
             energy, gradient = metric.energy_and_gradient(points)
@@ -211,7 +228,7 @@ class MiddleEquation:
         self, middle: ndarray, scale: float
     ) -> tuple[ndarray | None, CholeskyFactor]:
         if self.basis is None:
-            return None, spatial_factor(self.metric, middle[None], 1.0 / scale)
+            return None, spatial_factor(self.metric, middle[None], 1.0 / scale, ridge=_RIDGE)
         directions = self.basis.flat
         if directions.shape[1] != middle.size:
             raise ArgumentError(
@@ -256,6 +273,13 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
     if cosines[worst] >= _LEAST_COSINE:
         return ""
     return f"triangle {worst} degenerates: its normal has turned over"
+
+
+def _sizes_away(space: Any, before: ndarray, after: ndarray) -> float:
+    """Return how far the vertices of a surface have moved, in units of its size; else 0."""
+    if not isinstance(space, SurfaceSpace):
+        return 0.0
+    return float(np.abs(after - before).max() / np.ptp(before))
 
 
 def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:

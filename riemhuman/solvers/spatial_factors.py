@@ -37,15 +37,17 @@ class SparseCholeskyFactor(CholeskyFactor):
     ----------
     matrix : sparse array, shape (K, K)
         Symmetric positive semidefinite matrix.
+    ridge : float
+        Share of its diagonal that is added to it.
     """
 
-    def __init__(self, matrix: Any) -> None:
+    def __init__(self, matrix: Any, ridge: float = _RIDGE) -> None:
         diagonal = matrix.diagonal()
         size = diagonal.mean()
-        ridge = _RIDGE * (diagonal + (size if size > 0 else 1.0))
+        added = ridge * (diagonal + (size if size > 0 else 1.0))
         # Without row exchanges A = LU has U = D Lᵀ: elimination for a symmetric matrix.
         self._elimination = splu(
-            sparse.csc_array(matrix + sparse.diags_array(ridge)),
+            sparse.csc_array(matrix + sparse.diags_array(added)),
             permc_spec="MMD_AT_PLUS_A",
             diag_pivot_thresh=0.0,
             options={"SymmetricMode": True},
@@ -159,7 +161,11 @@ class BlockCholeskyFactor(CholeskyFactor):
 
 
 def spatial_factor(
-    metric: RiemannianMetric, points: ndarray, scale: float, stiffness: float = 0.0
+    metric: RiemannianMetric,
+    points: ndarray,
+    scale: float,
+    stiffness: float = 0.0,
+    ridge: float = _RIDGE,
 ) -> CholeskyFactor:
     r"""Return a factor of the metric's matrix M in all coordinates, averaged over points.
 
@@ -179,6 +185,8 @@ def spatial_factor(
         On surfaces, weight of the Dirichlet energy of deformations beside M, in units of its mean
         diagonal entry. Where the metric does not see a deformation to first order, as bends if
         c = 0 and stretches if a = 0, its distances between surfaces further apart do.
+    ridge : float
+        Share of the diagonal that is added to a matrix of surfaces.
 
     Returns
     -------
@@ -191,7 +199,7 @@ def spatial_factor(
             share = matrix.diagonal().mean() / laplacian.diagonal().mean()
             dirichlet = sparse.kron(laplacian, sparse.eye_array(3), format="csr")
             matrix = matrix + stiffness * share * dirichlet
-        return SparseCholeskyFactor(matrix / scale)
+        return SparseCholeskyFactor(matrix / scale, ridge)
     return BlockCholeskyFactor(_block_norms(metric, points) / scale)
 
 

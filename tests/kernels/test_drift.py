@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from riemhuman.kernels.drift import still_path
+from riemhuman.kernels.drift import centroid, steady_path, still_path
 
 RNG = np.random.default_rng(0)
 BODY = RNG.normal(size=(60, 3))
@@ -95,3 +95,13 @@ def test_a_body_of_many_vertices():
     path = np.stack([body, Rotation.from_rotvec([0.4, -0.1, 0.9]).apply(body) + 2.0, body])
     still = still_path(path, np.ones(4500), rotations=True)
     np.testing.assert_allclose(still[1], body, atol=1e-9)
+
+
+def test_a_steady_path_has_a_centroid_that_moves_uniformly():
+    rng = np.random.default_rng(4)
+    path, weights = rng.normal(size=(5, 20, 3)), rng.uniform(0.1, 1.0, 20)
+    steady = steady_path(path, weights)
+    centroids = centroid(steady, weights)[:, 0]
+    np.testing.assert_allclose(centroids, np.linspace(centroids[0], centroids[-1], 5), atol=1e-14)
+    np.testing.assert_array_equal(steady[[0, -1]], path[[0, -1]])
+    np.testing.assert_allclose(np.diff(steady, axis=1), np.diff(path, axis=1), atol=1e-14)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cases import CASES, cases_that, deformations, name_of
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -130,6 +131,29 @@ def test_large_changes_of_pose(weights, change):
     assert forward.converged
     # Millimetres, of half a metre.
     assert np.linalg.norm(forward.end - end, axis=1).mean() < 1e-3
+
+
+@pytest.mark.parametrize("weights", [(1.0, 0.1, 0.1), (1.0, 1.0, 1.0)])
+def test_large_changes_of_pose_over_all_vertices(weights):
+    """Translations, which the metric does not see, go on uniformly: else millimetres are lost."""
+    metric = ElasticMetric(bodies.space(), *weights)
+    start, end = squat(np.random.default_rng(1))
+    found = DiscreteLogarithm().solve(metric, end, start)
+    forward = DiscreteExponential().solve(metric, found.tangent_vec, start)
+    assert found.converged
+    assert forward.converged
+    # Micrometres, of half a metre.
+    assert np.linalg.norm(forward.end - end, axis=1).mean() < 2e-5
+
+
+def test_half_a_turn_says_what_is_the_matter():
+    """Of normals alone, within a basis that does not hold the turn: the size was named."""
+    data = load_open_bodies("coarse")
+    metric = ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
+    basis, start = DeformationBasis.from_laplacian(data.template, 20), data.points[0]
+    with pytest.warns(ConvergenceWarning, match="step before the start: triangle .* turned over"):
+        found = DiscreteLogarithm(basis, n_steps=4).solve(metric, start * [-1, 1, -1], start)
+    assert not found.converged
 
 
 def test_velocities_that_do_not_fit_the_path_are_no_logarithms():
