@@ -159,6 +159,32 @@ class ExpSolver(Protocol):
 
 
 @runtime_checkable
+class DifferentiableExpSolver(ExpSolver, Protocol):
+    """An `ExpSolver` whose results have a `path`, and which knows how they change."""
+
+    def derivatives(
+        self, metric: RiemannianMetric, path: ndarray, tangent_vec: ndarray, covectors: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        r"""Return the derivatives of a function of a path by its initial velocity and point.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_nodes, \*shape)
+            What `solve` found.
+        tangent_vec : array, shape (\*shape,)
+            The initial velocity it was found for.
+        covectors : array, shape (n_nodes, \*shape)
+            Derivatives of the function by the points of the path.
+
+        Returns
+        -------
+        by_tangent_vec, by_base_point : array, shape (\*shape,)
+        """
+
+
+@runtime_checkable
 class LogSolver(Protocol):
     """A strategy that finds the initial velocity of a geodesic between two points."""
 

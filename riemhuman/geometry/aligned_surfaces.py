@@ -11,6 +11,7 @@ from riemhuman.checks import Rng, generator, moderate_lengths, one_of, real_arra
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.rows import point_array
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.terms.root_normals import RootNormalTerm
@@ -255,7 +256,8 @@ class AlignedSurfaces(Manifold):
         Parameters
         ----------
         point : array_like, shape (..., V, 3)
-            Surfaces; triangles without area are legal, as in the completion.
+            Surfaces, or rows of 3V numbers; triangles without area are legal, as in the
+            completion.
         name : str
             Name of the argument, for messages.
 
@@ -266,7 +268,7 @@ class AlignedSurfaces(Manifold):
             leave the range of double precision, or a surface must be in another unit than the
             template.
         """
-        point = self.check_tangent_vec(point, name)
+        point = moderate_lengths(point_array(point, name, self.shape), name)
         self.check_scale(point, name)
         return point
 

@@ -19,6 +19,7 @@ from riemhuman.checks import (
 )
 from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.rows import point_array
 from riemhuman.representation import constructed
 
 if TYPE_CHECKING:
@@ -282,7 +283,7 @@ class Manifold(ABC):
         Parameters
         ----------
         point : array_like, shape (..., \*shape)
-            Points.
+            Points, or rows of as many numbers as a point has, shape (..., n).
         name : str
             Name of the argument, for messages.
 
@@ -295,7 +296,7 @@ class Manifold(ABC):
         ArgumentError
             If the shape is wrong or there are NaN or infinite entries.
         """
-        return real_array(point, name, self.shape)
+        return point_array(point, name, self.shape)
 
     def __repr__(self) -> str:
         return constructed(self, leave_out=("equip",))

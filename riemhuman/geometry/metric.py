@@ -11,10 +11,12 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_array
 from riemhuman.docstrings import inherit_sections
-from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.derived_quantities import DerivedQuantities
 from riemhuman.geometry.pairwise import MEMORY, PRECISIONS, Points, distances
+from riemhuman.geometry.rows import point_array
+from riemhuman.geometry.solved_exponential import solved_geodesic
 from riemhuman.kernels.scalars import square_root
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver, uninterrupted
 from riemhuman.representation import constructed
@@ -273,7 +275,8 @@ class RiemannianMetric(DerivedQuantities):
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.
 
-        Where the class has no closed form, `exp_solver` follows one geodesic after the other.
+        Where the class has no closed form, `exp_solver` follows one geodesic after the other;
+        autograd differentiates through one that is a `DifferentiableExpSolver`.
 
         Parameters
         ----------
@@ -297,19 +300,13 @@ class RiemannianMetric(DerivedQuantities):
         if solver is None:
             raise self._not_defined("exp")
 
-        def follow(point: ndarray, velocity: ndarray) -> ndarray:
-            result = solver.solve(self, velocity, point)
-            if not getattr(result, "complete", True):
-                where = getattr(result, "message", "a point on the way")
-                raise OutsideManifoldError(
-                    f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
-                    f"can follow for unit time; it stopped at {where}"
-                )
-            return result.end
-
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        return self._one_by_one(follow, base_point, tangent_vec)
+        return self._one_by_one(
+            lambda point, velocity: solved_geodesic(velocity, point, self, solver)[-1],
+            base_point,
+            tangent_vec,
+        )
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
@@ -555,7 +552,7 @@ class RiemannianMetric(DerivedQuantities):
         -------
         array, shape (n, \*shape)
         """
-        return real_array(points, name, ("n_points", *self.space.shape), batched=False)
+        return point_array(points, name, self.space.shape, batched=False)
 
     def dist_pairwise(
         self,
@@ -710,6 +707,7 @@ class RiemannianMetric(DerivedQuantities):
     def _solve(self, name: str, start: ndarray, end: ndarray) -> Any:
         if self.geodesic_solver is None:
             raise self._not_defined(name)
+        start, end = (point_array(point, "point", self.space.shape) for point in (start, end))
         if np.shape(start) != self.space.shape or np.shape(end) != self.space.shape:
             raise ArgumentError(
                 f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
@@ -729,13 +727,12 @@ class RiemannianMetric(DerivedQuantities):
 
     def _one_by_one(self, solve: Callable[..., ndarray], *arrays: ndarray) -> ndarray:
         """Return the results for broadcast arrays of points or vectors."""
-        arrays = tuple(np.broadcast_arrays(*arrays))
-        leading = arrays[0].shape[: arrays[0].ndim - len(self.space.shape)]
-        # Copies: what is broadcast shares its memory.
-        results = [
-            solve(*(np.array(array[index]) for array in arrays)) for index in np.ndindex(leading)
-        ]
-        return np.reshape(np.array(results), arrays[0].shape)
+        shape = np.broadcast_shapes(*(np.shape(array) for array in arrays))
+        # autograd's `broadcast_to` adds no axes.
+        arrays = tuple(array + np.zeros(shape) for array in arrays)
+        leading = shape[: len(shape) - len(self.space.shape)]
+        results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
+        return np.reshape(np.array(results), shape)
 
     @property
     def _whole_point(self) -> tuple[slice, ...]:

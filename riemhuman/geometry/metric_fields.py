@@ -13,6 +13,7 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManif
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.rows import point_array
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
 from riemhuman.terms.sum import TermOfFields
@@ -120,7 +121,7 @@ class MetricFields(Manifold):
         DegenerateSurfaceError
             If a matrix is singular and `completion` is false.
         """
-        point = real_array(point, name, self.shape)
+        point = point_array(point, name, self.shape)
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
         crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size

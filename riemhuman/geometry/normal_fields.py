@@ -13,6 +13,7 @@ from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.rows import point_array
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot
 from riemhuman.terms.normals import NormalTerm
@@ -94,7 +95,7 @@ class NormalFields(Manifold):
             If the shape is wrong, or an entry is not finite, or a vector is not of unit length
             to 1e-6.
         """
-        point = real_array(point, name, self.shape)
+        point = point_array(point, name, self.shape)
         values = values_of(point)
         refuse_triangles(
             np.abs(dot(values, values) - 1.0) > 2e-6,

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import check_shape, one_of, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry.rows import unflattened
 from riemhuman.kernels.threads import thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.terms.sum import Features
@@ -168,6 +169,7 @@ class _PointSet:
         if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
             points = metric.check_points(points, name)
         if isinstance(points, np.ndarray):
+            points = unflattened(points, metric.space.shape)
             check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
         self.points = points
 

@@ -13,6 +13,7 @@ from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.rows import point_array
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
@@ -98,7 +99,7 @@ class RotationFields(Manifold):
         ArgumentError
             If the shape is wrong, or an entry is not finite, or a matrix is no rotation to 1e-6.
         """
-        point = real_array(point, name, self.shape)
+        point = point_array(point, name, self.shape)
         refuse_triangles(
             ~_is_rotation(values_of(point), 2e-6), f"{name} must hold rotations", ArgumentError
         )

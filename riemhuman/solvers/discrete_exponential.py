@@ -9,9 +9,10 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, values_of, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import INTERRUPTED
+from riemhuman.protocols import INTERRUPTED, SurfaceSpace
+from riemhuman.solvers.exponential_derivative import derivatives_of_exponential
 from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -182,6 +183,48 @@ class DiscreteExponential:
             raise ArgumentError(f"path must have at least two times; found {len(path)}")
         n_steps = whole_number(n_steps, "n_steps", minimum=1)
         return self._walk(metric, list(path), len(path) - 1, n_steps)
+
+    def derivatives(
+        self, metric: RiemannianMetric, path: ndarray, tangent_vec: ndarray, covectors: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        r"""Return the derivatives of a function of a path by its initial velocity and point.
+
+        By these autograd differentiates through `metric.exp`.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            A metric of surfaces.
+        path : array, shape (n_nodes, \*shape)
+            What `solve` found.
+        tangent_vec : array, shape (\*shape,)
+            The initial velocity it was found for.
+        covectors : array, shape (n_nodes, \*shape)
+            Derivatives of the function by the points of the path.
+
+        Returns
+        -------
+        by_tangent_vec, by_base_point : array, shape (\*shape,)
+            Exact where the equations determine the path but for motions that the metric does not
+            see, as those of closed surfaces do.
+
+        Raises
+        ------
+        NotDefinedError
+            If there is a basis, which the velocity joins: the result jumps where the velocity
+            leaves it; or if points are no surfaces.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If a linear equation was not solved within the tolerance.
+        """
+        if self.basis is not None or not isinstance(metric.space, SurfaceSpace):
+            raise NotDefinedError(
+                "derivatives of the discrete exponential are those of surfaces with all "
+                "coordinates free, DiscreteExponential() without a basis"
+            )
+        return derivatives_of_exponential(metric, path, tangent_vec, covectors)
 
     def _walk(
         self,

@@ -20,6 +20,70 @@ from riemhuman.surfaces.mesh_arrays import mesh_arrays, split_polygons
 _SURFACE_CELLS = ("triangle", "quad", "polygon")
 
 
+def from_trimesh(mesh: Any) -> tuple[ndarray, ndarray]:
+    """Return the vertices and triangles of a mesh of trimesh, in its order.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        A mesh, or any object with ``vertices`` and ``faces`` of shapes (V, 3) and (F, 3).
+
+    Returns
+    -------
+    vertices : array, shape (V, 3)
+    faces : array of int, shape (F, 3)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it has no vertices and faces.
+    ArgumentError
+        If they are those of no mesh.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> mesh = rh.surfaces.to_trimesh(bodies[0], bodies.template.faces)
+    >>> vertices, faces = rh.surfaces.from_trimesh(mesh)
+    >>> bool((vertices == bodies[0]).all())
+    True
+    """
+    _refuse_without(mesh, ("vertices", "faces"), "trimesh")
+    return arrays_of_mesh(mesh)
+
+
+def from_pyvista(mesh: Any) -> tuple[ndarray, ndarray]:
+    """Return the vertices and triangles of a mesh of PyVista, in its order.
+
+    Parameters
+    ----------
+    mesh : pyvista.PolyData
+        A mesh, or any object with ``points``, shape (V, 3), and ``faces``, which lists the number
+        of corners of each polygon before its corners.
+
+    Returns
+    -------
+    vertices : array, shape (V, 3)
+    faces : array of int, shape (F, 3)
+        Polygons are split from their first corner.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it has no points and faces.
+    ArgumentError
+        If they are those of no mesh.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> vertices, faces = rh.surfaces.from_pyvista(mesh)  # doctest: +SKIP
+    """
+    _refuse_without(mesh, ("points", "faces"), "PyVista")
+    return arrays_of_mesh(mesh)
+
+
 def arrays_of_mesh(mesh: Any) -> tuple[ndarray, ndarray]:
     """Return the vertices and triangles of a mesh object of trimesh or PyVista.
 
@@ -65,6 +129,14 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     Returns
     -------
     trimesh.Trimesh
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> mesh = rh.surfaces.to_trimesh(bodies[0], bodies.template.faces)
+    >>> mesh.vertices.shape
+    (1202, 3)
     """
     import trimesh  # loads when it is used, for it takes long
 
@@ -89,6 +161,12 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
     ------
     MissingDependencyError
         If PyVista is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.surfaces.to_pyvista(bodies[0], bodies.template.faces)  # doctest: +SKIP
     """
     pyvista = import_optional("pyvista", "meshes")
     vertices, faces = mesh_arrays(vertices, faces)
@@ -131,12 +209,20 @@ def load_with_meshio(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
         polygons = [
             np.asarray(polygon)
             for cells in mesh.cells
-            if cells.type in ("triangle", "quad", "polygon")
+            if cells.type in _SURFACE_CELLS
             for polygon in cells.data
         ]
         return mesh_arrays(mesh.points, _triangles(polygons))
     except (Exception, SystemExit) as error:  # meshio ends the program on some errors
         raise FileFormatError(f"{file} cannot be read by meshio: {brief(error)}") from error
+
+
+def _refuse_without(mesh: Any, names: tuple[str, str], library: str) -> None:
+    if any(not hasattr(mesh, name) for name in names):
+        raise ArgumentTypeError(
+            f"mesh must have {names[0]} and {names[1]}, as surfaces of {library} have; found "
+            f"{type(mesh).__name__}"
+        )
 
 
 def _counted(faces: ndarray) -> ndarray:

@@ -15,7 +15,13 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.surfaces.assembly import TriangleAssembler
 from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, refuse_faces
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
-from riemhuman.surfaces.mesh_objects import arrays_of_mesh, to_pyvista, to_trimesh
+from riemhuman.surfaces.mesh_objects import (
+    arrays_of_mesh,
+    from_pyvista,
+    from_trimesh,
+    to_pyvista,
+    to_trimesh,
+)
 from riemhuman.surfaces.poisson import PoissonInterpolator
 from riemhuman.surfaces.triangle_heat import TriangleHeat
 
@@ -115,6 +121,54 @@ class Template:
             return cls(vertices, faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(path)}: {error}") from error
+
+    @classmethod
+    def from_trimesh(cls, mesh: Any) -> Template:
+        """Return a mesh of trimesh as a template; vertex order is kept.
+
+        Parameters
+        ----------
+        mesh : trimesh.Trimesh
+            The mesh.
+
+        Returns
+        -------
+        template : Template
+
+        Raises
+        ------
+        ArgumentTypeError
+            If it has no vertices and faces.
+        ArgumentError
+            If they are those of no mesh.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        return cls(*from_trimesh(mesh))
+
+    @classmethod
+    def from_pyvista(cls, mesh: Any) -> Template:
+        """Return a mesh of PyVista as a template; vertex order is kept, polygons are split.
+
+        Parameters
+        ----------
+        mesh : pyvista.PolyData
+            The mesh.
+
+        Returns
+        -------
+        template : Template
+
+        Raises
+        ------
+        ArgumentTypeError
+            If it has no points and faces.
+        ArgumentError
+            If they are those of no mesh.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        return cls(*from_pyvista(mesh))
 
     def to_trimesh(self, points: ArrayLike | None = None) -> Any:
         """Return the template, or a surface registered to it, as a mesh of trimesh.

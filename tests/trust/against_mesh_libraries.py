@@ -3,10 +3,11 @@
 import meshio
 import numpy as np
 import pytest
+import pyvista
 from cases import sphere_template
 
 from riemhuman.errors import FileFormatError
-from riemhuman.surfaces import Template, load_with_meshio
+from riemhuman.surfaces import Template, from_pyvista, load_with_meshio, to_pyvista
 from riemhuman.surfaces.mesh_objects import arrays_of_mesh
 
 TEMPLATE = sphere_template()
@@ -20,6 +21,21 @@ def test_pyvista_there_and_back():
     np.testing.assert_array_equal(vertices, 2 * TEMPLATE.vertices)
     np.testing.assert_array_equal(faces, TEMPLATE.faces)
     np.testing.assert_array_equal(Template(mesh).faces, TEMPLATE.faces)
+    np.testing.assert_array_equal(Template.from_pyvista(mesh).vertices, 2 * TEMPLATE.vertices)
+    again = to_pyvista(*from_pyvista(mesh))
+    np.testing.assert_array_equal(again.points, mesh.points)
+    np.testing.assert_array_equal(again.faces, mesh.faces)
+
+
+def test_quads_of_pyvista_and_of_meshio(tmp_path):
+    quads = pyvista.Plane(i_resolution=2, j_resolution=2)
+    vertices, faces = from_pyvista(quads)
+    meshio.Mesh(quads.points, [("quad", quads.faces.reshape(-1, 5)[:, 1:])]).write(
+        tmp_path / "plane.vtk", "vtk"
+    )
+    again = load_with_meshio(tmp_path / "plane.vtk")
+    np.testing.assert_array_equal(again[0], vertices)
+    np.testing.assert_array_equal(again[1], faces)
 
 
 @pytest.mark.parametrize(

@@ -82,10 +82,12 @@ def test_principal_components(space, points):
     np.testing.assert_allclose(found.explained_variance_, values[:2], rtol=1e-9)
 
 
-def test_what_takes_vectors_runs_on_the_product_of_one(space, points):
-    vectors = rh.ProductManifold([space])
-    rows = vectors.embed_to_product([points])
-    predicted = KNearestNeighborsClassifier(vectors, 3).fit(rows, LABELS).predict(rows)
+def test_scikit_learns_own_take_surfaces_as_rows(space, points):
+    """Arrays of more than two axes they refuse before they ask a space; rows are enough for ours."""
+    rows = points.reshape(len(points), -1)
+    with pytest.raises(ValueError, match="dim 3"):
+        KNearestNeighborsClassifier(space, 3).fit(points, LABELS)
+    predicted = KNearestNeighborsClassifier(space, 3).fit(rows, LABELS).predict(rows)
     np.testing.assert_array_equal(predicted, LABELS)
-    found = AgglomerativeHierarchicalClustering(vectors, 3).fit(rows).labels_
+    found = AgglomerativeHierarchicalClustering(space, 3).fit(rows).labels_
     assert len(set(zip(found, LABELS, strict=True))) == 3
