@@ -17,7 +17,7 @@ from riemhuman.geometry.rows import point_array
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
-from riemhuman.kernels.surface import dot
+from riemhuman.kernels.surface import cross, dot
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.sum import TermOfFields
 
@@ -188,6 +188,48 @@ class RotationFieldMetric(RiemannianMetric):
             OutsideManifoldError,
         )
         return _tangent_vec(omega, base_point)
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return the length of a half turn of the smallest triangle, :math:`\pi\sqrt{\min_t w_t}`.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., F, 3, 3), optional
+            Fields of rotations; it is the same at all of them.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        leading = np.shape(base_point)[:-3] if base_point is not None else ()
+        return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return :math:`\tfrac14 \sum_t w_t |a_t \times b_t|^2`, of the angular velocities.
+
+        On a group with a two-sided invariant metric ⟨R(a, b) b, a⟩ is a quarter of the squared
+        length of [a, b]: every plane of the rotations of a triangle has curvature ¼ / w_t.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3, 3)
+            Tangent fields a and b.
+        base_point : array, shape (..., F, 3, 3)
+            Field of rotations.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        base_point = self.space.check_point(base_point, "base_point")
+        a, b = (
+            _angular_velocity(real_array(vector, name, self.space.shape), base_point)
+            for vector, name in ((tangent_vec_a, "tangent_vec_a"), (tangent_vec_b, "tangent_vec_b"))
+        )
+        bracket = cross(a, b)
+        return 0.25 * np.sum(self.space.template.face_areas * dot(bracket, bracket), axis=-1)
 
     def parallel_transport(
         self,

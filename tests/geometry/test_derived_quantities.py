@@ -21,6 +21,7 @@ CURVED = [
     CASES[name]
     for name in ("ebin 0.05 sphere", "ebin 1 sphere", "ebin 10 sphere", "ebin 0.5 triangle")
 ] + [CASES[name] for name in ("normals sphere", "normals triangle", "flat", "product")]
+CURVED += [CASES[name] for name in ("rotations sphere", "rotations triangle")]
 curved = pytest.mark.parametrize("case", CURVED, ids=name_of)
 
 
@@ -99,7 +100,7 @@ def test_geodesics_are_shortest_within_the_injectivity_radius(case):
 
 def test_beyond_the_injectivity_radius():
     """On the smallest triangle, the sphere's great circles close and the cone has its apex."""
-    for name in ("normals sphere", "ebin 1 sphere"):
+    for name in ("normals sphere", "rotations sphere", "ebin 1 sphere"):
         case = CASES[name]
         x, metric = case.points[0], case.metric
         weights = case.space.template.face_areas
@@ -116,6 +117,16 @@ def test_beyond_the_injectivity_radius():
                 metric.exp(beyond, x)
         else:
             assert metric.dist(x, metric.exp(beyond, x)) < 0.999 * metric.norm(beyond, x)
+
+
+def test_rotations_of_a_triangle_have_constant_curvature():
+    """They are half a sphere of radius 2: a rotation by θ is a quaternion at the angle θ/2."""
+    case = CASES["rotations triangle"]
+    x, a, b = two_vectors(case)
+    found = case.metric.sectional_curvature(a, b, x)
+    area = case.space.template.face_areas[0]
+    assert found == pytest.approx(0.25 / area, rel=1e-9)
+    assert case.metric.injectivity_radius() == pytest.approx(np.pi * np.sqrt(area))
 
 
 def test_surfaces_have_no_closed_form_of_either():

@@ -6,7 +6,6 @@ from cases import CASES, cases_that, name_of
 
 from riemhuman.errors import ArgumentError
 
-
 WITH_ROWS = [case for case in cases_that("dist") if case.points[0].size > case.points.shape[-1]]
 
 

@@ -12,6 +12,7 @@ from geomstats.learning.agglomerative_hierarchical_clustering import (
     AgglomerativeHierarchicalClustering,
 )
 from geomstats.learning.frechet_mean import FrechetMean
+from geomstats.learning.geodesic_regression import GeodesicRegression
 from geomstats.learning.geometric_median import GeometricMedian
 from geomstats.learning.kmeans import RiemannianKMeans
 from geomstats.learning.kmedoids import RiemannianKMedoids
@@ -83,7 +84,7 @@ def test_principal_components(space, points):
 
 
 def test_scikit_learns_own_take_surfaces_as_rows(space, points):
-    """Arrays of more than two axes they refuse before they ask a space; rows are enough for ours."""
+    """They refuse arrays of more axes before any space is asked; ours takes the rows."""
     rows = points.reshape(len(points), -1)
     with pytest.raises(ValueError, match="dim 3"):
         KNearestNeighborsClassifier(space, 3).fit(points, LABELS)
@@ -91,3 +92,38 @@ def test_scikit_learns_own_take_surfaces_as_rows(space, points):
     np.testing.assert_array_equal(predicted, LABELS)
     found = AgglomerativeHierarchicalClustering(space, 3).fit(rows).labels_
     assert len(set(zip(found, LABELS, strict=True))) == 3
+
+
+@pytest.mark.parametrize("method", ["extrinsic", "riemannian"])
+def test_geodesic_regression(method):
+    """It differentiates through `exp`; on a surface of 18 units, for steps of one unit."""
+    mesh = trimesh.creation.icosahedron()
+    template = rh.Template(np.asarray(mesh.vertices) * [5.0, 9.0, 4.0], np.asarray(mesh.faces))
+    space = rh.AlignedSurfaces(template).equip_with_metric(
+        rh.ElasticMetric,
+        a=0.1,
+        lam=1.0,
+        c=0.1,
+        exp_solver=rh.solvers.DiscreteExponential(n_steps=2),
+        transport_solver=rh.solvers.PoleLadder(),
+    )
+    metric, times = space.metric, np.array([-1.0, 0.0, 1.0])
+    start = surfaces(template, 1, rng=3)[0]
+    velocity, noise = deformations(template, 2, rng=5)
+    velocity *= 0.9 / np.linalg.norm(velocity)
+    noise *= 0.3 / np.linalg.norm(noise)
+    points = metric.exp(times[:, None, None] * velocity, start)
+    found = GeodesicRegression(
+        space,
+        center_X=False,
+        method=method,
+        initialization=(start + noise, 0.5 * velocity),
+        compute_training_score=True,
+    )
+    if method == "extrinsic":
+        found.set(autodiff_jac=True, options={"maxiter": 8})
+    else:
+        found.set(max_iter=12)
+    found.fit(times, points)
+    assert found.training_score_ > 0.97
+    assert metric.dist(found.predict(times[2:])[0], points[2]) < 0.3 * metric.norm(velocity, start)
