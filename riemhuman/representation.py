@@ -1,11 +1,14 @@
-"""One-line representations of objects: how they were constructed."""
+"""One-line representations of objects: how they were constructed, or what they hold."""
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 from collections.abc import Sequence
 from numbers import Number
 from typing import Any
+
+from numpy import ndarray
 
 _LONGEST = 80
 _MISSING = object()
@@ -40,6 +43,38 @@ def constructed(value: object, leave_out: Sequence[str] = ()) -> str:
         if isinstance(held, Number) or not is_default:
             shown.append(f"{name}={_brief(held)}")
     return f"{type(value).__name__}({', '.join(shown)})"
+
+
+def held(value: Any) -> dict[str, str]:
+    """Return what a data class holds as brief texts: numbers, and the shapes of arrays.
+
+    Parameters
+    ----------
+    value : object
+        An instance of a data class.
+
+    Returns
+    -------
+    dict of str
+    """
+    shown = {}
+    for field in dataclasses.fields(value):
+        part = getattr(value, field.name)
+        if isinstance(part, ndarray) and part.ndim:
+            shown[field.name] = f"<array {part.shape}>"
+        elif isinstance(part, (float, ndarray)):
+            shown[field.name] = f"{float(part):.6g}"
+        else:
+            shown[field.name] = _brief(part)
+    return shown
+
+
+class Record:
+    """A part of data classes that hold arrays, which shows them in a line by their shapes."""
+
+    def __repr__(self) -> str:
+        shown = ", ".join(f"{name}={text}" for name, text in held(self).items())
+        return f"{type(self).__name__}({shown})"
 
 
 def _brief(value: object) -> str:

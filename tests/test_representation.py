@@ -52,3 +52,42 @@ def test_parameters_are_seen():
     assert repr(rh.TangentPCA(space, n_components=3)).endswith("n_components=3)")
     for solver in (rh.solvers.LinearPath(), rh.solvers.Disentangling()):
         assert len(repr(solver)) < 300
+
+
+def test_what_was_found_fits_in_two_lines():
+    """Whatever its size: arrays are shown by their shapes."""
+    bodies = rh.datasets.load_open_bodies("coarse")
+    motions = rh.datasets.load_open_motions("coarse")
+    space = rh.AlignedSurfaces(bodies.template)
+    fit = bodies.model.fit(bodies[0])
+    linear = rh.solvers.LinearPath(n_nodes=3)
+    metrics, solvers = {"shape": space.metric}, {"linear": (linear, "shape")}
+    distances = space.metric.dist_pairwise(bodies[:6])
+    found = [
+        motions,
+        motions[:50],
+        motions[0],
+        fit,
+        rh.solvers.ModelParameters(fit.betas, fit.pose, fit.trans),
+        *rh.solvers.compare_paths(metrics, bodies[0], bodies[1], solvers),
+        rh.descriptors.LatentVectors([str(k) for k in range(100)], np.zeros((100, 20))),
+        rh.statistics.two_sample_test(distances, np.arange(6) < 3, n_permutations=9),
+        linear.solve(space.metric, bodies[0], bodies[1]),
+        rh.solvers.check_metric(space.metric, bodies[:3]),
+    ]
+    for shown in found:
+        assert "\n" not in repr(shown)
+        assert len(repr(shown)) < 500, type(shown)
+    assert repr(motions) == "<Motions: 140 of 10 people, 14 sequences>"
+    assert repr(motions[:3][1:]) == "<Motions: 2 of 1 people, 2 sequences>"
+
+
+def test_a_descriptor_of_ones_own_shows_itself():
+    class Height(rh.descriptors.Descriptor):
+        def __init__(self, axis=1):
+            self.axis = axis
+
+        def describe(self, vertices, faces):
+            return np.ptp(vertices[:, self.axis], axis=0)
+
+    assert repr(Height()) == "Height(axis=1)"

@@ -27,6 +27,7 @@ from riemhuman.bodies.joint_motions import Posture, Skeleton
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.representation import Record
 from riemhuman.solvers.model_path import ModelParameters
 
 if TYPE_CHECKING:
@@ -44,8 +45,8 @@ _MOST_DAMPING = 1e6
 _ROUNDING = 1e-13
 
 
-@dataclass(frozen=True, eq=False)
-class ModelFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelFit(Record):
     """Parameters of a body model that were fitted to surfaces, and how well they fit.
 
     Attributes

@@ -6,7 +6,7 @@ from riemhuman.datasets.dataset_checks import check_dataset
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.faust import load_faust
 from riemhuman.datasets.labelled_folder import load_bodies
-from riemhuman.datasets.motions import Motion
+from riemhuman.datasets.motions import Motion, Motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
@@ -15,6 +15,7 @@ __all__ = [
     "Bodies",
     "LabelledMeshes",
     "Motion",
+    "Motions",
     "check_dataset",
     "load_amass",
     "load_bodies",

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number
-from riemhuman.datasets.motions import Motion
+from riemhuman.datasets.motions import Motion, Motions
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -179,7 +179,7 @@ def load_amass(
     *,
     frames_per_second: float | None = None,
     up: str = "y",
-) -> tuple[AmassMotion, ...]:
+) -> Motions[AmassMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are made when they are asked for.
 
     The data set is not part of this library; its makers give it out to those who register. Files
@@ -205,7 +205,7 @@ def load_amass(
 
     Returns
     -------
-    motions : tuple of AmassMotion
+    motions : Motions
         One for each file; its subject is the name of the folder the file is in.
 
     Raises
@@ -248,7 +248,7 @@ def load_amass(
             problems.append(str(error))
     if problems:
         raise FileFormatError("; ".join(problems))
-    return tuple(_motion(file, header, models, wanted, up) for file, header in headers.items())
+    return Motions(_motion(file, header, models, wanted, up) for file, header in headers.items())
 
 
 class _Header(NamedTuple):

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from riemhuman.checks import integer_array, real_number
-from riemhuman.datasets.motions import Motion, chosen
+from riemhuman.datasets.motions import Motion, Motions, chosen
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -116,7 +116,7 @@ def load_dfaust(
     subjects: Sequence[str | int] | str | int | None = None,
     sequences: Sequence[str] | str | None = None,
     frames_per_second: float = _FRAMES_PER_SECOND,
-) -> tuple[DynamicFaustMotion, ...]:
+) -> Motions[DynamicFaustMotion]:
     """Load registered sequences of Dynamic FAUST [1]_, to be read when frames are asked for.
 
     The data set is not part of this library; its makers give it out to those who register. Needs
@@ -137,7 +137,7 @@ def load_dfaust(
 
     Returns
     -------
-    motions : tuple of DynamicFaustMotion
+    motions : Motions
         Every sequence of the first person, of the second, and so on; points in metres, y up, as
         they are in the files.
 
@@ -189,7 +189,7 @@ def load_dfaust(
         raise FileFormatError(f"{_listed(files)} holds no sequence, such as 50002_hips")
     pairs = _wanted(found, subjects, sequences, f" in {_listed(files)}")
     _refuse_malformed(found, pairs, int(faces.max()) + 1)
-    return tuple(
+    return Motions(
         DynamicFaustMotion(entry.file, subject, sequence, entry.shape[-1], faces, step)
         for subject, sequence in pairs
         for entry in [found[subject][sequence]]

@@ -5,11 +5,13 @@ from __future__ import annotations
 import operator
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
-from typing import overload
+from typing import SupportsIndex, TypeVar, overload
 
 import numpy as np
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
+
+M = TypeVar("M", bound="Motion")
 
 # Frames made at a time: enough to share the cost of a call, few enough to stay small.
 _FRAMES_AT_A_TIME = 16
@@ -113,6 +115,30 @@ class Motion(ABC):
     @abstractmethod
     def _frames(self, numbers: range) -> np.ndarray:
         """Return these frames, shape (n, V, 3)."""
+
+
+class Motions(tuple[M, ...]):
+    """Several motions: a tuple that shows itself in a line.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.datasets.load_open_motions("coarse", sequences=["knees", "hips"])
+    <Motions: 20 of 10 people, 2 sequences>
+    """
+
+    def __repr__(self) -> str:
+        people, sequences = ({getattr(m, name) for m in self} for name in ("subject", "sequence"))
+        return f"<Motions: {len(self)} of {len(people)} people, {len(sequences)} sequences>"
+
+    @overload
+    def __getitem__(self, index: SupportsIndex) -> M: ...
+    @overload
+    def __getitem__(self, index: slice) -> Motions[M]: ...
+    def __getitem__(self, index: SupportsIndex | slice) -> M | Motions[M]:
+        if isinstance(index, slice):
+            return Motions(super().__getitem__(index))
+        return super().__getitem__(index)
 
 
 def chosen(

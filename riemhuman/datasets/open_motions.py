@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
-from riemhuman.datasets.motions import Motion, chosen
+from riemhuman.datasets.motions import Motion, Motions, chosen
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS, Choreography, Curve
 from riemhuman.datasets.open_poses import pose_vectors
@@ -127,7 +127,7 @@ def load_open_motions(
     subjects: Sequence[str] | str | None = None,
     sequences: Sequence[str] | str | None = None,
     frames_per_second: float = 60,
-) -> tuple[OpenMotion, ...]:
+) -> Motions[OpenMotion]:
     """Return the open body model in motion: ten people, fourteen motions of some seconds each.
 
     The motions have the names of Dynamic FAUST's and are in their spirit: joint angles written
@@ -150,7 +150,7 @@ def load_open_motions(
 
     Returns
     -------
-    motions : tuple of OpenMotion
+    motions : Motions
         Every motion of the first person, of the second, and so on. Frames are made when they are
         asked for.
 
@@ -172,7 +172,7 @@ def load_open_motions(
     names = chosen(sequences, "sequences", tuple(OPEN_MOTIONS))
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     model = load_open_model(resolution)
-    return tuple(OpenMotion(person, name, model, rate) for person in people for name in names)
+    return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
 
 
 class _Performance:

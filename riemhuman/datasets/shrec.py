@@ -13,13 +13,14 @@ import numpy as np
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.representation import Record
 from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.number_text import text_content
 
 
-@dataclass(frozen=True, eq=False)
-class LabelledMeshes:
+@dataclass(frozen=True, eq=False, repr=False)
+class LabelledMeshes(Record):
     r"""Meshes with a class each, read from their files one by one when they are asked for.
 
     ``meshes[i]`` is a pair: vertices, shape (V, 3), and faces, shape (F, 3).

@@ -12,14 +12,15 @@ from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, pairwise
 from riemhuman.descriptors.voxels import VoxelGrid, enclosed_voxels, grid_around
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.representation import Record
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
 
 _RADII = tuple((0.03 + 0.02 * np.arange(7)).round(2).tolist())
 _MAX_VOXELS = 50_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class ProjectedAreas:
+@dataclass(frozen=True, eq=False, repr=False)
+class ProjectedAreas(Record):
     """The multiscale area projection transform of one surface.
 
     Attributes

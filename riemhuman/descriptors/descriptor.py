@@ -14,6 +14,7 @@ from scipy.spatial.distance import pdist, squareform
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.kernels.threads import thread_count
+from riemhuman.representation import constructed
 
 Mesh = tuple[ArrayLike, ArrayLike]
 
@@ -39,6 +40,9 @@ class Descriptor(ABC):
 
     # Whether threads share the work, or only wait for each other.
     _in_threads = True
+
+    def __repr__(self) -> str:
+        return constructed(self)
 
     @abstractmethod
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:

@@ -24,13 +24,14 @@ from riemhuman.errors import (
     NotDefinedError,
     RiemhumanError,
 )
+from riemhuman.representation import Record
 from riemhuman.surfaces.array_files import load_array, load_arrays
 from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.number_text import real_field, text_content
 
 
-@dataclass(frozen=True)
-class IdMatch:
+@dataclass(frozen=True, repr=False)
+class IdMatch(Record):
     """Which ids of a data set have a vector.
 
     Attributes
@@ -56,8 +57,8 @@ class IdMatch:
     unused: tuple[str, ...]
 
 
-@dataclass(frozen=True, eq=False)
-class LatentVectors(Descriptor):
+@dataclass(frozen=True, eq=False, repr=False)
+class LatentVectors(Record, Descriptor):
     """Vectors of bodies that something else computed, such as a trained network.
 
     Compared by the Euclidean distance.

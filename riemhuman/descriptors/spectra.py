@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.optional import import_optional
+from riemhuman.representation import Record
 from riemhuman.surfaces.laplacian import harmonics, lowest_eigenpairs
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
 from riemhuman.surfaces.template import Template
@@ -19,8 +20,8 @@ from riemhuman.surfaces.template import Template
 LAPLACIANS = ("cotangent", "robust")
 
 
-@dataclass(frozen=True, eq=False)
-class Spectrum:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spectrum(Record):
     """Eigenvalues and eigenfunctions of a surface's Laplacian.
 
     Attributes

@@ -37,7 +37,7 @@ def point_array(array: Any, name: str, shape: Sequence[int], *, batched: bool = 
         If its shape is another, or entries are NaN or infinite.
     """
     points = unflattened(real_array(array, name, finite=False), shape)
-    expected = tuple(shape) if batched else ("n_points", *shape)
+    expected: Sequence[int | str] = tuple(shape) if batched else ("n_points", *shape)
     return real_array(points, name, expected, batched=batched)
 
 

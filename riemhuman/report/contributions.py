@@ -9,11 +9,12 @@ from numpy import ndarray
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.surface import derivatives, refuse_degenerate
+from riemhuman.representation import Record
 from riemhuman.terms import EbinTerm, NormalTerm
 
 
-@dataclass(frozen=True)
-class Contributions:
+@dataclass(frozen=True, repr=False)
+class Contributions(Record):
     r"""Parts of the squared distance of two surfaces, triangle by triangle.
 
     The integrands of equation 5 over each triangle t of the template, of area w_t:

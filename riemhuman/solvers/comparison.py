@@ -14,6 +14,7 @@ from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import GeodesicSolver, SurfaceSpace, was_interrupted
+from riemhuman.representation import Record
 from riemhuman.solvers.results import PathResult, whole_path_result
 from riemhuman.surfaces.distortion import (
     Distortion,
@@ -25,8 +26,8 @@ from riemhuman.surfaces.distortion import (
 )
 
 
-@dataclass(frozen=True)
-class PathMeasures:
+@dataclass(frozen=True, repr=False)
+class PathMeasures(Record):
     """What a path of surfaces costs, and how much it distorts them.
 
     Changes are relative, the largest along the path beyond those between its ends, see
@@ -65,8 +66,8 @@ class PathMeasures:
     max_deviation: float
 
 
-@dataclass(frozen=True)
-class PathComparison:
+@dataclass(frozen=True, repr=False)
+class PathComparison(Record):
     """One of the paths compared.
 
     Attributes

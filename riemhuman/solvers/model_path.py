@@ -46,6 +46,10 @@ class ModelParameters(NamedTuple):
     pose: ndarray
     trans: ndarray
 
+    def __repr__(self) -> str:
+        shapes = (f"{name}=<array {np.shape(part)}>" for name, part in self._asdict().items())
+        return f"ModelParameters({', '.join(shapes)})"
+
 
 @dataclass(frozen=True)
 class ModelPath:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from riemhuman.errors import RiemhumanError
+from riemhuman.representation import Record
 
 
 @dataclass(frozen=True)
@@ -49,8 +50,8 @@ class PropertyCheck:
         return f"{verdict}  {self.name:<48} {self.error:8.1e} {sign} {self.tolerance:.0e}"
 
 
-@dataclass(frozen=True)
-class PropertyReport:
+@dataclass(frozen=True, repr=False)
+class PropertyReport(Record):
     """The properties of an object that were checked; printed, a table of them.
 
     Attributes

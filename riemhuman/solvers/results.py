@@ -14,6 +14,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning, FileFormatError
 from riemhuman.protocols import FoundMean, FoundPath
+from riemhuman.representation import Record, held
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.html_pictures import vertices_html
 
@@ -25,7 +26,7 @@ _FEWEST_VERTICES = 100
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class Result:
+class Result(Record):
     """What every solver says of how it ended; subclasses add what it has found.
 
     Attributes
@@ -112,14 +113,10 @@ class Result:
                 values[field.name] = array.item() if array.ndim == 0 else array
         return cls(**values)
 
-    def __repr__(self) -> str:
-        shown = ", ".join(f"{name}={text}" for name, text in self._shown().items())
-        return f"{type(self).__name__}({shown})"
-
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>"
-            for name, text in self._shown().items()
+            for name, text in held(self).items()
         )
         table = f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
         surfaces = self._surfaces()
@@ -133,19 +130,6 @@ class Result:
                 is_surface = value.shape[-1] == 3 and value.shape[-2] >= _FEWEST_VERTICES
                 return value.reshape(-1, *value.shape[-2:]) if is_surface else None
         return None
-
-    def _shown(self) -> dict[str, str]:
-        """Return the numbers as text, and the shapes of arrays."""
-        shown = {}
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, ndarray) and value.ndim:
-                shown[field.name] = f"<array {value.shape}>"
-            elif isinstance(value, (float, ndarray)):
-                shown[field.name] = f"{float(value):.6g}"
-            else:
-                shown[field.name] = repr(value)
-        return shown
 
 
 @dataclass(frozen=True, repr=False)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import Rng, generator, values_of, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.representation import Record
 from riemhuman.statistics.distance_matrices import distance_matrix
 
 # Splits whose statistics are computed at once.
@@ -22,8 +23,8 @@ _BLOCK = 256
 _ROUNDING = 1e-12
 
 
-@dataclass(frozen=True)
-class TwoSampleResult:
+@dataclass(frozen=True, repr=False)
+class TwoSampleResult(Record):
     """What a two-sample test found.
 
     Attributes
