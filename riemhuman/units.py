@@ -13,6 +13,9 @@ UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 3
 SCALES = ("template", None)
 """What surfaces must be of the size of: the template, or nothing."""
 
+TAKE_ANY_SCALE = "scale=None, on the command line --any-scale, takes them as they are"
+"""What to do where surfaces of any size are meant."""
+
 # Largest extents of human bodies, from infants to men with their arms raised.
 _BODY_METRES = (0.45, 2.8)
 # An infant and a tall man with raised arms differ by less than this, and units by more, but for
@@ -48,6 +51,7 @@ def refuse_other_scale(
     reference_name: str,
     *,
     error: type[Exception] = ArgumentError,
+    remedy: str = TAKE_ANY_SCALE,
 ) -> None:
     """Refuse surfaces more than eight times as large or as small as a reference.
 
@@ -61,6 +65,8 @@ def refuse_other_scale(
         What to call them in the message.
     error : type
         Class of the error.
+    remedy : str
+        What to do where both sizes are meant.
 
     Raises
     ------
@@ -80,7 +86,7 @@ def refuse_other_scale(
     factor, kind = (ratio, "large") if ratio > 1 else (1 / ratio, "small")
     raise error(
         f"{place} is {factor:.3g} times as {kind} as {reference_name}{_likely_units(ratio)}; bring "
-        "both to one unit; scale=None, on the command line --any-scale, takes them as they are"
+        f"both to one unit; {remedy}"
     )
 
 

@@ -29,6 +29,7 @@ from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.representation import Record
 from riemhuman.solvers.model_path import ModelParameters
+from riemhuman.units import refuse_other_scale
 
 if TYPE_CHECKING:
     from riemhuman.bodies.body_model import BodyModel
@@ -43,6 +44,9 @@ _LEAST_DAMPING = 1e-9
 _MOST_DAMPING = 1e6
 # A gain of this share of the cost cannot be told from rounding.
 _ROUNDING = 1e-13
+
+# What to do about points of another size.
+_REMEDY = "a fit is in the unit of the model"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -159,7 +163,8 @@ def fit_model(
         If an argument does not hold numbers of the right kind.
     ArgumentError
         If a shape is wrong, an entry is not finite, `correspondence` leaves the model, weights
-        are negative or all zero, or another argument is out of its range.
+        are negative or all zero, or another argument is out of its range; or if the points must
+        be in another unit than the model.
 
     Warns
     -----
@@ -186,6 +191,9 @@ def fit_model(
                 else f"correspondence is for {n_points}"
             )
         )
+    refuse_other_scale(
+        surfaces, combine @ model.template.vertices, "points", "the model", remedy=_REMEDY
+    )
     fitter = _Fitter(
         model,
         combine,

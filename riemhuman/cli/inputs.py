@@ -47,7 +47,9 @@ class Surfaces:
         from riemhuman.surfaces.procrustes import procrustes
 
         points = self.meshes[part]
-        return procrustes(points, to=self.template.vertices) if self.align else points
+        if not self.align:
+            return points
+        return procrustes(points, to=self.template.vertices, scale=None)
 
 
 def add_template(parser: argparse.ArgumentParser, default: str) -> None:

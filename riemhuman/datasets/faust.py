@@ -92,7 +92,7 @@ def load_faust(
 
     check_template(reference, points, faces)
     if align:
-        points = procrustes(points, to=reference.vertices)
+        points = procrustes(points, to=reference.vertices, scale=None)
     return Bodies(
         points=points,
         subject=numbers // _N_POSES,

@@ -111,7 +111,7 @@ def load_bodies(
     points, faces = load_registered(files, scale=scale, progress=progress)
     check_template(reference, points, faces, scale)
     if align:
-        points = procrustes(points, to=reference.vertices)
+        points = procrustes(points, to=reference.vertices, scale=None)
     subject, subject_names = _numbered([row.subject for row in rows])
     pose, pose_names = _numbered([row.pose for row in rows])
     return Bodies(

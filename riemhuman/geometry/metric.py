@@ -531,7 +531,9 @@ class RiemannianMetric(DerivedQuantities):
         -------
         array, shape (...)
         """
-        return np.sum(square_root(self._squared_segments(self._check_path(path))), axis=-1)
+        path = self._check_path(path)
+        self.space.check_scale(path, "path")
+        return np.sum(square_root(self._squared_segments(path)), axis=-1)
 
     @property
     def bulk(self) -> Bulk:

@@ -247,4 +247,5 @@ def _one_surface(space: AlignedSurfaces, surface: Any, name: str) -> ndarray:
         raise ArgumentError(
             f"{name} must be one surface of shape {space.shape}; found {surface.shape}"
         )
+    space.check_scale(surface, name)
     return surface

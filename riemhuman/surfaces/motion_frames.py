@@ -10,6 +10,9 @@ import numpy as np
 from riemhuman.checks import check_shape, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.progress import ProgressBar
+from riemhuman.units import refuse_other_scale
+
+_REMEDY = "a basis weighs deformations by their lengths"
 
 
 def frames_apart(
@@ -42,7 +45,8 @@ def frames_apart(
         If a motion cannot be iterated over or a frame does not hold real numbers.
     ArgumentError
         If there is no motion, one is shorter than τ + 1 frames, a frame is not of shape (V, 3),
-        has another number of vertices than the first one, or holds NaN or infinite entries.
+        has another number of vertices than the first one, or holds NaN or infinite entries; or
+        a motion must be in another unit than the first.
     """
     step = whole_number(step, "step", minimum=1)
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
@@ -50,7 +54,7 @@ def frames_apart(
             f"motions must hold several motions; found one, of shape {motions.shape}: give it "
             "in a list, [motion]"
         )
-    n_vertices: int | None = None
+    first: np.ndarray | None = None
     n_motions = 0
     listed = _iterate(motions, "motions")
     if progress:
@@ -59,12 +63,14 @@ def frames_apart(
         name = f"motions[{index}]"
         start = None
         for frame in _every(motion, step, name):
-            if n_vertices is None:
-                n_vertices = len(frame)
-            if len(frame) != n_vertices:
+            if first is None:
+                first = frame
+            if len(frame) != len(first):
                 raise ArgumentError(
-                    f"{name} has {len(frame)} vertices; the motions before it have {n_vertices}"
+                    f"{name} has {len(frame)} vertices; the motions before it have {len(first)}"
                 )
+            if start is None:
+                refuse_other_scale(frame, first, name, "the first motion", remedy=_REMEDY)
             if start is not None:
                 yield start, frame
             start = frame

@@ -9,10 +9,12 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.units import refuse_other_scale
 
 # Below these, what decides a rotation is no more than rounding: relative to the spread of the
 # points, and to the size of the coordinates their spread was computed from.
 _FLAT = 1e-12
+_REMEDY = "scale=True scales them, scale=None takes them as they are"
 _ROUNDING = 100 * np.finfo(np.float64).eps
 
 
@@ -20,7 +22,7 @@ def procrustes(
     points: ArrayLike,
     to: ArrayLike | None = None,
     *,
-    scale: bool = False,
+    scale: bool | None = False,
     weights: ArrayLike | None = None,
 ) -> np.ndarray:
     """Align surfaces in known correspondence with a reference, or with each other.
@@ -35,8 +37,9 @@ def procrustes(
     to : array_like, shape (V, 3), optional
         The reference y. By default the surfaces are aligned with each other, as
         `generalized_procrustes` does with its default tolerance.
-    scale : bool
-        Whether surfaces may also be scaled.
+    scale : bool or None
+        Whether surfaces may also be scaled. Otherwise those that must be in another unit are
+        refused; None takes them as they are.
     weights : array_like, shape (V,), optional
         Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
 
@@ -50,7 +53,8 @@ def procrustes(
         If an argument does not convert to real numbers.
     ArgumentError
         If a shape is wrong, an entry is not finite, a weight is negative or none is positive, or
-        the rotation that fits best is not unique, as with points on one line.
+        the rotation that fits best is not unique, as with points on one line; or, without
+        `scale`, a surface must be in another unit than the reference.
 
     References
     ----------
@@ -77,13 +81,15 @@ def procrustes(
             f"points has {surfaces.shape[-2]} vertices a surface (shape {surfaces.shape}); "
             f"to has {len(reference)}"
         )
-    return _align(surfaces, reference, _shares(weights, len(reference)), scale)
+    if scale is False:
+        refuse_other_scale(surfaces, reference, "points", "to", remedy=_REMEDY)
+    return _align(surfaces, reference, _shares(weights, len(reference)), bool(scale))
 
 
 def generalized_procrustes(
     points: ArrayLike,
     *,
-    scale: bool = False,
+    scale: bool | None = False,
     weights: ArrayLike | None = None,
     tolerance: float = 1e-10,
     max_iter: int = 200,
@@ -100,8 +106,9 @@ def generalized_procrustes(
     ----------
     points : array_like, shape (..., V, 3)
         Surfaces, in metres; at least one leading axis, and all leading axes are averaged over.
-    scale : bool
-        Whether surfaces may also be scaled.
+    scale : bool or None
+        Whether surfaces may also be scaled. Otherwise those that must be in another unit are
+        refused; None takes them as they are.
     weights : array_like, shape (V,), optional
         Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
     tolerance : float
@@ -122,7 +129,8 @@ def generalized_procrustes(
         If an argument does not convert to real numbers.
     ArgumentError
         If a shape is wrong, there is no surface, an entry is not finite, a weight is negative or
-        none is positive, or a rotation that fits best is not unique, as with points on one line.
+        none is positive, or a rotation that fits best is not unique, as with points on one line;
+        or, without `scale`, a surface must be in another unit than the first.
 
     References
     ----------
@@ -146,8 +154,10 @@ def generalized_procrustes(
     size = np.sqrt(_squared_size(_centred(surfaces, shares), shares).mean())
 
     first = mean = surfaces[(0,) * len(leading)]
+    if scale is False:
+        refuse_other_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
     for _ in range(max_iter):
-        previous, mean = mean, _align(surfaces, mean, shares, scale).mean(axis=leading)
+        previous, mean = mean, _align(surfaces, mean, shares, bool(scale)).mean(axis=leading)
         if scale:
             mean = _resized(mean, shares, size)
         if _squared_size(_centred(mean - previous, shares), shares) <= (tolerance * size) ** 2:
@@ -160,7 +170,7 @@ def generalized_procrustes(
             stacklevel=2,
         )
     mean = _align(mean, first, shares, scale=False)
-    return _align(surfaces, mean, shares, scale), mean
+    return _align(surfaces, mean, shares, bool(scale)), mean
 
 
 def _shares(weights: ArrayLike | None, n_vertices: int) -> np.ndarray:
