@@ -81,9 +81,10 @@ def procrustes(
             f"points has {surfaces.shape[-2]} vertices a surface (shape {surfaces.shape}); "
             f"to has {len(reference)}"
         )
+    aligned = _align(surfaces, reference, _shares(weights, len(reference)), bool(scale))
     if scale is False:
         refuse_other_scale(surfaces, reference, "points", "to", remedy=_REMEDY)
-    return _align(surfaces, reference, _shares(weights, len(reference)), bool(scale))
+    return aligned
 
 
 def generalized_procrustes(
@@ -151,11 +152,12 @@ def generalized_procrustes(
     if surfaces.size == 0:
         raise ArgumentError(f"points holds no surface; found shape {surfaces.shape}")
     shares = _shares(weights, surfaces.shape[-2])
+    if scale is False:
+        first = surfaces[(0,) * len(leading)]
+        refuse_other_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
     size = np.sqrt(_squared_size(_centred(surfaces, shares), shares).mean())
 
     first = mean = surfaces[(0,) * len(leading)]
-    if scale is False:
-        refuse_other_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
     for _ in range(max_iter):
         previous, mean = mean, _align(surfaces, mean, shares, bool(scale)).mean(axis=leading)
         if scale:
