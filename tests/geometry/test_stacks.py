@@ -19,7 +19,8 @@ IN_CLOSED_FORM = ("exp", "log", "parallel_transport", "injectivity_radius", "geo
 ALONE = {
     "bulk", "cdist", "check_points", "closest_neighbor_index", "diameter", "dist_pairwise",
     "energy_and_gradient", "features", "gram_matrix", "lower_bound_coordinates", "map",
-    "metric_matrix", "random_unit_tangent_vec", "remove_drift", "rotations",
+    "metric_matrix", "random_unit_tangent_vec", "remove_drift", "rotations", "seeing_lengths",
+    "squared_dists_and_gradient",
 }  # fmt: skip
 
 
