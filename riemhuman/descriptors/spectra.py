@@ -99,7 +99,7 @@ def spectrum(
         How many eigenvalues are wanted.
     laplacian : {"cotangent", "robust"}
         The cotangent Laplacian of the mesh as it is, see
-        `riemhuman.surfaces.laplacian.cotangent_laplacian`, or the intrinsic Delaunay Laplacian of
+        `riemhuman.kernels.laplacian.cotangent_laplacian`, or the intrinsic Delaunay Laplacian of
         Sharp and Crane, "A Laplacian for Nonmanifold Triangle Meshes", SGP 2020, which also takes
         meshes with slivers, triangles without area and edges of many triangles. The second needs
         the package robust_laplacian.

@@ -59,6 +59,11 @@ class GeneralElasticMetric(SurfaceMetric):
     area do not count here; there they are an error. (1, λ, 0) is ElasticMetric(1, λ, 0), and
     (0, 1/16, 1) is `SRNFMetric`.
 
+    For retrieval one of `ElasticMetric` (1, 1e-4, 0) and (0, 0, 1) is better: sensitive to build
+    and to pose at once, (1, 1, 1) finds the same person nearest in 16 % of the open bodies at
+    coarse resolution and the same pose in 84 %, by ``riemhuman tables --all --resolution coarse``;
+    those two find 98 % and 100 %.
+
     Examples
     --------
     >>> import riemhuman as rh

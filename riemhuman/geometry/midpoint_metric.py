@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
@@ -109,15 +111,22 @@ class MidpointMetric(RiemannianMetric):
         DegenerateSurfaceError
             If a triangle halfway between two surfaces has no area.
         """
-        if np.ndim(path) == 3:
-            energy = self._compiled_energy(path)
+        path = self._check_path(path)
+        if path.ndim == 3:
+            traced = isbox(path)
+            energy: Any = self._compiled_energy(path) if traced else self._energy(path)[0]
             if np.isfinite(energy):
                 return energy
         return super().energy(path)
 
-    @property
+    @cached_property
     def _compiled_energy(self) -> Callable[[Any], Any]:
-        return with_known_gradient(self.energy_and_gradient, super().energy)
+        # Once: autograd keeps every primitive for good.
+        return with_known_gradient(self._energy, super().energy)
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The primitive is made anew by whoever gets the copy: it knows the metric it was made of.
+        return {key: value for key, value in vars(self).items() if key != "_compiled_energy"}
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the energy of one path and its gradient, in compiled loops.
@@ -129,12 +138,11 @@ class MidpointMetric(RiemannianMetric):
         gradient : array, shape (n_times, V, 3)
             Derivatives with respect to all vertices.
         """
-        path = self._check_path(path, batched=False)
+        return self._energy(self._check_path(path, batched=False))
+
+    def _energy(self, path: ndarray) -> tuple[float, ndarray]:
         n_segments = len(path) - 1
-        surfaces, steps = (
-            by_vertex(0.5 * (path[:-1] + path[1:])),
-            by_vertex(np.diff(path, axis=0)),
-        )
+        surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
         values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
         gradient = np.zeros(path.shape)

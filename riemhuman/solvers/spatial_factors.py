@@ -12,9 +12,9 @@ from scipy import sparse
 from scipy.sparse.linalg import SuperLU, splu
 
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.surfaces.laplacian import cotangent_laplacian
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
 # steps along them must not be endless.
@@ -195,7 +195,8 @@ def spatial_factor(
     if isinstance(metric, MetricWithMatrix):
         matrix = metric.metric_matrix(points)
         if stiffness > 0 and isinstance(metric.space, SurfaceSpace):
-            laplacian = cotangent_laplacian(metric.space.template)
+            template = metric.space.template
+            laplacian = cotangent_laplacian(template.vertices, template.faces)
             share = matrix.diagonal().mean() / laplacian.diagonal().mean()
             dirichlet = sparse.kron(laplacian, sparse.eye_array(3), format="csr")
             matrix = matrix + stiffness * share * dirichlet

@@ -1,4 +1,4 @@
-"""The cotangent Laplacian of a template and its lowest eigenfunctions."""
+"""The lowest eigenfunctions of the cotangent Laplacian of a template."""
 
 from __future__ import annotations
 
@@ -8,34 +8,12 @@ from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.surfaces.template import Template
 
 # Shift of the spectrum, in units of the mean spacing 4π / area of Weyl's law, that makes the
 # singular operator positive definite.
 _SHIFT = 0.01
-
-
-def cotangent_laplacian(template: Template) -> sparse.csr_array:
-    r"""Return the positive semi-definite cotangent Laplacian L of a template.
-
-    It is the Dirichlet energy of functions that are linear on every triangle,
-    :math:`h^T L h = \sum_t w_t (h_u^2 + h_v^2)`, which on a manifold mesh is the cotangent formula
-    of Pinkall and Polthier, "Computing Discrete Minimal Surfaces and Their Conjugates",
-    Experimental Mathematics 2(1), 1993. Open and non-manifold meshes have it as well.
-
-    Parameters
-    ----------
-    template : Template
-        The mesh.
-
-    Returns
-    -------
-    laplacian : sparse array, shape (V, V)
-        Without unit: an integral over the mesh, not yet divided by vertex areas.
-    """
-    derivatives = template.differential_operator
-    areas = sparse.diags_array(np.tile(template.face_areas, 2))
-    return sparse.csr_array(derivatives.T @ areas @ derivatives)
 
 
 def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndarray]:
@@ -73,7 +51,7 @@ def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndar
             f"n_harmonics={n_harmonics} exceeds the {len(used) - n_constant} harmonics of a mesh "
             f"with {len(used)} vertices in {n_constant} connected components"
         )
-    laplacian = cotangent_laplacian(template)[used][:, used]
+    laplacian = cotangent_laplacian(template.vertices, template.faces)[used][:, used]
     areas = template.vertex_areas[used]
     values, vectors = lowest_eigenpairs(laplacian, areas, n_constant + n_harmonics)
     functions = np.zeros((n_harmonics, template.n_vertices))

@@ -21,6 +21,7 @@ from scipy.sparse import csr_array, diags_array, eye_array, kron
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
@@ -63,36 +64,6 @@ def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
     surrounded[faces] = True
     surrounded[edges[counts == 1]] = False
     return surrounded
-
-
-def cotangent_laplacian(f: ndarray, faces: ndarray) -> csr_array:
-    """Return the matrix L of the Dirichlet energy hᵀL h of functions on a surface.
-
-    Parameters
-    ----------
-    f : array, shape (V, 3)
-        Surface whose triangles have an area.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    csr_array, shape (V, V)
-    """
-    corners = f[faces]
-    rows, columns, entries = [], [], []
-    for corner in range(3):
-        # The angle at a corner weighs the edge between the two others.
-        left, right = faces[:, (corner + 1) % 3], faces[:, (corner + 2) % 3]
-        one = corners[:, (corner + 1) % 3] - corners[:, corner]
-        other = corners[:, (corner + 2) % 3] - corners[:, corner]
-        sine = onp.linalg.norm(onp.cross(one, other), axis=1)
-        half_cotangent = 0.5 * onp.sum(one * other, axis=1) / sine
-        rows += [left, right, left, right]
-        columns += [left, right, right, left]
-        entries += [half_cotangent, half_cotangent, -half_cotangent, -half_cotangent]
-    places = onp.concatenate(rows), onp.concatenate(columns)
-    return csr_array((onp.concatenate(entries), places), shape=(len(f), len(f)))
 
 
 class SecondOrderTerm(QuadraticTerm):

@@ -122,7 +122,11 @@ class SumOfTerms:
             along_k = surface.frame_components(first, *surface.partial_derivatives(k, operator))
         total: Any = 0.0
         for term in self.terms:
-            values = np.einsum("...i,...ij,...j->...", along_h, term.form(first), along_k)
+            form = term.form(first)
+            if form.ndim == 2:
+                values = surface.dot(np.matmul(along_h, form), along_k)
+            else:
+                values = np.einsum("...i,...ij,...j->...", along_h, form, along_k)
             scale = term.weight * self._areas * first.areas**term.area_power
             total = total + np.sum(scale * values, axis=-1)
         return total
@@ -323,9 +327,8 @@ class SumOfTerms:
             first = surface.derivatives(f, self.template.differential_operator)
             surface.refuse_degenerate(first.degenerate, "base_point")
             forms = [term.form(first) for term in self.terms]
-            scales = [
-                term.weight * self._areas * first.areas**term.area_power for term in self.terms
-            ]
+            shares = self._areas / len(surfaces)
+            scales = [term.weight * shares * first.areas**term.area_power for term in self.terms]
             # Those of terms that treat all triangles alike are one product of matrices.
             alike = [k for k, form in enumerate(forms) if form.ndim == 2]
             constant = onp.reshape([forms[k] for k in alike], (len(alike), 36))
@@ -335,7 +338,6 @@ class SumOfTerms:
                 if form.ndim > 2:
                     total = total + scale[:, None, None] * form
             triangles.add_blocks(blocks, f, self._faces, self._frames, total)
-        blocks /= len(surfaces)
         return self.template.assembler.assemble(blocks)
 
 

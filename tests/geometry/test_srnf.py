@@ -6,7 +6,11 @@ from autograd import grad
 from cases import TEMPLATES, surfaces
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.product import ProductMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry.vector_space import FlatMetric
+from riemhuman.terms import RootNormalTerm
 
 
 @pytest.mark.parametrize("name", TEMPLATES)
@@ -23,6 +27,17 @@ def test_against_the_definition(name):
     metric = SRNFMetric(AlignedSurfaces(template))
     expected = np.sum((roots(f1) - roots(f2)) ** 2)
     np.testing.assert_allclose(metric.squared_dist(f1, f2), expected, rtol=1e-11)
+
+
+def test_fields_are_points_of_a_flat_space_unless_there_is_a_weight():
+    space = AlignedSurfaces(TEMPLATES["sphere"]())
+    points = surfaces(space.template, 2)
+    assert isinstance(SRNFMetric(space).target_metric, FlatMetric)
+    weighted = SurfaceMetric(space, [RootNormalTerm(2.0)])
+    assert isinstance(weighted.target_metric, ProductMetric)
+    for metric in (SRNFMetric(space), weighted):
+        found = metric.target_metric.dist(*metric.map(points))
+        np.testing.assert_allclose(found, metric.dist(*points), rtol=1e-12)
 
 
 def test_scaling():
