@@ -20,6 +20,7 @@ from riemhuman.cli import (
     means,
     models,
     paths,
+    registration,
     reports,
     tables,
     transfer,
@@ -56,6 +57,7 @@ _VERB_MODULES = (
     transfer,
     bases,
     models,
+    registration,
     information,
     reports,
 )

@@ -52,6 +52,12 @@ def add_verbs(verbs: Verbs) -> None:
         default=Path("riemhuman-report"),
         help="folder to write (default: riemhuman-report)",
     )
+    parser.add_argument(
+        "--scans",
+        metavar="FOLDER",
+        type=path_argument,
+        help="show the scans that riemhuman register made into the bodies of this folder",
+    )
     parser.add_argument("--quick", action="store_true", help="everything smaller, in half a minute")
 
 
@@ -69,6 +75,7 @@ def _report(options: argparse.Namespace) -> None:
         bodies=bodies,
         basis=basis,
         quick=options.quick,
+        scans=options.scans,
         progress=reporter.task,
         bars=reporter.bars,
     )

@@ -1,5 +1,6 @@
 """From a raw scan to a registered body, without landmarks."""
 
+from riemhuman.registration.folders import ScanRecord, read_records, register_folder
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scan_files import load_scan
 from riemhuman.registration.scan_registration import ScanRegistration
@@ -9,9 +10,12 @@ from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 __all__ = [
     "RegisteredScan",
     "Scan",
+    "ScanRecord",
     "ScanRegistration",
     "SimulatedScan",
     "load_scan",
+    "read_records",
+    "register_folder",
     "simulated_scan",
 ]
 

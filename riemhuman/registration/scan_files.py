@@ -123,15 +123,24 @@ def _columns(values: np.ndarray, file: Path) -> _Parts:
 
 
 def _text(file: Path) -> np.ndarray:
-    try:
-        lines = file_content(file).decode("ascii").splitlines()
-        words = [line.replace(",", " ").split() for line in lines]
-        rows = [each for each in words if each and not each[0].startswith(("#", "//"))]
-        return np.array(rows, dtype=np.float64)
-    except (UnicodeDecodeError, ValueError) as error:
-        raise FileFormatError(
-            f"{file}: every line must hold as many numbers as the first; {error}"
-        ) from error
+    lines = file_content(file).decode("latin-1").splitlines()
+    rows, width = [], 0
+    for number, line in enumerate(lines, start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith(("#", "//")):
+            continue
+        width = width or len(words)
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != width:
+            raise FileFormatError(
+                f"{file}: line {number} must hold {width} numbers, as the first; found "
+                f"{line.strip()[:60]!r}"
+            )
+        rows.append(row)
+    return np.array(rows)
 
 
 def _checked(points: np.ndarray, file: Path) -> np.ndarray:

@@ -62,6 +62,8 @@ def doubts(evidence: Evidence) -> list[str]:
             f"the scan does not look like a body (log-likelihood {evidence.likelihood:.2f}; bodies "
             f"have {LEAST_LIKELIHOOD:g} and more)"
         )
+    if reasons:
+        return reasons  # what is no body has no way to stand
     if evidence.margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "

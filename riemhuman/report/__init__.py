@@ -5,6 +5,7 @@ from riemhuman.report.contributions import Contributions, contributions
 from riemhuman.report.embedding import embed
 from riemhuman.report.make import make_report
 from riemhuman.report.rankings import confusion, precision_recall
+from riemhuman.report.registered_scans import scan_page
 from riemhuman.report.result_plots import (
     plot_confusion,
     plot_embedding,
@@ -33,6 +34,7 @@ __all__ = [
     "plot_sweep",
     "precision_recall",
     "render",
+    "scan_page",
     "view_bodies",
     "view_path",
 ]

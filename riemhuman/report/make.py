@@ -12,13 +12,15 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.optional import import_optional
+from riemhuman.registration.folders import read_records
 from riemhuman.report import provenance
 from riemhuman.report.content import facts_of, lead_of, sections
 from riemhuman.report.figures import figure_style
 from riemhuman.report.materials import Materials
 from riemhuman.report.output_folder import check_folder, opened_folder, write_provenance
-from riemhuman.report.page import page
+from riemhuman.report.page import Section, page
 from riemhuman.report.plan import QUICK, Plan
+from riemhuman.report.registered_scans import scan_section
 from riemhuman.report.representations import available, of_extensions
 from riemhuman.report.results import compute_results
 from riemhuman.report.store import Progress, ResultStore, fingerprint
@@ -39,6 +41,7 @@ def make_report(
     basis: DeformationBasis | None = None,
     quick: bool = False,
     representations: Mapping[str, Any] | None = None,
+    scans: str | os.PathLike[str] | None = None,
     progress: Progress | None = None,
     bars: bool = False,
 ) -> Path:
@@ -64,6 +67,9 @@ def make_report(
         Metrics and descriptors of the retrieval tables beside the paper's metrics, as for
         `riemhuman.retrieval.benchmark`; by default all that apply to the bodies or, if `quick`,
         those of other packages alone, see `riemhuman.extensions`.
+    scans : path_like, optional
+        Folder into which `riemhuman.registration.register_folder` has registered scans; the page
+        shows them, the worst first.
     progress : callable, optional
         Takes the name of what is being done to a context manager, which lasts as long.
     bars : bool
@@ -100,8 +106,9 @@ def make_report(
         raise ArgumentError(f"bodies must be at least 3; found {len(bodies)}")
     if basis is not None:
         basis.check_fits(bodies.template)
+    shown = [] if scans is None else [scan_section(read_records(scans))]
     with opened_folder(output) as folder:
-        return _make(folder, bodies, basis, quick, representations, watch, bars, begun)
+        return _make(folder, bodies, basis, quick, representations, shown, watch, bars, begun)
 
 
 def _make(
@@ -110,6 +117,7 @@ def _make(
     basis: DeformationBasis | None,
     quick: bool,
     representations: Mapping[str, Any] | None,
+    shown: list[Section],
     watch: Progress,
     bars: bool,
     begun: str,
@@ -134,7 +142,7 @@ def _make(
             _TITLE,
             lead_of(bodies, quick=quick),
             facts_of(bodies),
-            sections(materials),
+            [*shown, *sections(materials)],
             f"Made with riemhuman {provenance.versions()['riemhuman']}, {provenance.now()}. "
             "Bodies in 3-D are drawn by three.js (MIT licence).",
         )

@@ -79,7 +79,7 @@ def test_a_size_of_no_body_is_refused(tmp_path, surface):
 @pytest.mark.parametrize(
     ("name", "content", "message"),
     [
-        ("scan.xyz", "1 2 3\n1 2\n", "as many numbers as the first"),
+        ("scan.xyz", "1 2 3\n1 2\n", "line 2 must hold 3 numbers, as the first; found '1 2'"),
         ("scan.xyz", "1 2 3\n1 2 nan\n", "point 1 .* is not finite"),
         ("scan.ply", "ply\nformat ascii 1.0\nend_header\n", "no vertices"),
         ("scan.stl", "", "the ending must be one of .ply, .obj, .off, .xyz, .npy"),

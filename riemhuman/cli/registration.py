@@ -1,0 +1,149 @@
+"""The verb ``register``: scans become bodies that share one triangulation."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.outputs import check_file
+from riemhuman.cli.terminal import Reporter, note, say
+from riemhuman.cli.verbs import Verbs, add_force, add_verb
+from riemhuman.errors import ArgumentError, FileError
+
+if TYPE_CHECKING:
+    from riemhuman.registration import ScanRegistration
+
+_UNITS = ("metres", "centimetres", "millimetres", "inches")
+_AXES = ("x", "y", "z", "-x", "-y", "-z")
+_ENDINGS = (".ply", ".obj", ".off")
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``register``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "register",
+        _register,
+        "raw scans as registered bodies",
+        "Brings a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
+        "without landmarks, and writes the body in the model's triangulation. Of a folder, every\n"
+        "scan becomes a body, and index.html shows scan, body and distances, the worst first.\n"
+        "A body that is not to be trusted is not written, or in a folder goes to untrusted/.\n"
+        "A folder that was begun is gone on with.",
+        "  riemhuman register scan.ply -o body.ply\n"
+        "  riemhuman register scans/ -o bodies/\n"
+        "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
+        "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n",
+    )
+    parser.add_argument("scans", metavar="SCAN", type=path_argument, help="a scan or a folder")
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="BODY",
+        type=path_argument,
+        help="mesh to write, or folder of meshes",
+    )
+    parser.add_argument(
+        "--model", metavar="FILE", type=path_argument, help="body model (default: the open one)"
+    )
+    parser.add_argument(
+        "--coarse", action="store_true", help="the open model with 1,202 vertices, for a quick look"
+    )
+    parser.add_argument("--unit", choices=_UNITS, help="unit of the scans (default: noticed)")
+    parser.add_argument("--up", choices=_AXES, help="which way is up (default: found)")
+    parser.add_argument(
+        "--sequence",
+        action="store_true",
+        help="the scans of the folder show one person in motion; each starts from the last",
+    )
+    parser.add_argument(
+        "--untrusted", action="store_true", help="write a body even if it is not to be trusted"
+    )
+    add_force(parser)
+
+
+def _register(options: argparse.Namespace) -> None:
+    if options.model is not None and options.coarse:
+        raise ArgumentError("--coarse is for the open model; leave out --model or --coarse")
+    if options.scans.is_dir():
+        _register_folder(options)
+        return
+    if options.sequence:
+        raise ArgumentError(f"--sequence needs a folder of scans; {options.scans} is none")
+    _register_file(options)
+
+
+def _registration(options: argparse.Namespace) -> ScanRegistration:
+    from riemhuman.bodies import BodyModel
+    from riemhuman.datasets import load_open_model
+    from riemhuman.registration import ScanRegistration
+
+    if options.model is not None:
+        model = BodyModel.from_file(options.model)
+    else:
+        model = load_open_model("coarse" if options.coarse else "full")
+    return ScanRegistration(model, unit=options.unit, up=options.up)
+
+
+def _register_file(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from riemhuman.registration import load_scan
+    from riemhuman.surfaces.mesh_files import save_mesh
+
+    check_file(options.output, _ENDINGS, force=options.force)
+    reporter = Reporter(options.quiet)
+    scan = load_scan(options.scans, options.unit)
+    registration = _registration(options)
+    with reporter.task(f"Registering {len(scan):,} points"):
+        result = registration.solve(scan)
+    if not result.trusted:
+        reason = f"{options.scans} is not registered: {result.message}"
+        if not options.untrusted:
+            raise ArgumentError(f"{reason}; --untrusted writes the body all the same")
+        note(reason)
+    save_mesh(options.output, result.points, registration.model.faces)
+    distance = 1000.0 * np.median(result.distances[~result.background])
+    say(
+        f"{distance:.1f} mm from the scan in the median, {100 * result.matched.mean():.0f} % of "
+        f"the vertices matched; scan in {result.unit}"
+    )
+    say(f"written to {options.output}, in metres")
+
+
+def _register_folder(options: argparse.Namespace) -> None:
+    from riemhuman.registration import register_folder
+    from riemhuman.report.registered_scans import scan_page
+
+    if options.untrusted:
+        raise ArgumentError(
+            "--untrusted is for one scan; of a folder, see untrusted/ in the output"
+        )
+    output: Path = options.output
+    if output.resolve() == options.scans.resolve():
+        raise FileError(f"{output} holds the scans; name another folder for the bodies")
+    reporter = Reporter(options.quiet)
+    records = register_folder(
+        _registration(options),
+        options.scans,
+        output,
+        sequence=options.sequence,
+        progress=reporter.bars,
+    )
+    with reporter.task("Page"):
+        page = scan_page(output)
+    for record in records:
+        if not record.trusted:
+            note(f"{record.name} is not trusted: {record.message}")
+    trusted = sum(record.trusted for record in records)
+    say(f"{trusted} of {len(records)} scans are bodies in {output}")
+    say(str(page))

@@ -1,0 +1,322 @@
+"""Folders of scans, registered one after the other; a run that was stopped goes on where it was.
+
+The output holds ``NAME.ply`` for every scan that is to be trusted, so that it is a folder of
+registered meshes; ``untrusted/NAME.ply`` for the others; and ``registrations/NAME.npz`` with what
+is known of each.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from riemhuman.checks import real_array
+from riemhuman.datasets.registered_meshes import existing_folder, natural_key
+from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.progress import ProgressBar
+from riemhuman.registration.results import RegisteredScan
+from riemhuman.registration.scan_files import SUFFIXES, read_scan
+from riemhuman.registration.scan_registration import ScanRegistration
+from riemhuman.registration.scans import Scan, in_metres
+from riemhuman.registration.surface_points import thinned
+from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.surfaces.mesh_files import save_mesh
+
+UNTRUSTED, RECORDS = "untrusted", "registrations"
+_VERSION = 1
+# So many points of a scan are kept for pictures.
+_N_SHOWN = 12_000
+_FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
+_ARRAYS = ("points", "faces", "up", "matched", "shown", "shown_distances", "betas", "pose", "trans")
+
+
+@dataclass(frozen=True, eq=False)
+class ScanRecord:
+    """What is known of a scan that was registered.
+
+    Attributes
+    ----------
+    name : str
+        Name of the scan's file without its ending.
+    trusted : bool
+        Whether to believe it.
+    message : str
+        Why not; or why the scan could not be registered at all.
+    likelihood : float
+        Mean log-likelihood of the scan; NaN where it could not be registered.
+    median_distance : float
+        Of the scan's points from the body, metres.
+    matched_share : float
+        Share of the vertices that saw scan.
+    arrays : dict of str to array
+        The body's points and faces, the way up, the vertices matched, some points of the scan and
+        their distances, betas, pose and trans; empty where the scan could not be registered.
+    """
+
+    name: str
+    trusted: bool
+    message: str
+    likelihood: float
+    median_distance: float
+    matched_share: float
+    arrays: dict[str, np.ndarray]
+
+
+def register_folder(
+    registration: ScanRegistration,
+    scans: str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    sequence: bool = False,
+    progress: bool = False,
+) -> list[ScanRecord]:
+    """Register the scans of a folder.
+
+    Scans that are in the output already, from the same file by the same model, are left as they
+    are. A scan that cannot be read or registered is recorded with the reason.
+
+    Parameters
+    ----------
+    registration : ScanRegistration
+        How to register.
+    scans : path_like
+        Folder with the scans, in the natural order of their names; subfolders are not looked into.
+    output : path_like
+        Folder to write, made if it is not there.
+    sequence : bool
+        Whether each scan shows the person of the one before a moment later.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    records : list of ScanRecord
+        In the order of the scans.
+
+    Raises
+    ------
+    FileError
+        If there is no such folder, it holds no scans, two scans have one name, or the output
+        cannot be written.
+    """
+    files = scan_files(scans)
+    folder = file_path(output, "output", "folder")
+    if folder.exists() and not folder.is_dir():
+        raise FileError(f"{folder} is a file; name a folder")
+    for place in (folder, folder / RECORDS):
+        try:
+            place.mkdir(exist_ok=True)
+        except OSError as error:
+            raise FileError(f"{place} cannot be made: {error.strerror or error}") from error
+    identity = _identity(registration, sequence)
+    records, before = [], None
+    for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
+        key = hashlib.sha256(identity + file_content(file)).hexdigest()
+        record = _kept(folder, file.stem, key)
+        if record is None:
+            record, before = _registered(registration, file, before if sequence else None)
+            _write(folder, record, key)
+        else:
+            before = None
+        records.append(record)
+    return records
+
+
+def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the files of scans in a folder, in the natural order of their names.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder.
+
+    Returns
+    -------
+    files : list of Path
+
+    Raises
+    ------
+    FileError
+        If there is no such folder, it holds no scans, or two of them have one name.
+    """
+    place = existing_folder(folder)
+    files = [each for each in place.iterdir() if each.suffix.lower() in SUFFIXES]
+    files = sorted((each for each in files if each.is_file()), key=lambda f: natural_key(f.name))
+    if not files:
+        raise FileError(f"{place} holds no scans; they end in {', '.join(SUFFIXES)}")
+    for one, other in pairwise(files):
+        if one.stem == other.stem:
+            raise FileError(f"{one.name} and {other.name} would become one body {one.stem}.ply")
+    return files
+
+
+def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
+    """Return what is known of the scans that were registered into a folder, the worst first.
+
+    Parameters
+    ----------
+    folder : path_like
+        The output of `register_folder`.
+
+    Returns
+    -------
+    records : list of ScanRecord
+        Untrusted ones first, then by the median distance from the scan.
+
+    Raises
+    ------
+    FileError
+        If nothing was registered into it.
+    FileFormatError
+        If a record is damaged.
+    """
+    place = existing_folder(folder) / RECORDS
+    files = sorted(place.glob("*.npz")) if place.is_dir() else []
+    if not files:
+        raise FileError(
+            f"{folder} holds no registered scans; riemhuman register SCANS -o {folder} makes them"
+        )
+    return worst_first([_read(file) for file in files])
+
+
+def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
+    """Return records in the order in which they should be looked at.
+
+    Parameters
+    ----------
+    records : list of ScanRecord
+        Records.
+
+    Returns
+    -------
+    records : list of ScanRecord
+        Untrusted ones first, then by the median distance from the scan.
+    """
+    return sorted(
+        records,
+        key=lambda each: (
+            each.trusted,
+            bool(each.arrays),
+            -np.nan_to_num(each.median_distance),
+            natural_key(each.name),
+        ),
+    )
+
+
+def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) -> ScanRecord:
+    """Return what is to be kept of a registered scan.
+
+    Parameters
+    ----------
+    name : str
+        Name of the scan.
+    scan : Scan
+        The scan.
+    result : RegisteredScan
+        Its registration.
+    faces : array of int, shape (F, 3)
+        Triangles of the body.
+
+    Returns
+    -------
+    record : ScanRecord
+    """
+    seen = np.flatnonzero(~result.background)
+    shown = seen[thinned(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
+    arrays: dict[str, Any] = {
+        "points": result.points,
+        "faces": faces,
+        "up": result.up,
+        "matched": result.matched,
+        "shown": scan.points[shown].astype(np.float32),
+        "shown_distances": result.distances[shown].astype(np.float32),
+    }
+    if result.fit is not None:
+        fit = result.fit
+        arrays |= {"betas": fit.betas, "pose": fit.pose, "trans": fit.trans}
+    return ScanRecord(
+        name=name,
+        trusted=result.trusted,
+        message=result.message,
+        likelihood=result.likelihood,
+        median_distance=float(np.median(result.distances[seen])),
+        matched_share=float(result.matched.mean()),
+        arrays=arrays,
+    )
+
+
+def _registered(
+    registration: ScanRegistration, file: Path, before: RegisteredScan | None
+) -> tuple[ScanRecord, RegisteredScan | None]:
+    try:
+        scan = in_metres(*read_scan(file), unit=registration.unit, name=str(file))
+        result = registration.solve(scan, start=before)
+    except RiemhumanError as error:
+        return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None
+    record = record_of(file.stem, scan, result, registration.model.faces)
+    return record, result if result.trusted else None
+
+
+def _identity(registration: ScanRegistration, sequence: bool) -> bytes:
+    """Return what a registration depends on beside the scan."""
+    digest = hashlib.sha256(repr((_VERSION, registration.unit, registration.up, sequence)).encode())
+    model = registration.model
+    for array in (model.template.vertices, model.faces, model.shapedirs, model.weights):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.digest()
+
+
+def _write(folder: Path, record: ScanRecord, key: str) -> None:
+    """Write the body, then the record that says it is there."""
+    (folder / f"{record.name}.ply").unlink(missing_ok=True)
+    (folder / UNTRUSTED / f"{record.name}.ply").unlink(missing_ok=True)
+    if record.arrays:
+        place = folder if record.trusted else folder / UNTRUSTED
+        place.mkdir(exist_ok=True)
+        save_mesh(place / f"{record.name}.ply", record.arrays["points"], record.arrays["faces"])
+    fields = {name: np.array(getattr(record, name)) for name in _FIELDS}
+    save_arrays(
+        folder / RECORDS / f"{record.name}.npz",
+        {"key": np.array(key), **fields, **record.arrays},
+        compressed=True,
+    )
+
+
+def _kept(folder: Path, name: str, key: str) -> ScanRecord | None:
+    """Return the record of a scan that was registered before, if it is all there."""
+    file = folder / RECORDS / f"{name}.npz"
+    if not file.is_file():
+        return None
+    try:
+        if str(load_arrays(file, ["key"], [])["key"]) != key:
+            return None
+        record = _read(file)
+    except FileFormatError:
+        return None  # damaged: it is made anew
+    place = folder if record.trusted else folder / UNTRUSTED
+    if record.arrays and not (place / f"{name}.ply").is_file():
+        return None
+    return record
+
+
+def _read(file: Path) -> ScanRecord:
+    found = load_arrays(file, _FIELDS, _ARRAYS)
+    for name in ("points", "shown"):
+        if name in found:
+            real_array(found[name], f"{name} of {file}", ("n", 3), batched=False)
+    return ScanRecord(
+        name=file.stem,
+        trusted=bool(found["trusted"]),
+        message=str(found["message"]),
+        likelihood=float(found["likelihood"]),
+        median_distance=float(found["median_distance"]),
+        matched_share=float(found["matched_share"]),
+        arrays={name: found[name] for name in _ARRAYS if name in found},
+    )

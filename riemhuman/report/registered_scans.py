@@ -1,0 +1,163 @@
+"""The page of registered scans: scan, body and error colours of each, the worst first."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial.transform import Rotation
+
+from riemhuman.registration.folders import ScanRecord, read_records
+from riemhuman.report.colors import value_colors
+from riemhuman.report.page import Section, page, paragraph
+from riemhuman.report.scan_pictures import body_picture, points_picture, shared_window
+from riemhuman.report.text_files import write_text
+from riemhuman.report.web_files import web_file
+from riemhuman.surfaces.html_pictures import png_bytes
+
+# The last colour of the distances, which all above it share.
+LARGEST_METRES = 0.02
+_HEIGHT = 300
+_UNSEEN, _SEEN = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
+
+
+def scan_page(folder: str | os.PathLike[str]) -> Path:
+    """Write the page of the scans that were registered into a folder.
+
+    Parameters
+    ----------
+    folder : path_like
+        The output of `riemhuman.registration.register_folder`.
+
+    Returns
+    -------
+    Path
+        The page, ``index.html`` in the folder; it opens in any browser without a connection.
+
+    Raises
+    ------
+    FileError
+        If nothing was registered into the folder, or the page cannot be written.
+    FileFormatError
+        If a record is damaged.
+    """
+    records = read_records(folder)
+    trusted = sum(record.trusted for record in records)
+    text = page(
+        "Registered scans",
+        "Every scan and the body that was brought to it, the worst first.",
+        [(str(len(records)), "scans"), (str(trusted), "trusted")],
+        [scan_section(records)],
+        "",
+    )
+    place = Path(folder) / "index.html"
+    write_text(place, text)
+    return place
+
+
+def scan_section(records: Sequence[ScanRecord]) -> Section:
+    """Return the section of a page that shows registered scans.
+
+    Parameters
+    ----------
+    records : sequence of ScanRecord
+        What is known of them, in the order in which to show them.
+
+    Returns
+    -------
+    Section
+    """
+    doubtful = [record for record in records if not record.trusted]
+    lead = (
+        f"{len(records) - len(doubtful)} of {len(records)} scans are registered and to be trusted. "
+        "From left to right: the scan, the body, and the scan in the colours of its distance from "
+        f"the body, up to {1000 * LARGEST_METRES:.0f} mm and more in dark red. Parts of the body "
+        "that found nothing in the scan are blue-grey."
+    )
+    cards = "".join(_card(record) for record in records)
+    return Section(
+        "scans",
+        "Scans and their bodies",
+        "Scans",
+        [
+            f"<style>{web_file('scans.css')}</style>",
+            paragraph(lead),
+            f'<div class="scans">{cards}</div>',
+        ],
+    )
+
+
+def _card(record: ScanRecord) -> str:
+    mark = "" if record.trusted else ' <strong class="doubt">not trusted</strong>'
+    facts = ""
+    if record.arrays:
+        facts = (
+            f"<p>{1000 * record.median_distance:.1f} mm from the scan in the median, "
+            f"{100 * record.matched_share:.0f} % of the vertices matched</p>"
+        )
+    reason = f"<p>{escape(_sentence(record.message))}</p>" if record.message else ""
+    kind = "scan" if record.trusted else "scan doubtful"
+    return (
+        f'<figure class="{kind}"><figcaption><h3>{escape(record.name)}{mark}</h3>{facts}{reason}'
+        f"</figcaption>{_pictures(record)}</figure>"
+    )
+
+
+def _sentence(message: str) -> str:
+    """Return reasons as a sentence; file names keep their letters."""
+    return message if message.endswith(".") else f"{message}."
+
+
+def _pictures(record: ScanRecord) -> str:
+    if not record.arrays:
+        return ""
+    body, scan = (
+        _facing(record, record.arrays[name].astype(float)) for name in ("points", "shown")
+    )
+    faces, distances = record.arrays["faces"], record.arrays["shown_distances"]
+    window = shared_window(body, scan)
+    seen = record.arrays["matched"][faces].any(axis=1)
+    colors = np.where(seen[:, np.newaxis], _SEEN, _UNSEEN)
+    errors = value_colors(distances, LARGEST_METRES)
+    pictures = (
+        (points_picture(scan, window, _HEIGHT), f"scan {record.name}"),
+        (body_picture(body, faces, window, _HEIGHT, colors), f"body of {record.name}"),
+        (
+            points_picture(scan, window, _HEIGHT, errors),
+            f"distances of {record.name} from its body",
+        ),
+    )
+    return "".join(_image(picture, what) for picture, what in pictures)
+
+
+def _image(picture: ndarray, what: str) -> str:
+    data = base64.b64encode(png_bytes(picture)).decode("ascii")
+    height, width = picture.shape[:2]
+    return (
+        f'<img alt="{escape(what, quote=True)}" src="data:image/png;base64,{data}" '
+        f'width="{width}" height="{height}" loading="lazy" decoding="async">'
+    )
+
+
+def _facing(record: ScanRecord, points: ndarray) -> ndarray:
+    """Return points with y up, turned so that the body faces the viewer where that is known."""
+    upright = _upright(points, record.arrays["up"])
+    if "pose" not in record.arrays:
+        return upright
+    # The pelvis, which comes first; models face z.
+    forward = Rotation.from_rotvec(record.arrays["pose"][0]).apply([0.0, 0.0, 1.0])
+    x, _, z = _upright(forward, record.arrays["up"])
+    return upright @ Rotation.from_rotvec([0.0, -np.arctan2(x, z), 0.0]).as_matrix().T
+
+
+def _upright(points: ndarray, up: ndarray) -> ndarray:
+    """Return points with y up."""
+    axis = int(np.argmax(np.abs(up)))
+    # Cyclic exchanges of the axes are turns; where the axis points down, half a turn follows.
+    turned = np.roll(points, 1 - axis, axis=-1)
+    return turned * [1.0, -1.0, -1.0] if up[axis] < 0 else turned

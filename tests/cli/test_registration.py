@@ -1,0 +1,52 @@
+"""The verb ``register``."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.cli import main
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    bodies = rh.datasets.load_open_bodies("coarse")
+    seen = rh.registration.simulated_scan(bodies[3], bodies.template.faces, rng=1, n_points=4000)
+    file = tmp_path_factory.mktemp("scans") / "scan.npy"
+    np.save(file, 1000.0 * seen.points)
+    return file
+
+
+def test_a_scan_becomes_a_body(scan, tmp_path, capsys):
+    output = tmp_path / "body.ply"
+    assert main(["register", str(scan), "-o", str(output), "--coarse", "--up", "y", "-q"]) == 0
+    points, faces = rh.load_mesh(output)
+    np.testing.assert_array_equal(faces, rh.datasets.load_open_model("coarse").faces)
+    assert 1.0 < np.ptp(points, axis=0).max() < 2.5
+    assert "scan in millimetres" in capsys.readouterr().out
+
+
+@pytest.mark.slow
+def test_what_is_no_body_is_not_written(tmp_path, capsys):
+    file, output = tmp_path / "box.npy", tmp_path / "body.ply"
+    np.save(file, np.random.default_rng(0).random((2000, 3)))
+    arguments = ["register", str(file), "-o", str(output), "--coarse", "--up", "y", "-q"]
+    assert main(arguments) == 2
+    assert "box.npy is not registered: " in capsys.readouterr().err
+    assert not output.exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--sequence"], "--sequence needs a folder"),
+        (["--model", "SMPL.npz", "--coarse"], "--coarse is for the open model"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(scan, tmp_path, capsys, arguments, message):
+    assert main(["register", str(scan), "-o", str(tmp_path / "body.ply"), *arguments]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_bodies_are_not_written_among_the_scans(scan, capsys):
+    assert main(["register", str(scan.parent), "-o", str(scan.parent), "--coarse"]) == 1
+    assert "name another folder" in capsys.readouterr().err

@@ -1,0 +1,85 @@
+"""Folders of scans: what is written, what a second run leaves, and what is damaged."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration, read_records, register_folder, simulated_scan
+
+
+@pytest.fixture(scope="module")
+def registration():
+    return ScanRegistration(rh.datasets.load_open_model("coarse"), up="y")
+
+
+@pytest.fixture(scope="module")
+def registered(tmp_path_factory, registration):
+    """Return folders of scans and bodies: one good scan, one that is damaged, one of no body."""
+    scans = tmp_path_factory.mktemp("scans")
+    bodies = rh.datasets.load_open_bodies("coarse")
+    scan = simulated_scan(bodies[3], registration.model.faces, rng=1, n_points=4000, turn=False)
+    np.save(scans / "anna.npy", scan.points)
+    (scans / "broken.xyz").write_text("1 2 3\n4 5\n")
+    np.save(scans / "box.npy", np.random.default_rng(0).random((2000, 3)))
+    output = scans.parent / "bodies"
+    return scans, output, register_folder(registration, scans, output)
+
+
+def test_trusted_bodies_are_registered_meshes(registered, registration):
+    _, output, records = registered
+    assert [record.name for record in records] == ["anna", "box", "broken"]
+    assert [record.trusted for record in records] == [True, False, False]
+    points, faces = rh.load_mesh(output / "anna.ply")
+    np.testing.assert_array_equal(faces, registration.model.faces)
+    np.testing.assert_array_equal(points, records[0].arrays["points"])
+    assert sorted(each.name for each in output.glob("*.ply")) == ["anna.ply"]
+    assert (output / "untrusted" / "box.ply").is_file()
+
+
+def test_damaged_scans_are_named(registered):
+    assert "broken.xyz: line 2 must hold 3 numbers" in registered[2][2].message
+
+
+def test_records_come_worst_first(registered):
+    names = [record.name for record in read_records(registered[1])]
+    assert names == ["broken", "box", "anna"]
+
+
+def test_a_second_run_does_what_is_missing(registered, registration, monkeypatch):
+    scans, output, _ = registered
+    (output / "untrusted" / "box.ply").unlink()
+    solved = []
+
+    def solve(self, scan, **options):
+        solved.append(len(scan))
+        raise rh.errors.ArgumentError("solved again")
+
+    monkeypatch.setattr(ScanRegistration, "solve", solve)
+    records = register_folder(registration, scans, output)
+    assert solved == [2000]
+    assert records[0].trusted
+    assert records[1].message == "solved again"
+
+
+def test_the_page_shows_every_scan(registered):
+    _, output, _ = registered
+    page = rh.report.scan_page(output)
+    text = page.read_text(encoding="utf-8")
+    assert page == output / "index.html"
+    assert text.index("<h3>broken") < text.index("<h3>anna")
+    assert text.count("not trusted</strong>") == 2
+    assert text.count('alt="body of anna"') == 1
+
+
+def test_folders_without_scans_are_refused(tmp_path, registration):
+    with pytest.raises(rh.errors.FileError, match="holds no scans"):
+        register_folder(registration, tmp_path, tmp_path / "bodies")
+    with pytest.raises(rh.errors.FileError, match="holds no registered scans"):
+        read_records(tmp_path)
+
+
+def test_two_scans_of_one_name_are_refused(tmp_path, registration):
+    for name in ("anna.npy", "anna.xyz"):
+        (tmp_path / name).write_text("")
+    with pytest.raises(rh.errors.FileError, match=r"would become one body anna\.ply"):
+        register_folder(registration, tmp_path, tmp_path / "bodies")

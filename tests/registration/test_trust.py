@@ -1,0 +1,56 @@
+"""What is no single body is refused, and for the reason."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration
+from riemhuman.registration.trust import Evidence, doubts
+
+GOOD = Evidence(likelihood=3.2, margin=0.4, near=0.99, betas=1.0)
+
+
+def test_good_evidence_leaves_no_doubt():
+    assert doubts(GOOD) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"near": 0.6}, "only 60 % of the scan lies within 5 cm of the body"),
+        ({"likelihood": 1.0}, "does not look like a body"),
+        ({"margin": 0.05}, "faces or stands another way"),
+        ({"betas": 3.5}, "far from all people"),
+    ],
+)
+def test_every_doubt_has_its_reason(change, reason):
+    (found,) = doubts(replace(GOOD, **change))
+    assert reason in found
+
+
+def capsule(start, end, radius, n_points, rng):
+    start, end = np.array(start, float), np.array(end, float)
+    across = rng.standard_normal((n_points, 3))
+    axis = (end - start) / np.linalg.norm(end - start)
+    across -= (across @ axis)[:, None] * axis
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return start + rng.random((n_points, 1)) * (end - start) + radius * across
+
+
+@pytest.mark.slow
+def test_a_dog_is_refused():
+    rng = np.random.default_rng(2)
+    legs = [(x, z) for x in (-0.1, 0.1) for z in (-0.35, 0.35)]
+    dog = np.concatenate(
+        [
+            capsule([0, 0.6, -0.4], [0, 0.62, 0.4], 0.14, 3000, rng),
+            *[capsule([x, 0.5, z], [x, 0.03, z], 0.045, 600, rng) for x, z in legs],
+            capsule([0, 0.7, 0.4], [0, 0.95, 0.65], 0.09, 900, rng),
+        ]
+    )
+    model = rh.datasets.load_open_model("coarse")
+    result = ScanRegistration(model, up="y").solve(dog)
+    assert not result.trusted
+    assert "does not look like a body" in result.message
