@@ -48,5 +48,5 @@ def test_options_that_do_not_fit_are_refused(scan, tmp_path, capsys, arguments, 
 
 
 def test_bodies_are_not_written_among_the_scans(scan, capsys):
-    assert main(["register", str(scan.parent), "-o", str(scan.parent), "--coarse"]) == 1
+    assert main(["register", str(scan.parent), "-o", str(scan.parent), "--coarse"]) == 2
     assert "name another folder" in capsys.readouterr().err

@@ -1,0 +1,205 @@
+"""Scans of people unseen, in moments that are no start poses: how exact, how fast, how sure.
+
+    pytest tests/benchmarks/test_registration.py --benchmark-enable -s
+
+prints, for the open model at full resolution, the errors of a hundred scans (remeshed, 2 mm noise,
+10 % in holes, any heading), how many were refused, retrieval after registration beside that of the
+exact bodies, and seconds a scan; what landmarks, half of the surface, 5 mm noise, 2,000 points and
+more cost; and how far points go astray between bodies that the model cannot make. Where benchmarks
+are disabled, the same code runs on one coarse scan.
+"""
+
+import time
+
+import numpy as np
+import pytest
+from scanned_people import (
+    N_PEOPLE,
+    bodies_to_scan,
+    correspondence_errors,
+    foreign_bodies,
+    scans_of,
+)
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration, simulated_scan
+
+SEED = 4242
+FAR = 0.05
+WEIGHTS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
+CONDITIONS = {
+    "as above": {},
+    "five landmarks": {"landmarks": True},
+    "half of the surface (from one side)": {"view": (0.3, 0.1, 1.0)},
+    "5 mm noise": {"noise": 0.005},
+    "2,000 loose points": {"n_points": 2000, "mesh": False},
+    "no triangles, floor, 200 strays": {"mesh": False, "floor": True, "n_strays": 200},
+    "feet and top of the head missing": {"cut": (0.1, 0.1)},
+    "half of the points in holes": {"missing": 0.5},
+    "clothes, up to 3 cm": {"clothing": 0.03},
+}
+LANDMARKS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle", "head")
+
+
+@pytest.fixture(scope="module")
+def registrations():
+    return {
+        name: ScanRegistration(rh.datasets.load_open_model(name)) for name in ("coarse", "full")
+    }
+
+
+def solved(registration, scan, landmarks=False):
+    """Return the result, the vertices' errors and the seconds of a scan."""
+    known = None
+    if landmarks:
+        model = registration.model
+        joints = model.joint_regressor @ scan.body
+        known = {name: joints[model.joint_names.index(name)] for name in LANDMARKS}
+    begin = time.perf_counter()
+    result = registration.solve(scan.surface, landmarks=known)
+    seconds = time.perf_counter() - begin
+    return result, np.linalg.norm(result.points - scan.body, axis=1), seconds
+
+
+def test_a_hundred_scans(benchmark, registrations):
+    full = not benchmark.disabled
+    registration = registrations["full" if full else "coarse"]
+    model = registration.model
+    numbers = range(100 if full else 1)
+    scans = list(scans_of(bodies_to_scan(model, SEED), model.faces, SEED, numbers))
+    registration.solve(scans[0][-1].surface)  # compiles
+
+    def run():
+        return [solved(registration, scan) for *_, scan in scans]
+
+    found = benchmark.pedantic(run, rounds=1)
+    means = np.array([errors.mean() for _, errors, _ in found])
+    trusted = np.array([result.trusted for result, _, _ in found])
+    largest = np.array([errors.max() for _, errors, _ in found])
+    assert not np.any(trusted & (means > FAR))
+    if not full:
+        return
+    millimetres = 1000 * means[trusted]
+    print(f"\n{len(found)} scans: {millimetres.mean():.1f} mm in the mean", end="")
+    print(f", worst body {millimetres.max():.1f} mm", end="")
+    print(f", worst vertex {1000 * largest[trusted].max():.0f} mm", end="")
+    print(f"; {np.sum(~trusted)} refused; {np.mean([s for *_, s in found]):.1f} s a scan")
+    space = rh.AlignedSurfaces(model.template)
+    labels = {"shape": [s for _, s, _, _ in scans], "pose": [m for _, _, m, _ in scans]}
+    surfaces = {
+        "exact bodies": np.stack([scan.body for *_, scan in scans]),
+        "registered scans": np.stack([result.points for result, _, _ in found]),
+    }
+    for name, points in surfaces.items():
+        aligned = rh.procrustes(points, to=model.template.vertices)
+        for task, weights in WEIGHTS.items():
+            distances = rh.ElasticMetric(space, *weights).dist_pairwise(aligned)
+            scores = rh.retrieval.scores(distances, labels[task])
+            print(f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}")
+
+
+def test_what_scans_cost(benchmark, registrations):
+    full = not benchmark.disabled
+    registration = registrations["full" if full else "coarse"]
+    model = registration.model
+    numbers = range(3, 3 + N_PEOPLE * 10, 13) if full else [3]
+    conditions = CONDITIONS if full else {"as above": {}}
+
+    def run():
+        rows = {}
+        for name, options in conditions.items():
+            chosen = dict(options)
+            landmarks = chosen.pop("landmarks", False)
+            bodies = bodies_to_scan(model, SEED + 1)
+            scans = scans_of(bodies, model.faces, SEED, numbers, **chosen)
+            rows[name] = [solved(registration, scan, landmarks) for *_, scan in scans]
+        return rows
+
+    rows = benchmark.pedantic(run, rounds=1)
+    for name, found in rows.items():
+        means = np.array([errors.mean() for _, errors, _ in found])
+        trusted = np.array([result.trusted for result, _, _ in found])
+        assert not np.any(trusted & (means > FAR))
+        if full:
+            seen = np.mean([errors[result.matched].mean() for result, errors, _ in found])
+            far = np.mean([np.median(result.distances[~result.background]) for result, *_ in found])
+            print(
+                f"| {name} | {1000 * means.mean():.1f} | {1000 * means.max():.1f} | "
+                f"{1000 * seen:.1f} | {1000 * far:.1f} | {trusted.sum()} of {len(found)} | "
+                f"{np.mean([s for *_, s in found]):.1f} |"
+            )
+
+
+def test_a_sequence(benchmark, registrations):
+    full = not benchmark.disabled
+    registration = registrations["full" if full else "coarse"]
+    model = registration.model
+    (motion,) = rh.datasets.load_open_motions(
+        "full" if full else "coarse", subjects=["lean runner"], sequences=["punching"]
+    )
+    frames = [motion[k] for k in range(20, 20 + (2 if not full else 20), 2)]
+    scans = [
+        simulated_scan(frame, model.faces, k, missing=0.1, turn=False)
+        for k, frame in enumerate(frames)
+    ]
+    first = registration.solve(scans[0].points)
+
+    def run():
+        results = [first]
+        for scan in scans[1:]:
+            results.append(registration.solve(scan.points, start=results[-1]))
+        return results
+
+    begin = time.perf_counter()
+    results = benchmark.pedantic(run, rounds=1)
+    seconds = time.perf_counter() - begin
+    errors = [
+        np.linalg.norm(result.points - scan.body, axis=1).mean()
+        for result, scan in zip(results, scans, strict=True)
+    ]
+    assert all(result.trusted for result in results)
+    assert max(errors, default=0.0) < FAR
+    if full:
+        print(f"\n{len(scans) - 1} scans in a sequence: {1000 * np.mean(errors):.1f} mm, ", end="")
+        print(f"{seconds / (len(scans) - 1):.1f} s a scan")
+
+
+def test_bodies_of_other_kinds(benchmark, registrations):
+    full = not benchmark.disabled
+    registration = registrations["full" if full else "coarse"]
+    faces = registration.model.faces
+    n_people, n_moments = (6, 3) if full else (1, 2)
+    bodies, triangles = foreign_bodies(registration.model, SEED, n_people, n_moments)
+
+    def run():
+        registered = np.empty((n_people, n_moments, registration.model.n_vertices, 3))
+        trusted = np.empty((n_people, n_moments), dtype=bool)
+        for person, moment in np.ndindex(n_people, n_moments):
+            scan = simulated_scan(bodies[person, moment], triangles, [person, moment], turn=False)
+            result = registration.solve(scan.points)
+            registered[person, moment], trusted[person, moment] = result.points, result.trusted
+        return registered, trusted
+
+    registered, trusted = benchmark.pedantic(run, rounds=1)
+    flat = [(p, m) for p, m in np.ndindex(n_people, n_moments) if trusted[p, m]]
+    errors = {"same person": [], "between people": []}
+    for one in flat:
+        for other in flat:
+            if one < other:
+                kind = "same person" if one[0] == other[0] else "between people"
+                errors[kind].append(
+                    correspondence_errors(
+                        bodies[one], bodies[other], registered[one], registered[other], faces
+                    )
+                )
+    if full:
+        print(f"\n{trusted.sum()} of {trusted.size} foreign bodies trusted")
+    for kind, found in errors.items():
+        if found:
+            every = np.concatenate(found)
+            assert np.mean(every < FAR) > 0.9
+            if full:
+                print(
+                    f"{kind}, {len(found)} pairs: {1000 * every.mean():.1f} mm in the mean, "
+                    f"{100 * np.mean(every < FAR):.1f} % below 5 cm"
+                )
