@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import check_shape, one_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.rows import unflattened
-from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.threads import for_each, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.terms.sum import Features
 
@@ -137,10 +138,12 @@ def distances(
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows.points), n_held):
-            kept_rows = rows.features(first, first + n_held)
+            kept_rows = rows.features(first, first + n_held, n_jobs)
             for start in range(first if within else 0, len(columns.points), n_held):
                 same = within and start == first
-                kept_columns = kept_rows if same else columns.features(start, start + n_held)
+                kept_columns = (
+                    kept_rows if same else columns.features(start, start + n_held, n_jobs)
+                )
                 for i, one in kept_rows:
                     for j, other in kept_columns:
                         if same and j.start < i.start:
@@ -180,11 +183,21 @@ class _PointSet:
             total += array.nbytes
         return total
 
-    def features(self, first: int, last: int) -> list[tuple[slice, Features]]:
-        """Return the features of points from `first` to `last`, block by block."""
+    def features(self, first: int, last: int, n_threads: int) -> list[tuple[slice, Features]]:
+        """Return the features of points from `first` to `last`, block by block, in threads."""
         last = min(last, len(self.points))
-        parts = [slice(k, min(k + _BLOCK, last)) for k in range(first, last, _BLOCK)]
-        return [(part, self._features(part)) for part in parts]
+        if not isinstance(self.points, np.ndarray):
+            # Whether other objects may be read from in several threads is not known.
+            n_threads = 1
+        size = min(_BLOCK, math.ceil((last - first) / n_threads))
+        parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
+        found: list[Any] = [None] * len(parts)
+
+        def fill(k: int) -> None:
+            found[k] = (parts[k], self._features(parts[k]))
+
+        for_each(fill, range(len(parts)), min(n_threads, len(parts)))
+        return found
 
     def _features(self, part: slice) -> Features:
         points = self.points[part]

@@ -516,3 +516,22 @@ def test_surfaces_at_the_ends_of_the_range_are_right(exponent):
     expected = shape.dist(*points) * scale
     np.testing.assert_allclose(shape.dist(*(points * scale)), expected, rtol=1e-12)
     np.testing.assert_allclose(pose.dist(*(points * scale)), pose.dist(*points), rtol=1e-12)
+
+
+@pytest.mark.parametrize(("n_jobs", "n_threads"), [(None, 1), (2, 2)])
+def test_features_are_computed_in_as_many_threads(monkeypatch, n_jobs, n_threads):
+    case = CASES["mixed sphere"]
+    threads, barrier = set(), threading.Barrier(n_threads)
+    features = type(case.metric).features
+
+    def watched(self, points, *arguments):
+        if len(points) > 1:
+            # Nobody goes on before all are here.
+            barrier.wait(timeout=20)
+            threads.add(threading.get_ident())
+        return features(self, points, *arguments)
+
+    expected = case.metric.dist_pairwise(case.points)
+    monkeypatch.setattr(type(case.metric), "features", watched)
+    np.testing.assert_array_equal(case.metric.dist_pairwise(case.points, n_jobs=n_jobs), expected)
+    assert len(threads) == n_threads
