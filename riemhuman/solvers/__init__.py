@@ -24,6 +24,7 @@ from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
 from riemhuman.solvers.results import MeanResult, PathResult, Result
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath
 from riemhuman.solvers.solver_checks import check_solver
+from riemhuman.solvers.streaming_mean import StreamingMean
 
 __all__ = [
     "BasisMean",
@@ -54,6 +55,7 @@ __all__ = [
     "SchildLadder",
     "SegmentEnergy",
     "ShapeTransfer",
+    "StreamingMean",
     "TransportResult",
     "check_manifold",
     "check_metric",

@@ -127,12 +127,16 @@ class BasisMean:
         searched = seeing_lengths(metric, self.companion_weight)
         dispersion = Dispersion(searched, points, weights)
         origin = self._origin(dispersion, initial_point)
-        family = _Family(metric.space, origin, self._directions(dispersion, origin))
+        alone = dispersion if searched is metric else Dispersion(metric, points, weights)
+        return self._result(dispersion, alone, origin)
 
+    def _result(self, dispersion: Dispersion, alone: Dispersion, origin: ndarray) -> MeanResult:
+        """Search from a point; `alone` is by the metric without a companion."""
+        family = _Family(alone.metric.space, origin, self._directions(dispersion, origin))
         minimum = self._minimize(dispersion, family)
         point, variance = family.point(minimum.x), minimum.value
-        if searched is not metric:
-            variance = Dispersion(metric, points, weights).value(point)
+        if alone is not dispersion:
+            variance = alone.value(point)
         result = MeanResult(
             point,
             variance,

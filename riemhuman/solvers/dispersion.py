@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -103,6 +105,77 @@ class Dispersion:
         used = self.weights > 0
         points = self.points if used.all() else self.points[used]
         return points, self.weights[used]
+
+
+class StreamedDispersion(Dispersion):
+    r"""V(x) of more points than memory holds, read batch by batch for every value.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        A metric whose distance has a closed form or a solver.
+    points : sequence, shape (n, \*shape)
+        An array, which may be mapped from a file, or any object whose slices are points.
+    weights : array, shape (n,)
+        Weights of at least 0 that sum to one.
+    batch_size : int
+        Points that are read together.
+    sample : array, shape (m, \*shape)
+        Some of the points, which stand for all where one value a point is enough.
+    """
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        points: Any,
+        weights: ndarray,
+        batch_size: int,
+        sample: ndarray,
+    ) -> None:
+        super().__init__(metric, sample)
+        self._all, self._all_weights, self._batch_size = points, weights, batch_size
+
+    def value(self, point: ndarray) -> float:
+        r"""Return V(x).
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        float
+        """
+        return float(sum(share * batch.value(point) for share, batch in self._batches()))
+
+    def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
+        r"""Return V(x) and its gradient.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        value : float
+        gradient : array, shape (\*shape,)
+        """
+        value, gradient = 0.0, np.zeros(np.shape(point))
+        for share, batch in self._batches():
+            of_batch, slope = batch.value_and_gradient(point)
+            value += share * of_batch
+            gradient += share * slope
+        return value, gradient
+
+    def _batches(self) -> Iterator[tuple[float, Dispersion]]:
+        """Yield every batch, with its share of the weights."""
+        for first in range(0, len(self._all_weights), self._batch_size):
+            some = slice(first, first + self._batch_size)
+            weights = self._all_weights[some]
+            if weights.any():
+                yield float(weights.sum()), Dispersion(self.metric, self._all[some], weights)
 
 
 def check_weights(weights: ndarray | None, n_points: int) -> ndarray:

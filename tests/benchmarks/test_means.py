@@ -1,13 +1,20 @@
-"""Karcher mean of five people in one pose.
+"""Karcher means: of five people in one pose, of all bodies, and of thousands read from a file.
 
 pytest tests/benchmarks/test_means.py --benchmark-enable -s
+
+prints wall and processor seconds; of the thousands also how much the resident memory grew, and how
+far the mean of the sample alone is above the mean of all.
 """
 
+import resource
+import time
+
+import numpy as np
 from performances import basis, bodies
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers import BasisMean
+from riemhuman.solvers import BasisMean, StreamingMean
 from riemhuman.solvers.dispersion import Dispersion
 
 
@@ -27,3 +34,58 @@ def test_mean_of_five_people(benchmark):
     )
     assert result.converged
     assert result.variance < dispersion.value(points.mean(axis=0))
+
+
+def timed(call):
+    """Return a result with the wall and processor seconds it took."""
+    wall, processor = time.perf_counter(), time.process_time()
+    result = call()
+    return result, time.perf_counter() - wall, time.process_time() - processor
+
+
+def test_mean_of_all_bodies(benchmark):
+    resolution, count = ("coarse", 6) if benchmark.disabled else ("full", 100)
+    points = bodies(resolution).points[:count]
+    metric = ElasticMetric(AlignedSurfaces(bodies(resolution).template), 1.0, 1.0, 0.1)
+    metric.dist_pairwise(points[:2])
+    result, wall, processor = timed(lambda: BasisMean().solve(metric, points))
+    print(
+        f"\n{resolution}: mean of {count} bodies over their differences in {wall:.1f} s, "
+        f"{processor:.1f} s of the processor: variance {result.variance:.6g} after "
+        f"{result.n_iterations} iterations"
+    )
+    assert result.converged
+    benchmark.pedantic(lambda: None, rounds=1)
+
+
+def test_mean_of_thousands_from_a_file(benchmark, tmp_path):
+    """Random people in random poses between those of the open bodies."""
+    count = 40 if benchmark.disabled else 10_000
+    known, rng = bodies("coarse"), np.random.default_rng(2)
+    made = np.lib.format.open_memmap(
+        tmp_path / "bodies.npy", "w+", float, (count, *known.points.shape[1:])
+    )
+    for first in range(0, count, 100):
+        some = slice(first, min(first + 100, count))
+        n = some.stop - some.start
+        weights = rng.dirichlet(np.full(4, 0.7), n)
+        people = 10 * rng.integers(10, size=(n, 1)) + rng.integers(10, size=(n, 4))
+        made[some] = np.einsum("nk,nkvi->nvi", weights, known.points[people])
+    made.flush()
+    del made
+    points = np.load(tmp_path / "bodies.npy", mmap_mode="r")
+    metric = ElasticMetric(AlignedSurfaces(known.template), 1.0, 1.0, 1.0)
+    deformations = basis("coarse")
+    metric.dist_pairwise(known.points[:2])
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    solver = StreamingMean(deformations, sample_size=min(64, count))
+    result, wall, processor = timed(lambda: solver.solve(metric, points))
+    grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 2**10
+    print(
+        f"\nmean of {count} coarse bodies from a file in {wall:.1f} s, {processor:.1f} s of the "
+        f"processor, {grown:.0f} MiB more than before (pages of the file included): variance "
+        f"{result.variance:.6g} after {result.n_evaluations} readings; of the sample's mean "
+        f"{result.variances[0] / result.variances[-1] - 1:.2%} more"
+    )
+    assert result.converged
+    benchmark.pedantic(lambda: None, rounds=1)
