@@ -1,3 +1,4 @@
+# PYTHON_ARGCOMPLETE_OK
 """The command line: the library's everyday verbs on files.
 
 Everything heavy is imported inside the verbs, so that help and usage errors come at once.
@@ -13,9 +14,11 @@ from contextlib import AbstractContextManager, nullcontext
 
 from riemhuman import __version__
 from riemhuman.cli import (
+    alignment,
     bases,
     components,
     distances,
+    fitting,
     information,
     means,
     models,
@@ -24,6 +27,7 @@ from riemhuman.cli import (
     reports,
     tables,
     transfer,
+    viewing,
 )
 from riemhuman.cli.inputs import path_argument
 from riemhuman.cli.outputs import claimed
@@ -34,7 +38,7 @@ from riemhuman.cli.terminal import (
     short_warnings,
     tolerate_ascii,
 )
-from riemhuman.cli.verbs import add_debug
+from riemhuman.cli.verbs import Parser, add_debug
 from riemhuman.errors import (
     FileError,
     MissingDependencyError,
@@ -42,6 +46,7 @@ from riemhuman.errors import (
     OutsideManifoldError,
     RiemhumanError,
 )
+from riemhuman.optional import import_optional
 
 _FAILURE = 1
 _BAD_DATA = 2
@@ -55,6 +60,9 @@ _VERB_MODULES = (
     means,
     components,
     transfer,
+    alignment,
+    fitting,
+    viewing,
     bases,
     models,
     registration,
@@ -69,7 +77,9 @@ The shape metric tells who it is, the pose metric how they stand.
 """
 _EPILOG = """\
 Without a verb, `riemhuman [--faust FOLDER] ...` does the main job, `riemhuman tables`.
-`riemhuman VERB --help` explains a verb and shows examples.
+`riemhuman VERB --help` explains a verb and shows examples. After
+`pip install 'riemhuman[completion]'`, the shell completes verbs and options with
+`eval "$(register-python-argcomplete riemhuman)"`.
 
 exit codes: 0 done; 1 failure; 2 wrong usage, or data that cannot be used; 130 interrupted;
 141 nobody reads the output any more
@@ -113,7 +123,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(given: Sequence[str]) -> int:
-    options = _parser().parse_args(_with_verb(given))
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:  # set by the shell while it completes a line
+        import_optional("argcomplete", "completion").autocomplete(parser)
+    options = parser.parse_args(_with_verb(given))
     debug = getattr(options, "debug", False)
     try:
         with short_warnings(), _output_claimed(options):
@@ -148,7 +161,7 @@ def _output_claimed(options: argparse.Namespace) -> AbstractContextManager[None]
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="riemhuman",
         description=_DESCRIPTION,
         epilog=_EPILOG,

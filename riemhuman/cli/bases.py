@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.inputs import add_units, path_argument
 from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
@@ -72,6 +73,7 @@ def add_verbs(verbs: Verbs) -> None:
         metavar="FRAMES",
         help="frames between the two whose difference is a deformation (default: 10)",
     )
+    add_units(parser)
     add_json(parser)
     add_force(parser)
 
@@ -181,6 +183,8 @@ def _motions(options: argparse.Namespace) -> list[Motion]:
     if options.open:
         return list(datasets.load_open_motions(options.resolution, **chosen))
     motions: list[Motion] = []
+    if (options.unit or options.up) and not any(map(Path.is_dir, options.motions)):
+        raise ArgumentError("--unit and --up are for folders of meshes; HDF5 files are in metres")
     for path in options.motions:
         if path.is_dir() and not list(path.glob("*.hdf5")):
             if any(chosen.values()):
@@ -188,7 +192,7 @@ def _motions(options: argparse.Namespace) -> list[Motion]:
                     f"--subjects and --sequences choose from HDF5 files; {path} is a folder of "
                     "meshes"
                 )
-            motions += mesh_motions(path)
+            motions += mesh_motions(path, options.unit, options.up)
         else:
             motions += datasets.load_dfaust(path, **chosen)
     for motion in motions[1:]:

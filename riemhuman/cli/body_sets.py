@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from riemhuman.cli.inputs import add_units, path_argument
 from riemhuman.errors import ArgumentError
 from riemhuman.extensions import extension
 
@@ -52,6 +53,18 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
         help="with --bodies: who and in which pose, a table with the columns file, subject and "
         "pose (default: labels.csv in the folder)",
     )
+    parser.add_argument(
+        "--template",
+        metavar="MESH",
+        type=path_argument,
+        help="with --faust or --bodies: measure over this mesh (default: the first)",
+    )
+    parser.add_argument(
+        "--allow-missing",
+        action="store_true",
+        help="with --faust or --bodies: take what is there when files or labels are missing",
+    )
+    add_units(parser)
 
 
 def check_body_sets(options: argparse.Namespace) -> None:
@@ -70,6 +83,14 @@ def check_body_sets(options: argparse.Namespace) -> None:
     """
     if options.labels is not None and options.bodies is None:
         raise ArgumentError("--labels goes with --bodies FOLDER")
+    if options.faust is None and options.bodies is None:
+        given = [name for name in ("template", "allow_missing") if getattr(options, name)]
+        if given:
+            raise ArgumentError(
+                f"--{given[0].replace('_', '-')} goes with --faust or --bodies FOLDER"
+            )
+    if options.bodies is None and (options.unit or options.up):
+        raise ArgumentError("--unit and --up go with --bodies FOLDER")
     others = (options.bodies, options.faust, options.reader)
     if options.people is not None and any(other is not None for other in others):
         raise ArgumentError("--people SEED goes with the open bodies")
@@ -96,9 +117,19 @@ def read_body_set(options: argparse.Namespace, resolution: str, *, bars: bool = 
     from riemhuman import datasets
 
     if options.faust is not None:
-        return datasets.load_faust(options.faust)
+        return datasets.load_faust(
+            options.faust, options.template, allow_missing=options.allow_missing
+        )
     if options.bodies is not None:
-        return datasets.load_bodies(options.bodies, options.labels, progress=bars)
+        return datasets.load_bodies(
+            options.bodies,
+            options.labels,
+            options.template,
+            unit=options.unit,
+            up=options.up,
+            allow_missing=options.allow_missing,
+            progress=bars,
+        )
     if options.reader is not None:
         name, path = options.reader
         bodies = extension("readers", name)(path)

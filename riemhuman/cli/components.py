@@ -17,6 +17,7 @@ from riemhuman.cli.metrics import (
     metric_record,
 )
 from riemhuman.cli.outputs import check_folder, whole_folder
+from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, as_json, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from riemhuman.statistics import TangentPCA
 
 _SUMMARY = "summary.json"
+_PAGE = "components.html"
 _BUILD = (1.0, 1.0, 0.0)  # where a much smaller λ leaves triangles without a logarithm
 _DEVIATIONS = 2.0
 _SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
@@ -48,7 +50,8 @@ def add_verbs(verbs: Verbs) -> None:
         "Finds the directions in which meshes differ most, by principal component analysis of\n"
         "their logarithms at the Karcher mean. Into a folder come mean.ply, the mean less and\n"
         "more two standard deviations along each component (component_1_minus.ply,\n"
-        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...) and summary.json.",
+        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), components.html, a\n"
+        "page to turn them in, and summary.json.",
         "  riemhuman components scans/ -o components/\n"
         "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
         "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
@@ -105,7 +108,7 @@ def _components(options: argparse.Namespace) -> None:
     with reporter.task(f"Components of {len(files)}, {metric_name(metric)}"):
         pca = TangentPCA(space, count).fit(points)
     with reporter.task(f"{1 + 2 * count + n_samples} bodies"):
-        bodies = _bodies(pca, n_samples, options.seed)
+        bodies = _bodies(pca, n_samples, options.seed, bars=reporter.bars)
 
     record = _record(options, files, metric_record(metric), pca, points)
     with whole_folder(options.output, _is_ours) as folder:
@@ -118,15 +121,21 @@ def _components(options: argparse.Namespace) -> None:
     say(f"written to   {options.output}")
 
 
-def _bodies(pca: TangentPCA, n_samples: int, seed: int) -> dict[str, ndarray]:
+def _bodies(
+    pca: TangentPCA, n_samples: int, seed: int, *, bars: bool = False
+) -> dict[str, ndarray]:
     """Return the surfaces to write, by the names of their files."""
     import numpy as np
+
+    from riemhuman.progress import ProgressBar
 
     deviations = np.sqrt(pca.explained_variance_)
     names = ["mean.ply"]
     names += [f"component_{k + 1}_{side}.ply" for k in range(len(deviations)) for side in _SIDES]
     ends = [times * row for row in np.diag(deviations) for times in _SIDES.values()]
-    surfaces = [pca.mean_, *pca.inverse_transform(np.array(ends))]
+    surfaces = [pca.mean_]
+    for end in ProgressBar(ends, disable=not bars, unit="body"):
+        surfaces += [*pca.inverse_transform(end[None])]
     if n_samples:
         names += [f"sample_{k:04d}.ply" for k in range(n_samples)]
         surfaces += [*pca.sample(n_samples, seed).reshape(n_samples, *pca.mean_.shape)]
@@ -158,9 +167,13 @@ def _fill(folder: Path, bodies: dict[str, ndarray], faces: ndarray, record: dict
 
     for name, surface in bodies.items():
         save_mesh(folder / name, surface, faces)
+    names = [Path(name).stem.replace("_", " ") for name in bodies]
+    write_picture(
+        folder / _PAGE, list(bodies.values()), faces, names, "Mean, components and samples"
+    )
     (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
 
 
 def _is_ours(name: str) -> bool:
     ours = r"mean\.ply|component_\d+_(minus|plus)\.ply|sample_\d{4,}\.ply"
-    return bool(re.fullmatch(ours, name)) or name == _SUMMARY
+    return bool(re.fullmatch(ours, name)) or name in (_SUMMARY, _PAGE)

@@ -16,6 +16,11 @@ if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
 
 
+# As `riemhuman.units` and `riemhuman.surfaces.upright` have them, which load too much for help.
+_UNITS = ("metres", "centimetres", "millimetres", "inches")
+_AXES = ("x", "y", "z", "-x", "-y", "-z")
+
+
 @dataclass(frozen=True, eq=False)
 class Surfaces:
     """Registered surfaces in files, read and aligned when they are asked for.
@@ -73,6 +78,21 @@ def add_template(parser: argparse.ArgumentParser, default: str) -> None:
         action="store_true",
         help="take meshes of any size; otherwise those in another unit are refused",
     )
+    add_units(parser)
+
+
+def add_units(parser: argparse.ArgumentParser) -> None:
+    """Declare the options that say in which unit meshes are, and what points up.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    """
+    parser.add_argument(
+        "--unit", choices=_UNITS, help="unit of the files, brought to metres (default: as it is)"
+    )
+    parser.add_argument("--up", choices=_AXES, help="axis that points up in the files (default: y)")
 
 
 def path_argument(text: str) -> Path:
@@ -131,8 +151,9 @@ def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
     from riemhuman.surfaces.template import Template
 
     scale = None if options.any_scale else "template"
-    meshes = RegisteredMeshes(files, options.template, scale)
-    template = Template.from_file(options.template or files[0])
+    units = {"unit": options.unit, "up": options.up}
+    meshes = RegisteredMeshes(files, options.template, scale, **units)
+    template = Template(meshes.reference, meshes.faces)
     return Surfaces(meshes, template, options.align)
 
 

@@ -16,6 +16,7 @@ from riemhuman.cli.metrics import (
     metric_record,
 )
 from riemhuman.cli.outputs import check_file
+from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 
@@ -49,6 +50,7 @@ def add_verbs(verbs: Verbs) -> None:
     add_template(parser, "the first mesh")
     add_align(parser)
     add_metric_options(parser, PATH_METRIC)
+    add_picture(parser)
     add_json(parser)
     add_force(parser)
 
@@ -60,6 +62,7 @@ def _mean(options: argparse.Namespace) -> None:
 
     check_metric_options(options)
     check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
+    check_picture(options)
     reporter = Reporter(options.quiet)
     files = meshes_named(options.meshes)
     with reporter.task(f"Reading {len(files)} meshes"):
@@ -71,6 +74,10 @@ def _mean(options: argparse.Namespace) -> None:
         result = BasisMean(basis, progress=reporter.bars).solve(metric, points)
     uninterrupted(result)
     save_mesh(options.output, result.point, surfaces.template.faces)
+    shown = [*points, result.point]
+    titles = [*(file.stem for file in files), "Karcher mean"]
+    title = "Meshes and their mean"
+    write_picture(options.picture, shown, surfaces.template.faces, titles, title)
 
     if options.json:
         say_json(

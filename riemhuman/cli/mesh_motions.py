@@ -27,6 +27,8 @@ class MeshMotion(Motion):
     ----------
     folder : Path
         The folder.
+    unit, up : str, optional
+        Unit of the files, and the axis that points up, see `riemhuman.surfaces.upright`.
 
     Raises
     ------
@@ -34,8 +36,8 @@ class MeshMotion(Motion):
         If there is no such folder, or it holds no mesh.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._meshes = RegisteredMeshes(find_meshes(folder))
+    def __init__(self, folder: Path, unit: str | None = None, up: str | None = None) -> None:
+        self._meshes = RegisteredMeshes(find_meshes(folder), unit=unit, up=up)
         n_frames, faces = len(self._meshes), self._meshes.faces
         super().__init__("", folder.name, _FRAMES_PER_SECOND, n_frames, faces)
 
@@ -43,13 +45,15 @@ class MeshMotion(Motion):
         return np.stack([self._meshes[number] for number in numbers])
 
 
-def mesh_motions(folder: Path) -> list[MeshMotion]:
+def mesh_motions(folder: Path, unit: str | None = None, up: str | None = None) -> list[MeshMotion]:
     """Return the motions of a folder: itself, or every subfolder that holds meshes.
 
     Parameters
     ----------
     folder : Path
         A folder of meshes, or of folders of meshes.
+    unit, up : str, optional
+        Unit of the files, and the axis that points up, see `riemhuman.surfaces.upright`.
 
     Returns
     -------
@@ -63,9 +67,9 @@ def mesh_motions(folder: Path) -> list[MeshMotion]:
     """
     root = existing_folder(folder)
     if _holds_meshes(root):
-        return [MeshMotion(root)]
+        return [MeshMotion(root, unit, up)]
     inner = sorted((each for each in root.iterdir() if each.is_dir()), key=_order)
-    motions = [MeshMotion(each) for each in inner if _holds_meshes(each)]
+    motions = [MeshMotion(each, unit, up) for each in inner if _holds_meshes(each)]
     if not motions:
         raise FileError(
             f"{root} holds no motion: neither .hdf5 files nor meshes, nor folders of meshes"

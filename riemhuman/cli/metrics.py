@@ -15,7 +15,6 @@ if TYPE_CHECKING:
 # Triples of a, λ and c.
 _PRESETS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
 PATH_METRIC = (1.0, 1.0, 0.1)  # where the shape metric would let limbs melt on their way
-_LAM = 1e-4
 
 
 def add_metric_options(
@@ -32,7 +31,10 @@ def add_metric_options(
     """
     a, lam, c = default
     name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
-    group = parser.add_argument_group("metric", f"a · Ebin(λ) + c · normals; by default {name}")
+    group = parser.add_argument_group(
+        "metric",
+        f"a · Ebin(λ) + c · normals; by default {name}; a weight that is given changes that alone",
+    )
     presets = group.add_mutually_exclusive_group()
     presets.add_argument(
         "--shape",
@@ -61,15 +63,19 @@ def add_metric_options(
         metavar="NAME",
         help="a metric that another package has made known, see riemhuman.extensions",
     )
-    group.add_argument("-a", type=float, metavar="A", help="weight of the change of metric (0)")
+    group.add_argument(
+        "-a", type=float, metavar="A", help=f"weight of the change of metric ({a:g})"
+    )
     group.add_argument(
         "-l",
         "--lam",
         type=float,
         metavar="LAMBDA",
-        help=f"λ, weight of the change of area within it ({_LAM:g})",
+        help=f"λ, weight of the change of area within it ({lam:g})",
     )
-    group.add_argument("-c", type=float, metavar="C", help="weight of the change of normals (0)")
+    group.add_argument(
+        "-c", type=float, metavar="C", help=f"weight of the change of normals ({c:g})"
+    )
     parser.set_defaults(default_metric=default)
 
 
@@ -108,8 +114,6 @@ def check_metric_options(options: argparse.Namespace) -> None:
             f"--{preset} sets all weights; leave it out, or "
             f"{', '.join('-l' if name == 'lam' else f'-{name}' for name in own)}"
         )
-    if own == ["lam"]:
-        raise ArgumentError("-l alone weighs nothing: give -a too, as in -a 1 -l 0.0001")
     if options.extension:
         extension("metrics", options.extension)
 
@@ -145,10 +149,11 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
     if options.metric == "srnf":
         return SRNFMetric(space)
     a, lam, c = _PRESETS.get(options.metric, options.default_metric)
-    if any(getattr(options, name) is not None for name in ("a", "lam", "c")):
-        a, c = (options.a or 0.0), (options.c or 0.0)
-        lam = _LAM if options.lam is None else options.lam
-    return ElasticMetric(space, a=a, lam=lam, c=c)
+    given = (options.a, options.lam, options.c)
+    weights = [
+        own if own is not None else usual for own, usual in zip(given, (a, lam, c), strict=True)
+    ]
+    return ElasticMetric(space, a=weights[0], lam=weights[1], c=weights[2])
 
 
 def metric_record(metric: RiemannianMetric) -> dict[str, Any]:

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 _SUMMARY = "summary.json"
 _DPI = 200
 
-Write: TypeAlias = "Callable[[Path, ndarray, ndarray], None]"
+Write: TypeAlias = "Callable[[Path, ndarray, ndarray, str], None]"
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -109,10 +109,11 @@ def _geodesic(options: argparse.Namespace) -> None:
     record = _record(options, metric, result, seconds)
     faces = surfaces.template.faces
     if single:
-        writers[single](output, result.path, faces)
+        writers[single](output, result.path, faces, _described(record, result))
     else:
         with whole_folder(output, _is_ours) as folder:
-            _fill(folder, writers, result.path, faces, reporter)
+            said = _described(record, result)
+            _fill(folder, writers, result.path, faces, said, reporter)
             (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
     if options.json:
         say_json(record | {"output": output})
@@ -143,8 +144,25 @@ def _record(
     }
 
 
+def _described(record: dict[str, Any], result: PathResult) -> str:
+    """Return what is shown, for the page."""
+    weights = record["metric"]
+    named = {"elastic": "(a, λ, c) = ({a:g}, {lam:g}, {c:g})"}.get(weights["name"], "{name}")
+    return (
+        f"From {record['from'].name} to {record['to'].name} in {record['n_nodes']} surfaces: "
+        f"a path of least energy under the metric {named.format(**weights)}. Energy "
+        f"{record['energy']:.4g}, length {record['length']:.4g} m; no path is shorter than "
+        f"{record['distance']:.4g} m. Converged: {convergence(result)}."
+    )
+
+
 def _fill(
-    folder: Path, writers: dict[str, Write], path: ndarray, faces: ndarray, reporter: Reporter
+    folder: Path,
+    writers: dict[str, Write],
+    path: ndarray,
+    faces: ndarray,
+    said: str,
+    reporter: Reporter,
 ) -> None:
     from riemhuman.surfaces.mesh_files import save_mesh
 
@@ -154,20 +172,20 @@ def _fill(
             save_mesh(folder / f"time_{time_index:0{digits}d}.ply", surface, faces)
     for ending, name in ((".glb", "Animation"), (".png", "Filmstrip"), (".html", "Page")):
         with reporter.task(name):
-            writers[ending](folder / f"path{ending}", path, faces)
+            writers[ending](folder / f"path{ending}", path, faces, said)
 
 
 def _writers() -> dict[str, Write]:
     return {".glb": _write_glb, ".png": _write_png, ".html": _write_html, ".npz": _write_npz}
 
 
-def _write_glb(file: Path, path: ndarray, faces: ndarray) -> None:
+def _write_glb(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
     from riemhuman.surfaces.gltf_files import save_glb
 
     save_glb(file, path, faces)
 
 
-def _write_png(file: Path, path: ndarray, faces: ndarray) -> None:
+def _write_png(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
     from riemhuman.report import plot_path
     from riemhuman.surfaces.whole_files import whole_file
 
@@ -175,13 +193,13 @@ def _write_png(file: Path, path: ndarray, faces: ndarray) -> None:
         plot_path(path, faces).figure.savefig(neighbour, dpi=_DPI)
 
 
-def _write_html(file: Path, path: ndarray, faces: ndarray) -> None:
+def _write_html(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
     from riemhuman.report import view_path
 
-    view_path(path, faces).save(file)
+    view_path(path, faces, title="Geodesic between two bodies", description=said).save(file)
 
 
-def _write_npz(file: Path, path: ndarray, faces: ndarray) -> None:
+def _write_npz(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
     from riemhuman.surfaces.array_files import save_arrays
 
     save_arrays(file, {"path": path, "faces": faces})

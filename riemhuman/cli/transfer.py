@@ -7,8 +7,15 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
+from riemhuman.cli.inputs import (
+    add_template,
+    add_units,
+    meshes_named,
+    path_argument,
+    surfaces_in,
+)
 from riemhuman.cli.outputs import check_file, check_folder, whole_folder
+from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 
@@ -16,6 +23,7 @@ if TYPE_CHECKING:
     from numpy import ndarray
 
 _FRAME = "frame_{:04d}.ply"
+_PAGE = "motion.html"
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -33,8 +41,9 @@ def add_verbs(verbs: Verbs) -> None:
         "a motion of one body replayed on another",
         "Replays a motion, a sequence of registered meshes, on another body of the same\n"
         "triangulation. Changes of pose are for a body that stands as the first mesh does;\n"
-        "--transfer pose is for any. Into a folder come the meshes frame_0000.ply, ...; an output\n"
-        "with the ending .glb (an animation) or .npz (the array path) is that file alone.",
+        "--transfer pose is for any. Into a folder come the meshes frame_0000.ply, ... and\n"
+        "motion.html, a page to play them; an output with the ending .glb (an animation) or .npz\n"
+        "(the array path) is that file alone.",
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
         "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
@@ -65,6 +74,7 @@ def add_verbs(verbs: Verbs) -> None:
     )
     add_json(parser)
     add_force(parser)
+    add_units(parser)
     parser.set_defaults(template=None, any_scale=False, align=False)
 
     parser = add_verb(
@@ -99,6 +109,7 @@ def add_verbs(verbs: Verbs) -> None:
         "differs from SHAPE (default: by anything)",
     )
     add_template(parser, "SHAPE")
+    add_picture(parser)
     add_json(parser)
     add_force(parser)
     parser.set_defaults(align=False)
@@ -134,6 +145,7 @@ def _transfer(options: argparse.Namespace) -> None:
 
 
 def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
+    from riemhuman.report.viewer import view_path
     from riemhuman.surfaces.array_files import save_arrays
     from riemhuman.surfaces.gltf_files import save_glb
     from riemhuman.surfaces.mesh_files import save_mesh
@@ -147,10 +159,11 @@ def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
     with whole_folder(output, _is_ours) as folder:
         for k, frame in enumerate(frames):
             save_mesh(folder / _FRAME.format(k), frame, faces)
+        view_path(frames, faces, title="Motion").save(folder / _PAGE)
 
 
 def _is_ours(name: str) -> bool:
-    return re.fullmatch(r"frame_\d{4,}\.ply", name) is not None
+    return name == _PAGE or re.fullmatch(r"frame_\d{4,}\.ply", name) is not None
 
 
 def _disentangle(options: argparse.Namespace) -> None:
@@ -162,6 +175,7 @@ def _disentangle(options: argparse.Namespace) -> None:
     from riemhuman.surfaces.mesh_files import save_mesh
 
     check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
+    check_picture(options)
     reporter = Reporter(options.quiet)
     surfaces = surfaces_in([options.shape, options.pose], options)
     space = AlignedSurfaces(surfaces.template, equip=False, scale=None)
@@ -175,6 +189,9 @@ def _disentangle(options: argparse.Namespace) -> None:
         )
     uninterrupted(result)
     save_mesh(options.output, result.surface, surfaces.template.faces)
+    titles = [f"shape of {options.shape.stem}", f"pose of {options.pose.stem}", "both"]
+    shown = [*surfaces[:], result.surface]
+    write_picture(options.picture, shown, surfaces.template.faces, titles, "Shape and pose")
     if options.json:
         say_json(
             {

@@ -3,13 +3,49 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
-from typing import TypeAlias
+import difflib
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NoReturn, TypeAlias
+
+_CHOICE = re.compile(r"(?s)(.*invalid choice: '(?P<found>[^']*)') \(choose from (?P<known>.*)\)")
 
 Run = Callable[[argparse.Namespace], None]
 
 # What `add_subparsers` returns has no public name, and is generic for type checkers alone.
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors say what may have been meant."""
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse, and refuse what is left over with the nearest option of the verb."""
+        options, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            parser: argparse.ArgumentParser = getattr(options, "parser", self)
+            known = [name for action in parser._actions for name in action.option_strings]
+            named = [name.split("=")[0] for name in unknown if name.startswith("-")]
+            found = [near for name in named for near in _nearest(name, known)]
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}{_meant(found)}")
+        return options
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse, and leave out what was known where something near to it was meant."""
+        choice = _CHOICE.fullmatch(message)
+        if choice:
+            known = re.findall(r"[^\s,']+", choice["known"])
+            near = _nearest(choice["found"], known)
+            message = choice[1] + _meant(near) if near else message
+        super().error(message)
+
+
+def _nearest(found: str, known: Sequence[str]) -> list[str]:
+    return difflib.get_close_matches(found, known, 1)
+
+
+def _meant(names: Sequence[str]) -> str:
+    return f"; did you mean {' and '.join(names)}?" if names else ""
 
 
 def add_verb(
@@ -45,7 +81,7 @@ def add_verb(
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
     )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, parser=parser)
     add_debug(parser)
     parser.add_argument("-q", "--quiet", action="store_true", help="no progress, results alone")
     return parser

@@ -8,7 +8,7 @@ import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,6 +39,9 @@ def load_bodies(
     *,
     align: bool = True,
     scale: str | None = "template",
+    unit: str | None = None,
+    up: str | None = None,
+    allow_missing: bool = False,
     progress: bool = False,
 ) -> Bodies:
     r"""Load the registered meshes of a folder, labelled by a table.
@@ -60,14 +63,21 @@ def load_bodies(
     scale : {"template"} or None
         Whether a mesh more than eight times as large or as small as the first or the template is
         refused, because it must be in another unit.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the files, brought to metres; by default their numbers are taken as they are.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in the files, turned to y; by default they are not turned.
+    allow_missing : bool
+        Whether to load what has both a mesh and a row, when some meshes have no row or some rows
+        no mesh.
     progress : bool
         Whether to show a progress bar over files.
 
     Returns
     -------
     bodies : Bodies
-        The meshes in the natural order of their names (body_2 before body_10), in the unit of
-        the files, with subjects and poses numbered in the natural order of theirs.
+        The meshes in the natural order of their names (body_2 before body_10), with subjects and
+        poses numbered in the natural order of theirs.
 
     Raises
     ------
@@ -106,9 +116,11 @@ def load_bodies(
             f"there is no table of labels {table}; write one with the columns "
             f"{', '.join(_COLUMNS)}, or say where it is"
         )
-    rows = _matched(files, _read_rows(table), table)
-    reference = read_template(template, files[0])
-    points, faces = load_registered(files, scale=scale, progress=progress)
+    matched = _matched(files, _read_rows(table), table, allow_missing)
+    files, rows = list(matched), list(matched.values())
+    units: dict[str, Any] = {"unit": unit, "up": up}
+    reference = read_template(template, files[0], **units)
+    points, faces = load_registered(files, scale=scale, progress=progress, **units)
     check_template(reference, points, faces, scale)
     if align:
         points = procrustes(points, to=reference.vertices, scale=None)
@@ -123,6 +135,33 @@ def load_bodies(
         pose_names=pose_names,
         ids=tuple(file.stem for file in files),
     )
+
+
+def read_labels(table: str | os.PathLike[str], names: Sequence[str]) -> dict[str, list[str]]:
+    """Read who is shown in files and in which pose, from a table as `load_bodies` takes it.
+
+    Parameters
+    ----------
+    table : path_like
+        The table.
+    names : sequence of str
+        Names of the files.
+
+    Returns
+    -------
+    dict of str to list of str
+        The columns "subject" and "pose", one entry a name.
+
+    Raises
+    ------
+    FileError
+        If the table cannot be read.
+    FileFormatError
+        If it is damaged, or does not match the names.
+    """
+    path = file_path(table, "labels")
+    rows = _matched([Path(name) for name in names], _read_rows(path), path).values()
+    return {"subject": [row.subject for row in rows], "pose": [row.pose for row in rows]}
 
 
 class _Row(NamedTuple):
@@ -172,8 +211,10 @@ def _read_rows(table: Path) -> list[_Row]:
     return rows
 
 
-def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_Row]:
-    """Return the row of every file, refusing files without a row and rows without a file."""
+def _matched(
+    files: Sequence[Path], rows: Sequence[_Row], table: Path, allow_missing: bool = False
+) -> dict[Path, _Row]:
+    """Return the row of every file, refusing or leaving out what has only one of both."""
     names = {file.name: file for file in files}
     stems: dict[str, list[Path]] = {}
     for file in files:
@@ -197,7 +238,7 @@ def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_
             )
         found[file] = row
     unlabelled = [file for file in files if file not in found]
-    if unknown or unlabelled:
+    if not found or ((unknown or unlabelled) and not allow_missing):
         problems = []
         if unlabelled:
             problems.append(f"meshes without a row: {_listed(unlabelled)}")
@@ -206,7 +247,7 @@ def _matched(files: Sequence[Path], rows: Sequence[_Row], table: Path) -> list[_
         raise FileFormatError(
             f"{table} does not match the meshes of {files[0].parent}: {'; '.join(problems)}"
         )
-    return [found[file] for file in files]
+    return {file: found[file] for file in files if file in found}
 
 
 def _listed(files: Sequence[Path | str]) -> str:

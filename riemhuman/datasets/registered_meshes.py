@@ -18,6 +18,7 @@ from riemhuman.surfaces.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.upright import upright
 from riemhuman.units import SCALES, refuse_other_scale
 
 MESH_ENDINGS = (".ply", ".obj", ".off")
@@ -73,6 +74,10 @@ class RegisteredMeshes:
     scale : {"template"} or None
         Whether a mesh more than eight times as large or as small as the reference is refused,
         because it must be in another unit.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the files, brought to metres; by default their numbers are taken as they are.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in the files, turned to y; by default they are not turned.
 
     Raises
     ------
@@ -89,13 +94,18 @@ class RegisteredMeshes:
         files: Sequence[str | os.PathLike[str]],
         reference: str | os.PathLike[str] | None = None,
         scale: str | None = "template",
+        *,
+        unit: str | None = None,
+        up: str | None = None,
     ) -> None:
         self._scale = one_of(scale, "scale", SCALES)
         self._files = tuple(Path(file) for file in files)
         if not self._files:
             raise ArgumentError("files holds no mesh file; at least one is needed")
         self._reference = self._files[0] if reference is None else Path(reference)
-        self._vertices, self._faces = load_mesh(self._reference)
+        self._unit, self._up = unit, up
+        vertices, self._faces = load_mesh(self._reference)
+        self._vertices = upright(vertices, unit, up)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -106,6 +116,11 @@ class RegisteredMeshes:
     def faces(self) -> np.ndarray:
         """The triangles they share, shape (F, 3)."""
         return self._faces
+
+    @property
+    def reference(self) -> np.ndarray:
+        """Vertices of the reference, shape (V, 3)."""
+        return self._vertices
 
     def __len__(self) -> int:
         return len(self._files)
@@ -125,6 +140,7 @@ class RegisteredMeshes:
 
     def _read(self, file: Path) -> np.ndarray:
         vertices, faces = load_mesh(file)
+        vertices = upright(vertices, self._unit, self._up)
         if vertices.shape != self._vertices.shape:
             raise FileFormatError(
                 f"{file} is not registered to {self._reference}: it has {len(vertices)} vertices, "
@@ -144,6 +160,8 @@ def load_registered(
     reference: str | os.PathLike[str] | None = None,
     *,
     scale: str | None = "template",
+    unit: str | None = None,
+    up: str | None = None,
     progress: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Read meshes that share number of vertices and triangles.
@@ -157,6 +175,10 @@ def load_registered(
     scale : {"template"} or None
         Whether a mesh more than eight times as large or as small as the reference is refused,
         because it must be in another unit.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the files, brought to metres; by default their numbers are taken as they are.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in the files, turned to y; by default they are not turned.
     progress : bool
         Whether to show a progress bar over files.
 
@@ -177,7 +199,7 @@ def load_registered(
         If a file is damaged, or has other triangles, another number of vertices or another unit of
         length than the reference: it is named, and what differs.
     """
-    meshes = RegisteredMeshes(files, reference, scale)
+    meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up)
     if not progress:
         return meshes[:], meshes.faces
     numbers = ProgressBar(range(len(meshes)), desc="Meshes", unit="mesh")
@@ -185,7 +207,11 @@ def load_registered(
 
 
 def read_template(
-    template: Template | str | os.PathLike[str] | None, first_mesh: str | os.PathLike[str]
+    template: Template | str | os.PathLike[str] | None,
+    first_mesh: str | os.PathLike[str],
+    *,
+    unit: str | None = None,
+    up: str | None = None,
 ) -> Template:
     """Return the user's template, or the first mesh where there is none.
 
@@ -199,6 +225,10 @@ def read_template(
         The template, a mesh file with it, or none.
     first_mesh : path_like
         The file of the first mesh.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of a file, brought to metres; by default its numbers are taken as they are.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in a file, turned to y; by default it is not turned.
 
     Returns
     -------
@@ -215,7 +245,9 @@ def read_template(
     """
     if isinstance(template, Template):
         return template
-    return Template.from_file(first_mesh if template is None else template)
+    file = first_mesh if template is None else template
+    read = Template.from_file(file)
+    return Template(upright(read.vertices, unit, up), read.faces) if unit or up else read
 
 
 def check_template(

@@ -24,6 +24,11 @@ VERBS = (
     "components",
     "transfer",
     "disentangle",
+    "align",
+    "fit",
+    "view",
+    "plot",
+    "scores",
     "basis",
     "convert-model",
     "info",
@@ -184,3 +189,42 @@ def test_interruption_from_the_keyboard(scans, tmp_path):
     assert "what is done is kept in" in first
     assert last == "riemhuman: interrupted"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["many", "work"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "meant"),
+    [
+        (["distt", "a.ply", "b.ply"], "did you mean dist?"),
+        (["dist", "a.ply", "b.ply", "--aling"], "did you mean --align?"),
+        (["report", "--open", "natural", "--quik"], "did you mean --quick?"),
+        (["tables", "--resolution", "corse"], "did you mean coarse?"),
+    ],
+)
+def test_what_may_have_been_meant(capsys, arguments, meant):
+    with pytest.raises(SystemExit) as stopped:
+        main(arguments)
+    assert stopped.value.code == 2
+    assert meant in capsys.readouterr().err
+
+
+def test_what_nothing_is_near_to_is_refused_with_what_there_is(capsys):
+    with pytest.raises(SystemExit):
+        main(["xyzzy"])
+    said = capsys.readouterr().err
+    assert "did you mean" not in said
+    assert "disentangle" in said
+
+
+def test_the_shell_completes_verbs_and_options(tmp_path):
+    pytest.importorskip("argcomplete")
+
+    def completed(line):
+        environment = os.environ | {
+            "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),
+            "_ARGCOMPLETE_STDOUT_FILENAME": str(tmp_path / "found"), "_ARGCOMPLETE_IFS": " ",
+        }  # fmt: skip
+        subprocess.run([sys.executable, "-m", "riemhuman"], env=environment, check=False)
+        return (tmp_path / "found").read_text(encoding="utf-8").split()
+
+    assert completed("riemhuman disent") == ["disentangle"]
+    assert "--align" in completed("riemhuman dist --al")

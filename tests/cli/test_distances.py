@@ -27,7 +27,8 @@ def metric_of(template, a, lam, c):
         (["--pose"], (0, 0, 1)),
         (["-a", "2", "-l", "0.01", "-c", "0.5"], (2, 0.01, 0.5)),
         (["-a", "2"], (2, 1e-4, 0)),
-        (["-c", "3"], (0, 0, 3)),
+        (["-c", "3"], (1, 1e-4, 3)),
+        (["-l", "0.01"], (1, 0.01, 0)),
         (["-a", "1", "--lam", "1"], (1, 1, 0)),
     ],
 )
@@ -154,7 +155,6 @@ def test_failures(refused, run, scans, bodies, tmp_path):
     assert "absent.ply" in refused("dist", one, tmp_path / "absent.ply")
     assert "other.ply is not registered to" in refused("dist", one, other)
     assert "leave it out" in refused("dist", one, two, "--pose", "-a", "1")
-    assert "-l alone" in refused("dist", one, two, "-l", "1")
     assert "must not both be 0" in refused("dist", one, two, "-a", "0", "-c", "0")
     assert "a must be a finite number of at least 0" in refused("dist", one, two, "-a", "-1")
     assert "no folder" in refused("matrix", tmp_path / "absent", "-o", tmp_path / "D.npz")

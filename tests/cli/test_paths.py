@@ -78,7 +78,7 @@ def test_one_file_by_its_ending(run, ends, expected, tmp_path):
 def test_basis_and_metric_of_ones_own(run, ends, bodies, tmp_path):
     basis = DeformationBasis.from_laplacian(bodies.template, 6)
     basis.save(tmp_path / "basis.npz")
-    options = ("--basis", tmp_path / "basis.npz", "-a", 1, "-l", 1, "--n-nodes", 3, "--json")
+    options = ("--basis", tmp_path / "basis.npz", "-c", 0, "--n-nodes", 3, "--json")
     record = json.loads(run("geodesic", *ends, "-o", tmp_path / "path.npz", *options).out)
     assert record["metric"] == {"name": "elastic", "a": 1.0, "lam": 1.0, "c": 0.0}
     metric = ElasticMetric(

@@ -211,3 +211,25 @@ def test_other_units_are_refused_unless_any_scale_is_meant(folder, mesh):
         load_bodies(folder)
     bodies = load_bodies(folder, template=template, align=False, scale=None)
     np.testing.assert_array_equal(bodies.points[2], 100 * mesh[0][2])
+
+
+def test_what_is_missing_may_be_left_out(folder):
+    table = folder / "some.csv"
+    table.write_text(TABLE.replace("b10.obj,Anna", "b12.obj,Anna"), encoding="utf-8")
+    bodies = load_bodies(folder, table, allow_missing=True)
+    assert bodies.ids == ("b2", "b11", "b20")
+    whole = load_bodies(folder)
+    np.testing.assert_array_equal(bodies.points, whole.points[[0, 2, 3]])
+    table.write_text("file,subject,pose\nother.ply,Anna,sits\n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match="meshes without a row"):
+        load_bodies(folder, table, allow_missing=True)
+
+
+def test_units_and_axes_of_files(folder, mesh, tmp_path):
+    turned = tmp_path / "turned"
+    turned.mkdir()
+    for name, (x, y, z) in zip(FILES, np.moveaxis(mesh[0], -1, 1), strict=True):
+        save_mesh(turned / name, 100 * np.stack([x, -z, y], axis=-1), mesh[1])
+    (turned / "labels.csv").write_text(TABLE, encoding="utf-8")
+    found = load_bodies(turned, unit="centimetres", up="z")
+    np.testing.assert_allclose(found.points, load_bodies(folder).points, atol=1e-6)

@@ -1,4 +1,7 @@
-"""The page of a report in a browser: no complaint, no request, and viewers that start."""
+"""The page of a report in a browser: no complaint, no request, viewers that start, and print."""
+
+import base64
+import re
 
 import pytest
 
@@ -32,3 +35,16 @@ def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, rep
     browser.wheel(canvas, 0, 0, -100)
     browser.wait_for(f"{zoom} > 1.1")
     assert browser.run(where) == before
+
+
+def test_it_prints_on_few_pages_and_loses_no_column(browser, report_page):
+    browser.open(report_page, 718, 1000)  # as wide as what a page holds
+    printed = base64.b64decode(browser.devtools("Page.printToPDF")["data"])
+    assert 3 < len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
+    browser.devtools("Emulation.setEmulatedMedia", media="print")
+    hidden = browser.run(
+        "return [...document.querySelectorAll('.table, .scroll, .pair > div')]"
+        ".filter((e) => e.scrollWidth > e.clientWidth + 1).map((e) => e.outerHTML.slice(0, 90))"
+    )
+    browser.devtools("Emulation.setEmulatedMedia", media="")
+    assert hidden == []

@@ -1,0 +1,83 @@
+"""The verb ``align``: meshes without their rigid motions."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
+from riemhuman.cli.outputs import check_folder, whole_folder
+from riemhuman.cli.pictures import write_picture
+from riemhuman.cli.terminal import Reporter, say, say_json
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.errors import ArgumentError
+
+_PICTURE = "aligned.html"
+_MESHES = (".ply", ".obj", ".off")
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``align``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "align",
+        _align,
+        "registered meshes rotated and moved onto one",
+        "Rotates and moves meshes (never scales them) onto the template by Procrustes alignment,\n"
+        "and writes them under their names into a folder, with a page to look at them. Meshes in\n"
+        "another unit, or with another axis up, come to metres with y up.",
+        "  riemhuman align scans/ -o aligned/\n"
+        "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
+        "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
+    )
+    parser.add_argument(
+        "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="FOLDER", type=path_argument, help="what to write"
+    )
+    add_template(parser, "the first mesh")
+    add_json(parser)
+    add_force(parser)
+    parser.set_defaults(align=True)
+
+
+def _align(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from riemhuman.surfaces.mesh_files import save_mesh
+
+    files = meshes_named(options.meshes)
+    names = [file.name for file in files]
+    if len(set(names)) < len(names):
+        raise ArgumentError("two meshes have one name, and would be one file in the folder")
+    check_folder(options.output, _is_ours, force=options.force)
+    reporter = Reporter(options.quiet)
+    surfaces = surfaces_in(files, options)
+    with reporter.task(f"Alignment of {len(files)} meshes"):
+        points = surfaces[:]
+    gaps = np.linalg.norm(points - surfaces.template.vertices, axis=-1)
+    distances = np.sqrt((gaps**2).mean(axis=-1))
+    with whole_folder(options.output, _is_ours) as folder:
+        for name, surface in zip(names, points, strict=True):
+            save_mesh(folder / name, surface, surfaces.template.faces)
+        titles = [file.stem for file in files]
+        write_picture(
+            folder / _PICTURE, list(points), surfaces.template.faces, titles, "Aligned meshes"
+        )
+    if options.json:
+        say_json({"files": files, "root_mean_square": distances, "output": options.output})
+        return
+    for name, distance in zip(names, distances, strict=True):
+        say(f"{distance:.6f}  {name}")
+    say(f"written to {options.output}; root mean square distances from the template, in metres")
+
+
+def _is_ours(name: str) -> bool:
+    return name == _PICTURE or Path(name).suffix.lower() in _MESHES

@@ -1,0 +1,78 @@
+"""Pictures of bodies that verbs have made: a PNG, or a page to turn them in."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.outputs import check_file
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+_ENDINGS = (".png", ".html")
+_HEIGHT = 400
+
+
+def add_picture(parser: argparse.ArgumentParser) -> None:
+    """Declare the option for a picture of what was made.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    """
+    parser.add_argument(
+        "--picture",
+        metavar="FILE",
+        type=path_argument,
+        help="a picture too: .png, or .html to turn the bodies",
+    )
+
+
+def check_picture(options: argparse.Namespace) -> None:
+    """Refuse a picture that could not be written once the work is done.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Parsed options.
+    """
+    if options.picture is not None:
+        check_file(options.picture, _ENDINGS, force=options.force)
+
+
+def write_picture(
+    path: Path | None, surfaces: Sequence[ndarray], faces: ndarray, names: Sequence[str], title: str
+) -> None:
+    """Write a picture of bodies side by side.
+
+    Parameters
+    ----------
+    path : Path or None
+        The file, with the ending .png or .html; nothing is written without it.
+    surfaces : sequence of array, each of shape (V, 3)
+        Bodies; of more than eight, a PNG shows eight.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    names : sequence of str
+        What is written below each on a page.
+    title : str
+        What is shown.
+    """
+    from riemhuman.report.viewer import view_bodies
+    from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
+    from riemhuman.surfaces.rendering import SKIN, View
+    from riemhuman.surfaces.whole_files import whole_file
+
+    if path is None:
+        return
+    if path.suffix.lower() == ".html":
+        view_bodies(surfaces, faces, names, title=title).save(path)
+        return
+    picture = strip_picture(surfaces, faces, [SKIN] * len(surfaces), View(), _HEIGHT)
+    with whole_file(path) as neighbour:
+        neighbour.write_bytes(png_bytes(picture))

@@ -1,0 +1,213 @@
+"""Verbs that show results: ``view``, ``plot`` and ``scores``."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.cli.inputs import add_units, meshes_named, path_argument, surfaces_in
+from riemhuman.cli.outputs import check_file
+from riemhuman.cli.terminal import Reporter, say, say_json
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.errors import ArgumentError, FileFormatError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy import ndarray
+
+_PICTURES = (".png", ".svg", ".pdf")
+_QUESTIONS = {"subject": "Who is it?", "pose": "How do they stand?"}
+
+
+def add_verbs(verbs: Verbs) -> None:
+    """Declare ``view``, ``plot`` and ``scores``.
+
+    Parameters
+    ----------
+    verbs : argparse action
+        Where verbs are declared.
+    """
+    parser = add_verb(
+        verbs,
+        "view",
+        _view,
+        "a page to turn bodies in, and to play a path",
+        "Writes a page that opens in any browser, without a network: registered meshes side by\n"
+        "side, or with --motion one after the other, or the path in an .npz file.",
+        "  riemhuman view anna.ply ben.ply -o both.html\n"
+        "  riemhuman view walk/ --motion -o walk.html\n"
+        "  riemhuman view path.npz -o path.html --open\n",
+    )
+    parser.add_argument(
+        "meshes", metavar="FILES", nargs="+", type=path_argument, help="meshes, folders, or an .npz"
+    )
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="HTML", type=path_argument, help="file to write"
+    )
+    parser.add_argument("--motion", action="store_true", help="the meshes are times of one body")
+    parser.add_argument("--open", action="store_true", help="open the page in the browser")
+    parser.add_argument("--any-scale", action="store_true", help="take meshes of any size")
+    add_units(parser)
+    add_force(parser)
+    parser.set_defaults(template=None, align=False)
+
+    parser = add_verb(
+        verbs,
+        "plot",
+        _plot,
+        "a map of a distance matrix",
+        "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane: by\n"
+        "multidimensional scaling, or by t-SNE, which keeps neighbours together.",
+        "  riemhuman plot D.npz -o map.png\n"
+        "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
+        "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
+    )
+    _add_matrix(parser, required=False)
+    parser.add_argument(
+        "-o",
+        "--output",
+        required=True,
+        metavar="FILE",
+        type=path_argument,
+        help="picture to write: .png, .svg or .pdf",
+    )
+    parser.add_argument(
+        "--by", choices=tuple(_QUESTIONS), default="subject", help="what colours tell (subject)"
+    )
+    parser.add_argument("--method", choices=("mds", "t-sne"), default="mds", help="(mds)")
+    add_force(parser)
+
+    parser = add_verb(
+        verbs,
+        "scores",
+        _scores,
+        "how well a distance matrix finds people and poses",
+        "Prints how many of the nearest meshes share person and pose: nearest neighbour (NN),\n"
+        "first and second tier (FT, ST) and mean average precision (mAP), per cent.",
+        "  riemhuman scores D.npz --labels labels.csv\n"
+        "  riemhuman scores D.npz --labels labels.csv --json\n",
+    )
+    _add_matrix(parser, required=True)
+    add_json(parser)
+
+
+def _add_matrix(parser: argparse.ArgumentParser, *, required: bool) -> None:
+    parser.add_argument(
+        "matrix", metavar="NPZ", type=path_argument, help="distance matrix, see riemhuman matrix"
+    )
+    parser.add_argument(
+        "--labels",
+        metavar="CSV",
+        required=required,
+        type=path_argument,
+        help="who and in which pose, a table with the columns file, subject and pose",
+    )
+
+
+def _view(options: argparse.Namespace) -> None:
+    import webbrowser
+
+    from riemhuman.report.viewer import view_bodies, view_path
+    from riemhuman.surfaces.array_files import load_arrays
+
+    check_file(options.output, [".html"], force=options.force)
+    reporter = Reporter(options.quiet)
+    first = options.meshes[0]
+    with reporter.task("Page"):
+        if first.suffix.lower() == ".npz":
+            if len(options.meshes) > 1:
+                raise ArgumentError("name one .npz file with a path, or meshes")
+            arrays = load_arrays(first, ["path", "faces"])
+            title = f"Path in {first.name}"
+            viewer = view_path(arrays["path"], arrays["faces"], title=title)
+        else:
+            files = meshes_named(options.meshes)
+            surfaces = surfaces_in(files, options)
+            faces = surfaces.template.faces
+            if options.motion:
+                title = f"{files[0].name} to {files[-1].name}"
+                viewer = view_path(surfaces[:], faces, title=title)
+            else:
+                names = [file.stem for file in files]
+                viewer = view_bodies(surfaces[:], faces, names, title=", ".join(names[:3]))
+        viewer.save(options.output)
+    if options.open:
+        webbrowser.open(options.output.resolve().as_uri())
+    say(str(options.output))
+
+
+def _plot(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from riemhuman.optional import import_optional
+    from riemhuman.report.embedding import embed
+    from riemhuman.report.figures import figure_style, new_figure
+    from riemhuman.report.findings import stress
+    from riemhuman.report.result_plots import plot_embedding
+    from riemhuman.surfaces.whole_files import whole_file
+
+    check_file(options.output, _PICTURES, force=options.force)
+    import_optional("matplotlib", "plot")
+    distances, names = _matrix(options.matrix)
+    labels = _labels(options, names)[options.by] if options.labels else ["meshes"] * len(names)
+    classes, items = np.unique(labels, return_inverse=True)
+    positions = embed(distances, options.method)
+    is_scaled = options.method == "mds"
+    with figure_style():
+        figure = new_figure(6.0, 4.6)
+        plot_embedding(
+            positions,
+            items,
+            [str(name) for name in classes],
+            unit="m" if is_scaled else None,
+            ax=figure.subplots(),
+        )
+        with whole_file(options.output) as neighbour:
+            figure.savefig(
+                neighbour, dpi=200, facecolor="white", format=options.output.suffix[1:].lower()
+            )
+    say(f"{len(names)} meshes, {options.method}")
+    if is_scaled:
+        say(f"stress      {stress(distances, positions):.3f}  (0 keeps all distances)")
+    say(f"written to  {options.output}")
+
+
+def _scores(options: argparse.Namespace) -> None:
+    from riemhuman.retrieval import scores
+
+    distances, names = _matrix(options.matrix)
+    found = {
+        name: scores(distances, labels)
+        for name, labels in _labels(options, names).items()
+        if len(set(labels)) < len(labels)
+    }
+    if not found:
+        raise ArgumentError(f"{options.labels}: no two meshes share a subject or a pose")
+    if options.json:
+        say_json({name: asdict(each) for name, each in found.items()})
+        return
+    say(f"{'':<20}{'NN':>8}{'FT':>8}{'ST':>8}{'mAP':>8}")
+    for name, each in found.items():
+        values = (each.nn, each.first_tier, each.second_tier, each.mean_average_precision)
+        say(f"{_QUESTIONS[name]:<20}{''.join(f'{value:8.1f}' for value in values)}")
+
+
+def _matrix(path: Path) -> tuple[ndarray, list[str]]:
+    from riemhuman.surfaces.array_files import load_arrays
+
+    arrays: dict[str, Any] = load_arrays(path, ["distances", "names"])
+    distances, names = arrays["distances"], [str(name) for name in arrays["names"]]
+    if distances.shape != (len(names), len(names)):
+        raise FileFormatError(
+            f"{path}: distances must be a matrix with a row and a column for each of its "
+            f"{len(names)} names; found shape {distances.shape}"
+        )
+    return distances, names
+
+
+def _labels(options: argparse.Namespace, names: list[str]) -> dict[str, list[str]]:
+    from riemhuman.datasets.labelled_folder import read_labels
+
+    return read_labels(options.labels, names)

@@ -1,0 +1,49 @@
+"""Surfaces of other units and axes, brought to metres with y up."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import one_of
+from riemhuman.units import UNITS
+
+# Where the three axes come from, by what points up: turned about the axis that is in neither.
+_ROTATIONS = {
+    "x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+    "y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "-x": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+    "-y": [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
+    "-z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+}
+AXES = tuple(_ROTATIONS)
+"""What may point up."""
+
+
+def upright(points: ndarray, unit: str | None = None, up: str | None = None) -> ndarray:
+    """Return surfaces in metres, turned so that y points up.
+
+    Parameters
+    ----------
+    points : array, shape (..., 3)
+        Surfaces.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of their coordinates; by default they are not scaled.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up; by default they are not turned.
+
+    Returns
+    -------
+    array, shape (..., 3)
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such unit or axis.
+    """
+    one_of(unit, "unit", (None, *UNITS))
+    one_of(up, "up", (None, *AXES))
+    if unit is not None:
+        points = points / UNITS[unit]
+    return points if up is None else points @ np.array(_ROTATIONS[up], dtype=float).T
