@@ -20,7 +20,19 @@ class Parser(argparse.ArgumentParser):
     """A parser whose errors say what may have been meant."""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse, and refuse what is left over with the nearest option of the verb."""
+        """Parse, and refuse what is left over with the nearest option of the verb.
+
+        Parameters
+        ----------
+        args : sequence of str, optional
+            The command line.
+        namespace : argparse.Namespace, optional
+            Where the options go.
+
+        Returns
+        -------
+        argparse.Namespace
+        """
         options, unknown = self.parse_known_args(args, namespace)
         if unknown:
             parser: argparse.ArgumentParser = getattr(options, "parser", self)
@@ -31,7 +43,13 @@ class Parser(argparse.ArgumentParser):
         return options
 
     def error(self, message: str) -> NoReturn:
-        """Refuse, and leave out what was known where something near to it was meant."""
+        """Refuse, and leave out what was known where something near to it was meant.
+
+        Parameters
+        ----------
+        message : str
+            What is wrong.
+        """
         choice = _CHOICE.fullmatch(message)
         if choice:
             known = re.findall(r"[^\s,']+", choice["known"])
