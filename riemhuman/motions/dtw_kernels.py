@@ -175,3 +175,44 @@ def lower_bound(costs: ndarray, window: float) -> float:
                 in_rows[i] = min(in_rows[i], costs[i, j])
                 in_columns[j] = min(in_columns[j], costs[i, j])
     return in_rows.sum() + in_columns.sum()
+
+
+@compiled
+def follow(
+    costs: ndarray, first: int, sums: ndarray, starts: ndarray, totals: ndarray, begins: ndarray
+) -> None:
+    """Go on with paths that may begin at any frame of a long motion, and note those that end.
+
+    Parameters
+    ----------
+    costs : array, shape (n, k)
+        Costs of a query's frames with the next k frames of the motion.
+    first : int
+        Number of the first of these.
+    sums : array, shape (n,)
+        Least sums of paths up to each frame of the query, at the frame before; changed.
+    starts : array of int, shape (n,)
+        Where these paths begin; changed.
+    totals : array, shape (k,)
+        Least sums of paths of the whole query that end at each frame; written to.
+    begins : array of int, shape (k,)
+        Where these begin; written to.
+    """
+    n, k = costs.shape
+    for j in range(k):
+        # Sums of the frame of the query before, at the frame of the motion before.
+        corner, corner_start = math.inf, 0
+        for i in range(n):
+            beside, beside_start = sums[i], starts[i]
+            cost = costs[i, j]
+            best, start = beside + cost, beside_start
+            if i == 0 and 2.0 * cost <= best:
+                best, start = 2.0 * cost, first + j
+            if i > 0:
+                if corner + 2.0 * cost < best:
+                    best, start = corner + 2.0 * cost, corner_start
+                if sums[i - 1] + cost < best:
+                    best, start = sums[i - 1] + cost, starts[i - 1]
+            corner, corner_start = beside, beside_start
+            sums[i], starts[i] = best, start
+        totals[j], begins[j] = sums[n - 1], starts[n - 1]

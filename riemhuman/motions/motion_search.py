@@ -1,0 +1,120 @@
+"""Where in a long motion a short one occurs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.motions.dtw_kernels import follow
+from riemhuman.motions.frame_tables import ExactTables
+from riemhuman.motions.frames import Motion, frame_runs, n_frames_of
+from riemhuman.progress import ProgressBar
+
+
+@dataclass(frozen=True)
+class Occurrence:
+    """A part of a motion that is like a query.
+
+    Attributes
+    ----------
+    start, stop : int
+        Its first frame, and the one after its last.
+    dist : float
+        Root mean squared distance of frames along the best re-timing.
+    """
+
+    start: int
+    stop: int
+    dist: float
+
+
+@dataclass(frozen=True)
+class MotionSearch:
+    """Dynamic time warping of a query to any part of a motion, at any speed.
+
+    The motion is read once, in runs of frames, of which none are kept (Sakurai, Faloutsos and
+    Yamamuro, "Stream monitoring under the time warping distance", ICDE 2007).
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames, with a closed form.
+    progress : bool
+        Whether to show a progress bar over frames.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
+    >>> found = rh.motions.MotionSearch(pose).find(knees[40:60], knees, n_occurrences=1)
+    >>> found[0].start, found[0].stop
+    (40, 60)
+    """
+
+    metric: RiemannianMetric
+    progress: bool = False
+
+    def find(self, query: Motion, motion: Motion, n_occurrences: int = 5) -> list[Occurrence]:
+        """Return the parts of a motion that are most like a query.
+
+        Parameters
+        ----------
+        query : array or sequence, shape (n, V, 3)
+            What to look for, at least two frames.
+        motion : array or sequence, shape (m, V, 3)
+            Where to look, at least two frames.
+        n_occurrences : int
+            How many parts to return, at most.
+
+        Returns
+        -------
+        list of Occurrence
+            The nearest first. No two overlap.
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong or there are too few.
+        """
+        whole_number(n_occurrences, "n_occurrences", minimum=1)
+        lengths = [n_frames_of(query, "query"), n_frames_of(motion, "motion")]
+        for name, length in zip(("query", "motion"), lengths, strict=True):
+            if length < 2:
+                raise ArgumentError(f"{name} must have at least 2 frames; found {length}")
+        tables = ExactTables(self.metric)
+        wanted = tables.features(query, "query")
+        sums, starts = np.full(lengths[0], math.inf), np.zeros(lengths[0], dtype=np.int64)
+        totals, begins = np.empty(lengths[1]), np.empty(lengths[1], dtype=np.int64)
+        first = 0
+        bar: Any = ProgressBar(
+            total=lengths[1], desc="Frames", disable=not self.progress, unit="frame"
+        )
+        with bar:
+            for run in frame_runs(self.metric.space, motion, "motion"):
+                costs = tables.squared(wanted, self.metric.features(run))
+                last = first + len(run)
+                follow(costs, first, sums, starts, totals[first:last], begins[first:last])
+                first = last
+                bar.update(len(run))
+        weights = lengths[0] + np.arange(lengths[1]) - begins + 1
+        return _nearest(np.sqrt(totals / weights), begins, n_occurrences)
+
+
+def _nearest(distances: ndarray, begins: ndarray, n_occurrences: int) -> list[Occurrence]:
+    """Return the nearest parts, each end with its begin, that do not overlap nearer ones."""
+    found: list[Occurrence] = []
+    for end in np.argsort(distances, kind="stable"):
+        part = Occurrence(int(begins[end]), int(end) + 1, float(distances[end]))
+        if all(part.stop <= other.start or other.stop <= part.start for other in found):
+            found.append(part)
+        if len(found) == n_occurrences:
+            break
+    return found
