@@ -174,7 +174,7 @@ def _basis(options: argparse.Namespace) -> None:
 def _motions(options: argparse.Namespace) -> list[Motion]:
     """Return the motions asked for, to be read when their frames are."""
     from riemhuman import datasets
-    from riemhuman.cli.mesh_motions import mesh_motions
+    from riemhuman.datasets.mesh_motions import load_mesh_motions
     from riemhuman.surfaces.mesh_arrays import face_difference
 
     if options.open == bool(options.motions):
@@ -192,7 +192,7 @@ def _motions(options: argparse.Namespace) -> list[Motion]:
                     f"--subjects and --sequences choose from HDF5 files; {path} is a folder of "
                     "meshes"
                 )
-            motions += mesh_motions(path, options.unit, options.up)
+            motions += load_mesh_motions(path, unit=options.unit, up=options.up)
         else:
             motions += datasets.load_dfaust(path, **chosen)
     for motion in motions[1:]:

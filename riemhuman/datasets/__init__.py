@@ -6,6 +6,7 @@ from riemhuman.datasets.dataset_checks import check_dataset
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.faust import load_faust
 from riemhuman.datasets.labelled_folder import load_bodies
+from riemhuman.datasets.mesh_motions import load_mesh_motions
 from riemhuman.datasets.motions import Motion, Motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
@@ -21,6 +22,7 @@ __all__ = [
     "load_bodies",
     "load_dfaust",
     "load_faust",
+    "load_mesh_motions",
     "load_open_bodies",
     "load_open_model",
     "load_open_motions",

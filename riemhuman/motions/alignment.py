@@ -64,26 +64,23 @@ def default_alignment(space: MotionSpace) -> Alignment:
     return DynamicTimeWarping(space.frames.metric, centered=True, between_frames=True)
 
 
-def matched_times(alignment: Alignment, reference: Motion, motion: Motion, n_times: int) -> ndarray:
-    """Return the times of a motion that correspond to equally spaced ones of a reference.
+def even_times(warp: Warp, n_times: int) -> ndarray:
+    """Return the times of the second motion at equally spaced ones of the first.
 
     Parameters
     ----------
-    alignment : Alignment
-        Finds the re-timing.
-    reference, motion : array or sequence, shape (n, V, 3) and (m, V, 3)
-        Motions.
+    warp : Warp
+        From the first frames to the last.
     n_times : int
         Number of times.
 
     Returns
     -------
     array, shape (n_times,)
-        Rising from 0 to 1, the duration of the motion.
+        Rising from 0 to 1, the duration of the second motion.
     """
-    last, other_last = n_frames_of(reference) - 1, n_frames_of(motion) - 1
     even = np.linspace(0.0, 1.0, n_times)
-    times = alignment.warp(reference, motion)(even * last) / other_last
+    times = warp(even * warp.first[-1]) / warp.second[-1]
     times[0], times[-1] = 0.0, 1.0
     return (1.0 - _EVEN) * times + _EVEN * even
 

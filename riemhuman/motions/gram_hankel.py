@@ -61,7 +61,7 @@ class GramHankel:
     space: AlignedSurfaces
     width: float = 0.2
     n_rows: int = 8
-    n_features: int = 256
+    n_features: int = 64
     seed: int = 0
 
     def __post_init__(self) -> None:

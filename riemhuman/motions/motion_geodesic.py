@@ -8,7 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
-from riemhuman.motions.alignment import Alignment, at_times, default_alignment, matched_times
+from riemhuman.motions.alignment import Alignment, at_times, default_alignment, even_times
 from riemhuman.motions.frames import Motion
 from riemhuman.motions.motion_space import MotionSpace
 
@@ -83,7 +83,7 @@ class MotionGeodesic:
             If a triangle has no area.
         """
         alignment = self.alignment or default_alignment(space)
-        times = matched_times(alignment, m1, m2, space.n_times)
+        times = even_times(alignment.warp(m1, m2), space.n_times)
         start = space.resample(m1, name="m1")
         end = at_times(space, m2, times, "m2")
         shares = np.linspace(0.0, 1.0, self.n_nodes)

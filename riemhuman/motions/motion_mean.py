@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.motions.alignment import Alignment, at_times, default_alignment, matched_times
+from riemhuman.motions.alignment import Alignment, at_times, default_alignment, even_times
 from riemhuman.motions.frames import Motion, several_motions
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
@@ -123,7 +123,7 @@ class MotionMean:
         reference: Motion = motions[int(np.argmin(np.sum(distances**2, axis=0)))]
         for _ in range(n_iterations):
             times = np.stack(
-                [matched_times(alignment, reference, motion, n_times) for motion in motions]
+                [even_times(alignment.warp(reference, motion), n_times) for motion in motions]
             )
             # The clock of the reference gives way to the mean of all.
             even = np.linspace(0.0, 1.0, n_times)

@@ -4,6 +4,7 @@ from riemhuman.report.body_plots import per_area, plot_body, plot_path
 from riemhuman.report.contributions import Contributions, contributions
 from riemhuman.report.embedding import embed
 from riemhuman.report.make import make_report
+from riemhuman.report.motion_page import AlignedMotions
 from riemhuman.report.rankings import confusion, precision_recall
 from riemhuman.report.registered_scans import scan_page
 from riemhuman.report.result_plots import (
@@ -17,6 +18,7 @@ from riemhuman.report.viewer import Viewer, view_bodies, view_path
 from riemhuman.surfaces.rendering import View, render
 
 __all__ = [
+    "AlignedMotions",
     "Contributions",
     "View",
     "Viewer",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
 
-from riemhuman.datasets.motions import Motion
+from riemhuman.checks import real_number
+from riemhuman.datasets.motions import Motion, Motions
 from riemhuman.datasets.registered_meshes import (
     MESH_ENDINGS,
     RegisteredMeshes,
@@ -16,9 +18,6 @@ from riemhuman.datasets.registered_meshes import (
 )
 from riemhuman.errors import FileError
 
-# Files do not say; a basis counts frames, not seconds.
-_FRAMES_PER_SECOND = 60.0
-
 
 class MeshMotion(Motion):
     """A motion whose frames are the meshes of a folder, in natural order of their names.
@@ -27,6 +26,8 @@ class MeshMotion(Motion):
     ----------
     folder : Path
         The folder.
+    frames_per_second : float
+        Frame rate, which the files do not say.
     unit, up : str, optional
         Unit of the files, and the axis that points up, see `riemhuman.surfaces.upright`.
 
@@ -36,45 +37,75 @@ class MeshMotion(Motion):
         If there is no such folder, or it holds no mesh.
     """
 
-    def __init__(self, folder: Path, unit: str | None = None, up: str | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        frames_per_second: float = 60.0,
+        *,
+        unit: str | None = None,
+        up: str | None = None,
+    ) -> None:
         self._meshes = RegisteredMeshes(find_meshes(folder), unit=unit, up=up)
         n_frames, faces = len(self._meshes), self._meshes.faces
-        super().__init__("", folder.name, _FRAMES_PER_SECOND, n_frames, faces)
+        super().__init__("", folder.name, frames_per_second, n_frames, faces)
 
     def _frames(self, numbers: range) -> np.ndarray:
         return np.stack([self._meshes[number] for number in numbers])
 
 
-def mesh_motions(folder: Path, unit: str | None = None, up: str | None = None) -> list[MeshMotion]:
+def load_mesh_motions(
+    folder: str | os.PathLike[str],
+    frames_per_second: float = 60.0,
+    *,
+    unit: str | None = None,
+    up: str | None = None,
+) -> Motions[MeshMotion]:
     """Return the motions of a folder: itself, or every subfolder that holds meshes.
+
+    Meshes are the frames, in natural order of their names (frame_2 before frame_10); they are
+    read when they are asked for.
 
     Parameters
     ----------
-    folder : Path
+    folder : path_like
         A folder of meshes, or of folders of meshes.
+    frames_per_second : float
+        Frame rate, which the files do not say.
     unit, up : str, optional
         Unit of the files, and the axis that points up, see `riemhuman.surfaces.upright`.
 
     Returns
     -------
-    list of MeshMotion
-        At least one.
+    Motions
+        At least one. The sequence of each is the name of its folder.
 
     Raises
     ------
     FileError
         If there is no such folder, or no meshes are found.
+
+    Examples
+    --------
+    >>> import os
+    >>> import riemhuman as rh
+    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    >>> os.mkdir("knees")
+    >>> for k, frame in enumerate(knees[:4]):
+    ...     rh.save_mesh(f"knees/frame_{k:04d}.ply", frame, knees.faces)
+    >>> rh.datasets.load_mesh_motions("knees")
+    <Motions: 1 of 1 people, 1 sequences>
     """
+    rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     root = existing_folder(folder)
     if _holds_meshes(root):
-        return [MeshMotion(root, unit, up)]
+        return Motions([MeshMotion(root, rate, unit=unit, up=up)])
     inner = sorted((each for each in root.iterdir() if each.is_dir()), key=_order)
-    motions = [MeshMotion(each, unit, up) for each in inner if _holds_meshes(each)]
+    motions = [MeshMotion(each, rate, unit=unit, up=up) for each in inner if _holds_meshes(each)]
     if not motions:
         raise FileError(
             f"{root} holds no motion: neither .hdf5 files nor meshes, nor folders of meshes"
         )
-    return motions
+    return Motions(motions)
 
 
 def _holds_meshes(folder: Path) -> bool:

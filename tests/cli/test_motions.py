@@ -1,0 +1,87 @@
+"""The verb motions prints and writes what the library finds."""
+
+import json
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Three people raise a knee, one folder of meshes each."""
+    root = tmp_path_factory.mktemp("motions")
+    for motion, step in zip(
+        rh.datasets.load_open_motions("coarse", sequences="knees")[:3], (6, 8, 10), strict=True
+    ):
+        name = root / motion.subject.replace(" ", "_")
+        name.mkdir()
+        for k, frame in enumerate(motion[:41:step]):
+            rh.save_mesh(name / f"frame_{k:04d}.ply", frame, motion.faces)
+    return root
+
+
+@pytest.fixture(scope="module")
+def people(folder):
+    return sorted(folder.iterdir())
+
+
+def test_distance(run, people):
+    finished = run("motions", "dist", *people[:2], "--json")
+    assert finished.code == 0, finished.err
+    m1, m2 = (rh.datasets.load_mesh_motions(each)[0] for each in people[:2])
+    space = rh.AlignedSurfaces(rh.Template(m1[0], m1.faces))
+    pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    expected = rh.motions.DynamicTimeWarping(pose, between_frames=True).dist(m1, m2)
+    assert json.loads(finished.out)["distance"] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("by", ["changes", "rate-invariant"])
+def test_matrix(run, folder, people, tmp_path, by):
+    file = tmp_path / "D.npz"
+    finished = run("motions", "matrix", folder, "-o", file, "--by", by, "-q")
+    assert finished.code == 0, finished.err
+    arrays = np.load(file)
+    assert arrays["names"].tolist() == [each.name for each in people]
+    single = run("motions", "dist", *people[:2], "--by", by)
+    assert float(single.out) == pytest.approx(arrays["distances"][0, 1], rel=1e-6)
+
+
+def test_matrix_as_a_table(run, folder, people, tmp_path):
+    file = tmp_path / "D.csv"
+    assert run("motions", "matrix", folder, "-o", file, "--components", "5", "-q").code == 0
+    rows = [line.split(",") for line in file.read_text(encoding="utf-8").splitlines()]
+    assert rows[0][1:] == [each.name for each in people]
+    assert rows[1][1] == "0.0"
+
+
+def test_alignment(run, people, tmp_path):
+    options = ("--n-times", "5", "-q")
+    assert run("motions", "align", *people[:2], "-o", tmp_path / "both.html", *options).code == 0
+    assert people[0].name in (tmp_path / "both.html").read_text(encoding="utf-8")
+    assert run("motions", "align", *people[:2], "-o", tmp_path / "both.npz", *options).code == 0
+    arrays = np.load(tmp_path / "both.npz")
+    assert arrays["first"].shape == arrays["second"].shape == (5, 1202, 3)
+    assert (np.diff(arrays["second_times"]) >= 0).all()
+
+
+def test_mean_and_where_it_occurs(run, folder, people, tmp_path):
+    mean = tmp_path / "mean.npz"
+    finished = run("motions", "mean", folder, "-o", mean, "--n-times", "5", "-q", "--json")
+    assert finished.code == 0, finished.err
+    assert np.load(mean)["path"].shape == (5, 1202, 3)
+    assert run("motions", "mean", folder, "-o", mean, "-q").code == 2
+    found = run("motions", "find", mean, people[1], "-k", "1", "--json", "-q")
+    assert json.loads(found.out)[0]["last"] <= 5
+
+
+def test_several_motions_where_one_is_wanted(refused, folder, people):
+    message = refused("motions", "dist", folder, people[0])
+    assert "must be one motion each; found 4" in message
+
+
+def test_other_triangles(refused, people, tmp_path):
+    np.savez(tmp_path / "other.npz", path=np.zeros((2, 4, 3)), faces=np.array([[0, 1, 2]]))
+    message = refused("motions", "dist", people[0], tmp_path / "other.npz")
+    assert "other has another than" in message
