@@ -6,6 +6,7 @@ from riemhuman.registration.scan_files import load_scan
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
+from riemhuman.registration.template_registration import TemplateRegistration
 
 __all__ = [
     "RegisteredScan",
@@ -13,6 +14,7 @@ __all__ = [
     "ScanRecord",
     "ScanRegistration",
     "SimulatedScan",
+    "TemplateRegistration",
     "load_scan",
     "read_records",
     "register_folder",

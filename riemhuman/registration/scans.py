@@ -185,13 +185,15 @@ def in_metres(
     return Scan(points / size, faces, None if normals is None else unit_vectors(normals), unit)
 
 
-def made_ready(scan: Scan) -> ReadyScan:
+def made_ready(scan: Scan, *, surroundings: bool = True) -> ReadyScan:
     """Return the points of the body, spread evenly, with normals.
 
     Parameters
     ----------
     scan : Scan
         A scan.
+    surroundings : bool
+        Whether there may be a floor and strays, which are then left out.
 
     Returns
     -------
@@ -213,6 +215,8 @@ def made_ready(scan: Scan) -> ReadyScan:
     estimated = scan.normals is None and (scan.faces is None or not has_one_side(scan.faces))
     normals = estimated_normals(points) if estimated else _normals(scan, numbers)
     background = np.zeros(len(scan.points), dtype=bool)
+    if not surroundings:
+        return ReadyScan(points, normals, background, None, estimated)
     floor = _floor(points, normals, rng)
     up = None
     if floor is not None:

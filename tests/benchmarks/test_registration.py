@@ -175,7 +175,9 @@ def test_bodies_of_other_kinds(benchmark, registrations):
         registered = np.empty((n_people, n_moments, registration.model.n_vertices, 3))
         trusted = np.empty((n_people, n_moments), dtype=bool)
         for person, moment in np.ndindex(n_people, n_moments):
-            scan = simulated_scan(bodies[person, moment], triangles, [person, moment], turn=False)
+            scan = simulated_scan(
+                bodies[person, moment], triangles, 10 * person + moment, turn=False
+            )
             result = registration.solve(scan.points)
             registered[person, moment], trusted[person, moment] = result.points, result.trusted
         return registered, trusted

@@ -1,0 +1,151 @@
+"""Registration of scans by a template alone, for surfaces that no body model makes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.registration.closest_points import ScanTree, fit_elastic
+from riemhuman.registration.nearest_triangles import nearest_places
+from riemhuman.registration.results import RegisteredScan
+from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
+from riemhuman.registration.surface_points import vertex_normals
+from riemhuman.surfaces.procrustes import procrustes
+from riemhuman.surfaces.template import Template
+
+# Templates are brought to the size of a body, for which all scales are made.
+_SIZE = 2.0
+_RIGID_SCALES = (0.4, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.04)
+_FREE_SCALES = (0.1, 0.06, 0.03, 0.015)
+_STIFFNESSES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+_NEAR_METRES = 0.02
+# Less of the template, or of the scan, is not believed.
+_LEAST_MATCHED, _LEAST_NEAR = 0.3, 0.8
+
+
+@dataclass(frozen=True)
+class TemplateRegistration:
+    """Brings a template to scans from a rough start: rigidly, then as the elastic metric allows.
+
+    Minimises Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀) over the surfaces f, with the gaps r to
+    the closest points of the scan, its normals n, and the elastic distance d of (a, λ, c) =
+    (1, 1, 1) from the template where it was put rigidly, f₀. The stiffness α falls.
+
+    Parameters
+    ----------
+    template : Template
+        The template, at the size of the scans.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `template` is no template.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> registration = rh.registration.TemplateRegistration(bodies.template)
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, 0, turn=False)
+    >>> registration.solve(scan.points, start=bodies[1]).points.shape
+    (1202, 3)
+    """
+
+    template: Template
+
+    def __post_init__(self) -> None:
+        template: Any = self.template
+        if not isinstance(template, Template):
+            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
+
+    def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
+        """Register a scan.
+
+        Parameters
+        ----------
+        scan : path, Scan, array_like or pair
+            A file; points, shape (N, 3), or (N, 6) with normals; or vertices and faces.
+        start : array_like, shape (V, 3), optional
+            The template roughly where the scan is, in the scan's unit; by default as it stands.
+
+        Returns
+        -------
+        result : RegisteredScan
+            Without likelihood and fit.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an argument does not hold numbers.
+        ArgumentError
+            If a shape is wrong, an entry is not finite or there are too few points.
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If the file is damaged.
+        """
+        template = self.template
+        whole = as_scan(scan, "metres")  # which leaves any unit as it is
+        if start is None:
+            points = template.vertices
+        else:
+            shape = (template.n_vertices, 3)
+            points = np.asarray(real_array(start, "start", shape, batched=False), dtype=float)
+        scaled = replace(whole, points=whole.points * self._factor)
+        ready = made_ready(scaled, surroundings=False)
+        with single_threaded_libraries():
+            return self._solved(whole, ready, points * self._factor)
+
+    @cached_property
+    def _factor(self) -> float:
+        """What brings the template to the size of a body."""
+        return _SIZE / float(np.linalg.norm(np.ptp(self.template.vertices, axis=0)))
+
+    @cached_property
+    def _metric(self) -> ElasticMetric:
+        scaled = Template(self.template.vertices * self._factor, self.template.faces)
+        return ElasticMetric(AlignedSurfaces(scaled), a=1.0, lam=1.0, c=1.0)
+
+    def _solved(self, whole: Scan, ready: ReadyScan, points: np.ndarray) -> RegisteredScan:
+        faces = self.template.faces
+        tree = ScanTree(ready.points, ready.normals)
+        for scale in _RIGID_SCALES:
+            found = tree.matches(points, vertex_normals(points, faces), scale)
+            weights = found.weights * self.template.vertex_areas
+            if not weights.any():
+                raise ArgumentError("no part of start faces as the scan beside it does")
+            points = procrustes(points, to=points + found.gaps, scale=None, weights=weights)
+        reference = points
+        for scale in _FREE_SCALES:
+            points, found = fit_elastic(self._metric, points, reference, tree, _STIFFNESSES, scale)
+        near = np.linalg.norm(found.gaps, axis=1) < _NEAR_METRES
+        matched = near & (found.weights > 0.1)
+        points = points / self._factor
+        places, distances = nearest_places(whole.points, points, faces)
+        close = float(np.mean(distances * self._factor < _NEAR_METRES))
+        reasons = []
+        if matched.mean() < _LEAST_MATCHED:
+            reasons.append(f"only {100 * matched.mean():.0f} % of the template have found scan")
+        if close < _LEAST_NEAR:
+            reasons.append(f"only {100 * close:.0f} % of the scan lies near the template")
+        return RegisteredScan(
+            points=points,
+            trusted=not reasons,
+            message="; ".join(reasons),
+            likelihood=np.nan,
+            fit=None,
+            distances=distances,
+            matched=matched,
+            correspondence=places,
+            background=np.zeros(len(whole), dtype=bool),
+            up=np.array([0.0, 1.0, 0.0]),
+            unit=whole.unit,
+        )

@@ -1,0 +1,48 @@
+"""A template finds a scan of itself, bent, from a rough start."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import TemplateRegistration, simulated_scan
+
+
+@pytest.fixture(scope="module")
+def registration():
+    return TemplateRegistration(rh.datasets.load_open_bodies("coarse").template)
+
+
+def bent(points):
+    """Return a body that leans and twists a little, as no joint does."""
+    moved = points.copy()
+    moved[:, 0] += 0.05 * points[:, 1] ** 2
+    moved[:, 2] += 0.06 * np.sin(2.0 * points[:, 1])
+    return moved
+
+
+@pytest.mark.parametrize("size", [1.0, 250.0])
+def test_a_bent_template_is_found_in_any_unit(registration, size):
+    template = rh.Template(size * registration.template.vertices, registration.template.faces)
+    scan = simulated_scan(
+        bent(registration.template.vertices), template.faces, 0, n_points=8000, turn=False
+    )
+    start = template.vertices + size * np.array([0.03, 0.0, -0.03])
+    result = TemplateRegistration(template).solve(size * scan.points, start=start)
+    errors = np.linalg.norm(result.points / size - scan.body, axis=1)
+    assert result.trusted, result.message
+    before = np.linalg.norm(start / size - scan.body, axis=1)
+    assert errors.mean() < 0.25 * before.mean()
+    assert errors.mean() < 0.012
+    assert result.fit is None
+
+
+def test_what_is_elsewhere_is_not_trusted(registration):
+    points = np.random.default_rng(0).random((3000, 3))
+    result = registration.solve(points)
+    assert not result.trusted
+    assert "%" in result.message
+
+
+def test_the_template_must_be_one():
+    with pytest.raises(rh.errors.ArgumentTypeError, match="template must be a Template"):
+        TemplateRegistration("template.ply")
