@@ -5,6 +5,7 @@ Arrays traced by autograd pass through unchanged: their values are checked, the 
 
 from __future__ import annotations
 
+import math
 import operator
 from collections.abc import Sequence
 from typing import Any
@@ -16,8 +17,8 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 Rng = int | np.random.Generator | None
 _LONGEST = 200
-# Fourth powers of lengths, and what weights make of them, stay within double precision.
-_LONGEST_LENGTH, _SHORTEST_LENGTH, _LARGEST_WEIGHT = 1e60, 1e-60, 1e60
+# What weights make of fourth powers of lengths stays within double precision.
+_LARGEST_WEIGHT = 1e60
 
 
 def values_of(array: Any, name: str = "array") -> np.ndarray:
@@ -112,6 +113,56 @@ def real_array(
     return np.asarray(values, dtype=np.float64)
 
 
+def point_array(array: Any, name: str, shape: Sequence[int], *, batched: bool = True) -> Any:
+    r"""Return points as a float64 array after checking them; they may come as rows of numbers.
+
+    Parameters
+    ----------
+    array : array_like, shape (..., \*shape) or (..., n)
+        Points, or rows of as many numbers as a point has; an autograd box is kept.
+    name : str
+        Name of the argument, for messages.
+    shape : sequence of int
+        Shape of a point.
+    batched : bool
+        Whether any number of leading axes is legal; otherwise it is one.
+
+    Returns
+    -------
+    array, shape (..., \*shape)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it does not convert to real numbers.
+    ArgumentError
+        If its shape is another, or entries are NaN or infinite.
+    """
+    points = unflattened(real_array(array, name, finite=False), shape)
+    expected: Sequence[int | str] = tuple(shape) if batched else ("n_points", *shape)
+    return real_array(points, name, expected, batched=batched)
+
+
+def unflattened(array: Any, shape: Sequence[int]) -> Any:
+    r"""Return rows of numbers as points, and every other array as it is.
+
+    Parameters
+    ----------
+    array : array, shape (..., \*shape) or (..., n)
+        Points, or rows of as many numbers as a point has; or an autograd box.
+    shape : sequence of int
+        Shape of a point.
+
+    Returns
+    -------
+    array, shape (..., \*shape), or what was given
+    """
+    given, size = np.shape(array), math.prod(shape)
+    if given[-len(shape) :] == tuple(shape) or given[-1:] != (size,) or size == shape[-1]:
+        return array
+    return array.reshape(*given[:-1], *shape)
+
+
 def check_shape(
     values: np.ndarray, name: str, shape: Sequence[int | str], *, batched: bool = True
 ) -> None:
@@ -139,36 +190,6 @@ def check_shape(
     if not fits:
         expected = ", ".join(str(length) for length in (["..."] if batched else []) + list(shape))
         raise ArgumentError(f"{name} must have shape ({expected}); found {values.shape}")
-
-
-def moderate_lengths(surfaces: Any, name: str) -> Any:
-    """Return surfaces, unless their areas would leave the range of double precision.
-
-    Parameters
-    ----------
-    surfaces : array, shape (..., V, 3)
-        Vertices; an autograd box is returned as it is.
-    name : str
-        Name of the argument, for messages.
-
-    Returns
-    -------
-    array, shape (..., V, 3)
-
-    Raises
-    ------
-    ArgumentError
-        If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0.
-    """
-    largest = np.abs(values_of(surfaces)).max(axis=(-2, -1), initial=0.0)
-    wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
-    if wrong.any():
-        raise ArgumentError(
-            f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "
-            f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
-            "another unit"
-        )
-    return surfaces
 
 
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 
 # How many of each make a metre.
@@ -15,6 +18,9 @@ SCALES = ("template", None)
 
 TAKE_ANY_SCALE = "scale=None, on the command line --any-scale, takes them as they are"
 """What to do where surfaces of any size are meant."""
+
+# Fourth powers of lengths stay within double precision.
+_LONGEST_LENGTH, _SHORTEST_LENGTH = 1e60, 1e-60
 
 # Largest extents of human bodies, from infants to men with their arms raised.
 _BODY_METRES = (0.45, 2.8)
@@ -42,6 +48,36 @@ def body_units(extent: float) -> list[str]:
     """
     low, high = _BODY_METRES
     return [name for name, size in UNITS.items() if low * size <= extent <= high * size]
+
+
+def moderate_lengths(surfaces: Any, name: str) -> Any:
+    """Return surfaces, unless their areas would leave the range of double precision.
+
+    Parameters
+    ----------
+    surfaces : array, shape (..., V, 3)
+        Vertices; an autograd box is returned as it is.
+    name : str
+        Name of the argument, for messages.
+
+    Returns
+    -------
+    array, shape (..., V, 3)
+
+    Raises
+    ------
+    ArgumentError
+        If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0.
+    """
+    largest = np.abs(values_of(surfaces)).max(axis=(-2, -1), initial=0.0)
+    wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
+    if wrong.any():
+        raise ArgumentError(
+            f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "
+            f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
+            "another unit"
+        )
+    return surfaces
 
 
 def refuse_other_scale(

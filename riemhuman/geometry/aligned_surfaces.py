@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, moderate_lengths, one_of, real_array, values_of
+from riemhuman.checks import Rng, generator, one_of, point_array, real_array, values_of
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.rows import point_array
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.terms.root_normals import RootNormalTerm
-from riemhuman.units import SCALES, refuse_other_scale
+from riemhuman.units import SCALES, moderate_lengths, refuse_other_scale
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template

@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import (
     Rng,
     generator,
+    point_array,
     real_array,
     real_number,
     values_of,
@@ -19,7 +20,6 @@ from riemhuman.checks import (
 )
 from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.rows import point_array
 from riemhuman.representation import constructed
 
 if TYPE_CHECKING:

@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, refuse_triangles, values_of
+from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.rows import point_array
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot
 from riemhuman.terms.normals import NormalTerm

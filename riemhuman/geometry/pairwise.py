@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_shape, one_of, whole_number
+from riemhuman.checks import check_shape, one_of, unflattened, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.rows import unflattened
 from riemhuman.kernels.threads import for_each, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.terms.sum import Features
