@@ -131,7 +131,8 @@ def _view(options: argparse.Namespace) -> None:
                 viewer = view_path(surfaces[:], faces, title=title)
             else:
                 names = [file.stem for file in files]
-                viewer = view_bodies(surfaces[:], faces, names, title=", ".join(names[:3]))
+                title = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
+                viewer = view_bodies(surfaces[:], faces, names, title=title)
         viewer.save(options.output)
     if options.open:
         webbrowser.open(options.output.resolve().as_uri())

@@ -51,7 +51,9 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     summary = json.loads((output / "summary.json").read_text(encoding="utf-8"))
     assert summary == {key: record[key] for key in summary}
     assert (output / "path.png").read_bytes().startswith(b"\x89PNG")
-    assert "<html" in (output / "path.html").read_text(encoding="utf-8").lower()
+    page = (output / "path.html").read_text(encoding="utf-8")
+    assert "<p>From body_0.ply to body_1.ply in " in page
+    assert f"no path is shorter than {json.loads(finished.out)['distance']:.4g} m" in page
     assert (output / "path.glb").read_bytes().startswith(b"glTF")
 
     again = run("geodesic", *ends, *options)

@@ -199,7 +199,7 @@ def test_describe_all_takes_registered_bodies_and_lists_and_names_what_fails():
         dna.describe_all([])
 
 
-def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch):
+def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch, capsys):
     meshes = [folded_sheet(angle) for angle in (0.0, 0.5)]
     sharing = [*descriptors(8), ShapeDNA(5), HeatKernelSignature(n_eigenvalues=6)]
     computed = []
@@ -209,7 +209,8 @@ def test_descriptors_that_share_spectra_are_those_that_do_not(monkeypatch):
         return spectrum(*arguments)
 
     monkeypatch.setattr("riemhuman.descriptors.spectral_descriptor.spectrum", counted)
-    vectors, seconds = ShapeDNA.describe_together(sharing, meshes)
+    vectors, seconds = ShapeDNA.describe_together(sharing, meshes, progress=True)
+    assert "2/2" in capsys.readouterr().err
     assert len(computed) == len(meshes)
     for descriptor, found, taken in zip(sharing, vectors, seconds, strict=True):
         np.testing.assert_allclose(found, descriptor.describe_all(meshes), rtol=1e-7, atol=1e-9)
