@@ -13,6 +13,7 @@ from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
 from riemhuman.checks import values_of
+from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.rotations import cross_product_matrix, rotation_matrix
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import cross, dot
@@ -168,40 +169,55 @@ def nearest_rotations(matrices: ndarray) -> ndarray:
     array, shape (..., 3, 3)
     """
     matrices = onp.asarray(matrices, dtype=onp.float64)
-    flat = matrices.reshape(-1, 3, 3)
-    found, near = _by_newton(flat)
+    flat = onp.ascontiguousarray(matrices.reshape(-1, 3, 3))
+    found, near = onp.empty(flat.shape), onp.empty(len(flat), dtype=bool)
+    _by_newton(flat, found, near)
     left, _, right = onp.linalg.svd(flat[~near])
     left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]
     found[~near] = left @ right
     return found.reshape(matrices.shape)
 
 
-def _by_newton(matrices: ndarray) -> tuple[ndarray, ndarray]:
-    """Return the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it.
+@compiled
+def _by_newton(matrices: ndarray, found: ndarray, near: ndarray) -> None:
+    """Fill the limits of X ← ½ (X + X⁻ᵀ), and which of the matrices are near enough for it.
 
     Faster than singular values and as exact, for means of rotations not too far apart (Higham,
     "Computing the polar decomposition", SIAM Journal on Scientific and Statistical Computing 7(4),
     1986).
     """
-    # Entry by entry: arrays over all matrices are what NumPy is fast with.
-    found = onp.array(onp.moveaxis(matrices, 0, -1), order="C")
-    near = onp.sum(found[0] * _cofactors(found)[0], axis=0) > 0.2
-    near &= onp.sum(found**2, axis=(0, 1)) < 6.0
-    found[:, :, ~near] = onp.eye(3)[..., None]
-    for _ in range(10):
-        cofactors = _cofactors(found)
-        determinants = onp.sum(found[0] * cofactors[0], axis=0)
-        previous, found = found, 0.5 * (found + cofactors / determinants)
-        if onp.abs(found - previous).max(initial=0.0) < 1e-9:  # quadratic: the rest is rounding
-            break
-    return onp.ascontiguousarray(onp.moveaxis(found, -1, 0)), near
+    x, cofactors = onp.empty((3, 3)), onp.empty((3, 3))
+    for t in range(len(matrices)):
+        squares = 0.0
+        for i in range(3):
+            for j in range(3):
+                x[i, j] = matrices[t, i, j]
+                squares += x[i, j] ** 2
+        near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2
+        if not near[t]:
+            continue
+        for _ in range(10):
+            determinant = _fill_cofactors(x, cofactors)
+            largest = 0.0
+            for i in range(3):
+                for j in range(3):
+                    change = 0.5 * (cofactors[i, j] / determinant - x[i, j])
+                    x[i, j] += change
+                    largest = max(largest, abs(change))
+            if largest < 1e-9:  # quadratic: the rest is rounding
+                break
+        found[t] = x
 
 
-def _cofactors(matrices: ndarray) -> ndarray:
-    """Return the cofactors of matrices, both of shape (3, 3, n)."""
-    after = [(i + 1) % 3 for i in range(3)], [(i + 2) % 3 for i in range(3)]
-    one, two = (matrices[rows] for rows in after)
-    return one[:, after[0]] * two[:, after[1]] - one[:, after[1]] * two[:, after[0]]
+@compiled
+def _fill_cofactors(x: ndarray, cofactors: ndarray) -> float:
+    """Fill the cofactors of a matrix; return its determinant."""
+    for i in range(3):
+        a, b = (i + 1) % 3, (i + 2) % 3
+        for j in range(3):
+            c, d = (j + 1) % 3, (j + 2) % 3
+            cofactors[i, j] = x[a, c] * x[b, d] - x[a, d] * x[b, c]
+    return x[0, 0] * cofactors[0, 0] + x[0, 1] * cofactors[0, 1] + x[0, 2] * cofactors[0, 2]
 
 
 def _turned_back(answer: ndarray, matrices: ndarray, upstream: ndarray) -> ndarray:
