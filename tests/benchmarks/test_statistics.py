@@ -3,6 +3,7 @@
 pytest tests/benchmarks/test_statistics.py --benchmark-enable -s
 """
 
+import time
 from functools import cache
 
 import numpy as np
@@ -185,3 +186,19 @@ def test_weights_fitted_to_labels(benchmark, what):
         f"{100 * fitted.held_out_scores_.min():.2f} %); retrieval {found}"
     )
     assert fitted.held_out_score_ > 0.98
+
+
+@each_set
+def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
+    """Processor seconds a body of what the first three components leave of ten bodies."""
+    resolution, count = ("coarse", 2) if benchmark.disabled else ("full", 10)
+    known = bodies(resolution)
+    points = known.points[SETS[name]]
+    space = AlignedSurfaces(known.template, equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    pca = TangentPCA(space, n_components=3, mean=points[0]).fit(points)
+    coordinates = pca.transform(points[:count])
+    pca.inverse_transform(coordinates[:1])
+    begin = time.process_time()
+    benchmark.pedantic(lambda: pca.inverse_transform(coordinates), rounds=1, iterations=1)
+    print(f"\n{name}: {(time.process_time() - begin) / count:.2f} s of the processor a body")
