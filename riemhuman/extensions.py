@@ -1,4 +1,4 @@
-"""Metrics, descriptors and readers of other packages, by the name they have in tables.
+"""Metrics, descriptors, readers and measurements of other packages, by their names.
 
 A package names them in its own setup.cfg,
 
@@ -11,9 +11,12 @@ A package names them in its own setup.cfg,
         girths = their_package:Girths
     riemhuman.readers =
         caesar = their_package:load_caesar
+    riemhuman.measurements =
+        arm span = their_package:ArmSpan
 
 and a script calls `register`. Either way they are found by ``riemhuman tables``, the report and the
-options ``--metric`` and ``--reader`` of the command line.
+options ``--metric`` and ``--reader`` of the command line; measurements are taken with those of the
+library.
 """
 
 from __future__ import annotations
@@ -28,6 +31,7 @@ KINDS = {
     "metrics": "called with an `AlignedSurfaces`, returns a metric on it",
     "descriptors": "called without arguments, returns a `riemhuman.protocols.Descriptor`",
     "readers": "called with a folder or file, returns a `riemhuman.protocols.Dataset`",
+    "measurements": "called without arguments, returns a `riemhuman.measurements.Measurement`",
 }
 """What there is to register, and how each is called."""
 
@@ -35,11 +39,11 @@ _REGISTERED: dict[str, dict[str, Callable[..., Any]]] = {kind: {} for kind in KI
 
 
 def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
-    """Make a metric, a descriptor or a reader known in this process.
+    """Make a metric, descriptor, reader or measurement known in this process.
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers"}
+    kind : {"metrics", "descriptors", "readers", "measurements"}
         What it is; see `KINDS` for how each is called.
     name : str
         Its name in tables and on the command line.
@@ -76,7 +80,7 @@ def unregister(kind: str, name: str) -> None:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers"}
+    kind : {"metrics", "descriptors", "readers", "measurements"}
         What it is.
     name : str
         Its name.
@@ -97,7 +101,7 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers"}
+    kind : {"metrics", "descriptors", "readers", "measurements"}
         What to look for.
 
     Returns
@@ -128,7 +132,7 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
 
     Parameters
     ----------
-    kind : {"metrics", "descriptors", "readers"}
+    kind : {"metrics", "descriptors", "readers", "measurements"}
         What it is.
     name : str
         Its name.

@@ -11,6 +11,7 @@ from riemhuman.cli import main
 from riemhuman.datasets import check_dataset, load_open_bodies
 from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.report.make import make_report
 from riemhuman.report.representations import available
 from riemhuman.retrieval import benchmark
@@ -26,6 +27,9 @@ extents = third_party:Extents
 
 [riemhuman.readers]
 crowd = third_party:read_crowd
+
+[riemhuman.measurements]
+area of the head = third_party:area_of_the_head
 """
 
 
@@ -49,6 +53,16 @@ def test_tables_know_a_metric_of_another_package(installed, capsys):
     assert list(found["Who is it?"])[-1] == "offsets"
     assert main(["tables", "--reader", "crowd", "20"]) == 0
     assert "20 bodies: 2 people, unknown poses" in capsys.readouterr().out
+
+
+def test_measurements_of_another_package_are_taken_with_the_others(installed):
+    bodies = load_open_bodies("coarse")
+    measured = Measurements(bodies.model).measure(bodies.points[:2])
+    assert measured.names[-1] == "area of the head"
+    assert np.all((measured["area of the head"] > 0.08) & (measured["area of the head"] < 0.25))
+    # Where one says what to measure, that is measured.
+    assert Measurements(bodies.model, ["stature"]).names == ("stature",)
+    assert Measurements(open_measurements(bodies.model)).names == measured.names[:-1]
 
 
 def test_tables_of_all_know_a_descriptor_of_another_package(installed):

@@ -1,4 +1,4 @@
-"""What another package brings: a metric, a descriptor and a reader, with public names alone."""
+"""What another package brings: a metric, descriptor, reader and measurement, by public names."""
 
 import autograd.numpy as anp
 import numpy as np
@@ -42,3 +42,8 @@ class Crowd:
 def read_crowd(path):
     """Return some of the open bodies; the path says how many."""
     return Crowd(rh.datasets.load_open_bodies("coarse")[: int(path)])
+
+
+def area_of_the_head():
+    """Return a measurement beside those of the library."""
+    return rh.measurements.Area(name="area of the head", parts=("head",))

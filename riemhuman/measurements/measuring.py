@@ -14,6 +14,7 @@ from numpy import ndarray
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.extensions import extensions
 from riemhuman.kernels.threads import in_chunks
 from riemhuman.measurements.definitions import (
     Mass,
@@ -119,7 +120,7 @@ class Measurements:
     definitions : MeasurementSet, path_like, or sequence of Measurement or str, optional
         What is measured: a set on this template, a JSON file of one, or measurements of one's own
         and names of those there are, at the landmarks of the open body model. By default the open
-        body model's own.
+        body model's own, and those of other packages, see `riemhuman.extensions`.
 
     Raises
     ------
@@ -152,6 +153,9 @@ class Measurements:
             own = open_measurements(model)
             if own is None and definitions is not None:
                 own = MeasurementSet(model, ())
+            elif own is not None and definitions is None:
+                others = [define() for define in extensions("measurements").values()]
+                definitions = [*own.measurements, *others]
         if own is None:
             raise ArgumentError(
                 f"there are no measurements for {model!r}; give definitions, or map those of the "

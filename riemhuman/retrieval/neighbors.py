@@ -12,9 +12,9 @@ from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
+from riemhuman.estimator import Estimator
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import thread_count
-from riemhuman.representation import constructed
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 from riemhuman.retrieval.neighbor_search import nearest
 from riemhuman.surfaces.array_files import load_arrays, save_arrays
@@ -32,7 +32,7 @@ _FIELDS = (
 _FIELDS_OF_PROJECTION = ("mean", "components")
 
 
-class NearestNeighbors:
+class NearestNeighbors(Estimator):
     r"""Nearest neighbours under a Riemannian metric, the same that all distances would give.
 
     A query is compared with the points of the least lower bounds first, until no other point can
@@ -103,9 +103,6 @@ class NearestNeighbors:
         self.n_components = n_components
         self.n_patches = n_patches
         self.n_jobs = n_jobs
-
-    def __repr__(self) -> str:
-        return constructed(self)
 
     def fit(self, X: Sequence[Any] | ndarray) -> Self:
         r"""Index points; those of before are forgotten.

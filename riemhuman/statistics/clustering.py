@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import Rng, generator, one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.estimator import Estimator
 from riemhuman.optional import import_optional
 from riemhuman.statistics.distance_matrices import distance_matrix
-from riemhuman.statistics.estimator import Estimator
 
 LINKAGES = ("average", "complete", "single")
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
+from riemhuman.estimator import Estimator
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import INTERRUPTED, MeanSolver, was_interrupted
@@ -15,7 +16,6 @@ from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.solvers.results import MeanResult, warn_unless_converged, whole_mean_result
-from riemhuman.statistics.estimator import Estimator
 
 
 class FrechetMean(Estimator):

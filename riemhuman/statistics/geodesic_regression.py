@@ -10,11 +10,11 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
+from riemhuman.estimator import Estimator
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.minimization import Minimum, minimize
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
-from riemhuman.statistics.estimator import Estimator
 from riemhuman.statistics.field_factors import field_factor
 from riemhuman.statistics.image_spaces import ImageSpace, image_space
 from riemhuman.statistics.nearest_surface import NearestSurface
