@@ -1,9 +1,13 @@
 """One person's shape in another's pose, measured part by part on the natural bodies."""
 
+from copy import deepcopy
 from dataclasses import dataclass
+from unittest import mock
 
 import numpy as np
 
+from riemhuman.datasets import load_open_bodies, open_bodies
+from riemhuman.datasets.natural_bodies import natural_surfaces
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import Disentangling
@@ -24,6 +28,28 @@ def random_pairs(n_pairs, seed=0):
         for _ in range(n_pairs)
     )
     return [(a, p, b, q) for a, b, p, q in pairs]
+
+
+def natural_people(resolution, people=None):
+    """Return natural bodies, and a function that performs other poses with their people's bodies.
+
+    It takes the number of a person and pose vectors to a surface with the person's own detail and
+    flesh, but for the noise that every surface has of its own.
+    """
+    drawn = []
+
+    def recording(model, joints, betas, poses, rng):
+        drawn.append((model, joints, betas, deepcopy(rng)))
+        return natural_surfaces(model, joints, betas, poses, rng)
+
+    with mock.patch.object(open_bodies, "natural_surfaces", recording):
+        bodies = load_open_bodies(resolution, variant="natural", people=people)
+
+    def perform(person, pose):
+        model, joints, betas, rng = drawn[person]
+        return natural_surfaces(model, joints, betas, pose[None], deepcopy(rng))[0]
+
+    return bodies, perform
 
 
 def distance(surface, other):
@@ -47,6 +73,10 @@ class Measured:
         The same of whole bodies: B holds the pose otherwise than A.
     truth : float
         Mean distance of whole bodies from A's own performance.
+    performed : float
+        The same from A's own body in B's performance, which is what is asked for.
+    nearer_input : float
+        That of the nearer of the two inputs.
     """
 
     nearer: dict
@@ -54,6 +84,8 @@ class Measured:
     segments: float
     whole: float
     truth: float
+    performed: float
+    nearer_input: float
 
 
 class Disentangled:
@@ -63,11 +95,15 @@ class Disentangled:
     ----------
     bodies : Bodies
         Ten people in ten poses.
+    perform : callable
+        Gives a person's own body in any pose, see `natural_people`.
     solver : Disentangling
         The solver.
     """
 
-    def __init__(self, bodies, solver=None):
+    def __init__(self, bodies, perform, solver=None):
+        self.perform = perform
+        self.poses = bodies.pose_vectors.reshape(10, 10, -1, 3)
         self.points = bodies.points.reshape(10, 10, -1, 3)
         self.edges = bodies.template.edges
         self.solver = Disentangling() if solver is None else solver
@@ -89,6 +125,7 @@ class Disentangled:
     def measure(self, a, p, b, q):
         """Measure person a, known in pose p, in the pose q of person b."""
         shape, pose, truth = self.points[a, p], self.points[b, q], self.points[a, q]
+        performed = self.perform(a, self.poses[b, q])
         found, own = self.surface(shape, pose), self.surface(shape, truth)
         lengths, kept = (edge_lengths(f, self.edges) for f in (found, shape))
         return Measured(
@@ -103,4 +140,6 @@ class Disentangled:
             ),
             distance(found, own),
             distance(found, truth),
+            distance(found, performed),
+            min(distance(shape, performed), distance(pose, performed)),
         )

@@ -7,15 +7,16 @@ against the model's own motion, of vertex offsets and of deformation gradients, 
 for twenty seeded pairs of open bodies the mean vertex errors of both inputs and of the body with
 the first one's shape and the second one's pose, by the metrics and a basis of other people's
 motions, after the translation that no metric sees; and for thirty seeded pairs of natural bodies
-whether head and torso are A's or B's, and how far the result is from A disentangled toward A's own
-performance of the pose. Where benchmarks are disabled, a few of each run at coarse resolution.
+whether head and torso are A's or B's, how far the result is from A disentangled toward A's own
+performance of the pose, and from A's own body in B's performance. Where benchmarks are disabled, a
+few of each run at coarse resolution.
 """
 
 import numpy as np
-from disentangled_bodies import PARTS, Disentangled, random_pairs
+from disentangled_bodies import PARTS, Disentangled, natural_people, random_pairs
 from performances import basis, bodies, timed
 
-from riemhuman.datasets import load_open_bodies, load_open_motions
+from riemhuman.datasets import load_open_motions
 from riemhuman.datasets.open_motions import OpenMotion
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -24,6 +25,7 @@ from riemhuman.surfaces.procrustes import procrustes
 
 PEOPLE = [(0, 5), (1, 6), (3, 8), (6, 1)]
 N_FRAMES = 9
+OTHER_PEOPLE = 31  # on whom no setting was compared
 
 
 class PerformedByAnother(OpenMotion):
@@ -140,13 +142,12 @@ def test_disentangling(benchmark):
 
 def test_whose_body_it_is(benchmark):
     full = not benchmark.disabled
-    data = load_open_bodies("full" if full else "coarse", variant="natural")
-    measured = Disentangled(data)
-    pairs = random_pairs(30 if full else 6)
+    measured = Disentangled(*natural_people("full" if full else "coarse", OTHER_PEOPLE))
+    pairs = random_pairs(30 if full else 6, OTHER_PEOPLE)
     found = [measured.measure(*pair) for pair in pairs]
     nearer = {part: np.mean([one.nearer[part] for one in found]) for part in PARTS}
-    names = ("edges", "segments", "whole", "truth")
-    edges, segments, whole, truth = (
+    names = ("edges", "segments", "whole", "truth", "performed", "nearer_input")
+    edges, segments, whole, truth, performed, nearer_input = (
         np.mean([getattr(one, name) for one in found]) for name in names
     )
     print(
@@ -154,7 +155,8 @@ def test_whose_body_it_is(benchmark):
         + " and ".join(f"{100 * share:.0f} % of the {part}s" for part, share in nearer.items())
         + f"; edges differ from A's by {100 * edges:.1f} % in the mean; from A disentangled toward "
         f"A's own performance, {segments:.1f} mm bone by bone and {whole:.1f} mm as a whole; from "
-        f"that performance {truth:.1f} mm"
+        f"that performance {truth:.1f} mm; from A's body in B's performance {performed:.1f} mm, "
+        f"{performed / nearer_input:.2f} of the nearer input's {nearer_input:.1f} mm"
     )
     a, p, b, q = pairs[0]
     shape, pose = measured.points[a, p], measured.points[b, q]
