@@ -1,0 +1,215 @@
+"""Figures of motions: how well they are found, re-timed, averaged, and how long it takes.
+
+Run with `pytest tests/benchmarks/test_motions.py --benchmark-enable -s`.
+"""
+
+import itertools
+import time
+from functools import cache
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.datasets.open_poses import pose_vectors
+from riemhuman.motions.comparison import random_places, retimed
+
+COMPONENTS = 200
+
+
+@pytest.fixture(autouse=True)
+def _only_when_asked(request):
+    if not request.config.getoption("benchmark_enable"):
+        pytest.skip("needs --benchmark-enable")
+
+
+@cache
+def open_motions():
+    return rh.datasets.load_open_motions("coarse")
+
+
+@cache
+def space():
+    template = open_motions()[0].template
+    return rh.AlignedSurfaces(template).equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+
+
+@cache
+def performances(seed=0):
+    """Return the 140 motions, each re-timed at random, in 24 to 60 frames."""
+    rng = np.random.default_rng(seed)
+    return [retimed(motion, rng) for motion in open_motions()]
+
+
+def labels():
+    return np.array([motion.sequence for motion in open_motions()])
+
+
+def warping(**options):
+    return rh.motions.DynamicTimeWarping(space().metric, n_jobs=2, **options)
+
+
+def rate_invariant():
+    motions = rh.motions.MotionSpace(space())
+    return rh.motions.RateInvariantMetric(motions, n_components=COMPONENTS)
+
+
+def timed_pairs(measure, motions):
+    begin = time.perf_counter(), time.process_time()
+    if isinstance(measure, rh.motions.DynamicTimeWarping):
+        distances = measure.dist_pairwise(motions)
+    else:
+        distances = measure.dist_pairwise(motions, 2)
+    return distances, time.perf_counter() - begin[0], time.process_time() - begin[1]
+
+
+@cache
+def measured(name):
+    measures = {
+        "time warping of poses": lambda: warping(n_components=COMPONENTS),
+        "time warping of changes": lambda: warping(n_components=COMPONENTS, centered=True),
+        "rate-invariant": rate_invariant,
+    }
+    timed_pairs(measures[name](), performances()[:3])
+    return timed_pairs(measures[name](), performances())
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds"),
+    [
+        ("time warping of poses", 10),
+        ("time warping of changes", 10),
+        ("rate-invariant", 60),
+    ],
+)
+def test_all_pairs(name, seconds):
+    """All 9,730 pairs, with the frames' features; processor time, shared by two cores."""
+    distances, wall, processor = measured(name)
+    scores = rh.retrieval.scores(distances, labels())
+    print(f"\n{name}: {wall:.1f} s, {processor:.1f} s of processor time; {scores}")
+    assert processor <= 2 * seconds
+    if name != "time warping of poses":
+        assert scores.nn == 100.0
+        assert scores.first_tier >= 92.0
+
+
+def test_growth_is_linear_in_pairs():
+    for name, measure in (
+        ("time warping", warping(n_components=COMPONENTS)),
+        ("rate-invariant", rate_invariant()),
+    ):
+        counts = (35, 70, 140)
+        times = [timed_pairs(measure, performances()[:n])[2] for n in counts]
+        pairs = [n * (n - 1) // 2 for n in counts]
+        rates = [1e3 * t / p for t, p in zip(times, pairs, strict=True)]
+        print(f"\n{name}: " + ", ".join(f"{r:.2f} ms" for r in rates) + " a pair, of", pairs)
+        assert rates[2] <= 1.5 * rates[0]
+
+
+def at_places(motion, places):
+    """Return an open motion between its frames too: its curves are known at all times."""
+    turns = motion._performance.joint_turns(
+        places / motion.frames_per_second, motion.model.joint_names
+    )
+    return motion.model(motion.betas, pose_vectors(turns, motion.model))
+
+
+@pytest.mark.parametrize("n_times", [None, 40])
+def test_known_re_timings(n_times):
+    """A motion and its own re-timing: the warp in frames, the distance beside other people's."""
+    finer = {"n_times": 100} if n_times else {}
+    measures = {
+        "time warping, between frames": warping(between_frames=True, **finer),
+        "rate-invariant": rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())),
+    }
+    rng = np.random.default_rng(11)
+    every = [m for m in open_motions() if m.subject in ("lean runner", "average woman")]
+    people = len(every) // 2
+    results = {name: ([], [], []) for name in measures}
+    for one, other in zip(every[:people], every[people:], strict=True):
+        count = n_times or len(one)
+        places = random_places(len(one), count, rng)
+        even = np.linspace(0, len(one) - 1, count)
+        motion, own = at_places(one, even), at_places(one, places)
+        stranger = at_places(other, np.linspace(0, len(other) - 1, count))
+        known = np.interp(even, places, np.arange(count))
+        for name, measure in measures.items():
+            warp = measure.warp(motion, own)
+            errors = np.abs(warp(np.arange(count)) - known)
+            values = np.median(errors), warp.dist, measure.dist(motion, stranger)
+            for kept, value in zip(results[name], values, strict=True):
+                kept.append(float(value))
+    for name, (errors, own, others) in results.items():
+        share = 100 * np.median(own) / np.median(others)
+        print(
+            f"\n{name}, {n_times or 'all'} frames: warps are {np.median(errors):.2f} frames off in "
+            f"the median, {max(errors):.2f} at most; own re-timing at {share:.1f} % of another's"
+        )
+        assert np.median(errors) <= 1.0
+        if n_times is None and name != "rate-invariant":
+            assert share <= 2.0
+
+
+def test_triangle_inequality():
+    distances, *_ = measured("rate-invariant")
+    rng = np.random.default_rng(5)
+    worst = max(
+        distances[i, k] / (distances[i, j] + distances[j, k])
+        for i, j, k in (rng.choice(len(distances), 3, replace=False) for _ in range(1000))
+    )
+    # Those nearest to equality.
+    tight = max(
+        distances[i, k] / (distances[i, j] + distances[j, k])
+        for i, j, k in itertools.permutations(range(40), 3)
+    )
+    print(f"\n1,000 triples: at most {worst:.3f} of the way round; of 40 motions, {tight:.3f}")
+    assert max(worst, tight) <= 1.0
+
+
+def test_mean_of_ten_performances():
+    knees = [m for m in open_motions() if m.sequence == "knees"]
+    motions = rh.motions.MotionSpace(space(), n_times=24)
+    begin = time.process_time()
+    mean = rh.motions.MotionMean(motions).fit([m[::4] for m in knees])
+    seconds = time.process_time() - begin
+    area = space().face_areas(mean.estimate_).sum(axis=-1)
+    areas = space().face_areas(mean.aligned_)
+    roots = (np.sqrt(areas).mean(axis=0) ** 2).sum(axis=-1)
+    straight = space().face_areas(mean.aligned_.mean(axis=0)).sum(axis=-1)
+    gap = np.abs(area / roots - 1).max()
+    print(
+        f"\nmean of ten: {seconds:.0f} s of processor time; areas within {100 * gap:.2f} % of the "
+        f"mean size, {100 * np.abs(area / areas.sum(axis=-1).mean(axis=0) - 1).max():.2f} % of the "
+        f"mean area; of straight means, {100 * np.abs(straight / roots - 1).max():.2f} %"
+    )
+    assert gap <= 0.01
+
+
+def test_people_unlike_those_of_the_model():
+    """Noise of 2 mm, frame rates, and poses held otherwise: which motion is it?"""
+    rng = np.random.default_rng(2)
+    some = [k for k in range(140) if k // 14 < 5]
+    names = labels()[some]
+    plain = [performances()[k] for k in some]
+    noisy = [m + rng.normal(0.0, 2e-3, m.shape) for m in plain]
+    few = [m[:: 1 + int(rng.integers(2))] for m in plain]
+    habits = []
+    for k in some:
+        motion = open_motions()[k]
+        frames = random_places(len(motion), len(performances()[k]), rng).round().astype(int)
+        # Every joint is held up to 12 degrees otherwise, throughout.
+        held = np.radians(rng.normal(0.0, 6.0, motion.pose_vectors.shape[1:]))
+        habits.append(motion.model(motion.betas, motion.pose_vectors[frames] + held))
+    for kind, motions in (
+        ("plain", plain),
+        ("noise of 2 mm", noisy),
+        ("12 to 60 frames", few),
+        ("poses held 6 degrees otherwise", habits),
+    ):
+        for name, measure in (
+            ("poses", warping(n_components=COMPONENTS)),
+            ("changes", warping(n_components=COMPONENTS, centered=True)),
+            ("rate-invariant", rate_invariant()),
+        ):
+            scores = rh.retrieval.scores(timed_pairs(measure, motions)[0], names)
+            print(f"\n{kind}, {name}: NN {scores.nn:.1f}, FT {scores.first_tier:.1f}")
