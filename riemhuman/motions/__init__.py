@@ -1,5 +1,6 @@
 """Motions as points: sequences of bodies compared, aligned and averaged, however fast they are."""
 
+from riemhuman.motions.alignment import even_times
 from riemhuman.motions.dynamic_time_warping import DynamicTimeWarping
 from riemhuman.motions.gram_hankel import GramHankel
 from riemhuman.motions.joint_angles import JointAngles
@@ -24,6 +25,7 @@ __all__ = [
     "RateDependentMetric",
     "RateInvariantMetric",
     "Warp",
+    "even_times",
 ]
 
 

@@ -78,6 +78,14 @@ def even_times(warp: Warp, n_times: int) -> ndarray:
     -------
     array, shape (n_times,)
         Rising from 0 to 1, the duration of the second motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> warp = rh.motions.Warp(0.0, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]))
+    >>> rh.motions.even_times(warp, 3).round(2).tolist()
+    [0.0, 0.25, 1.0]
     """
     even = np.linspace(0.0, 1.0, n_times)
     times = warp(even * warp.first[-1]) / warp.second[-1]
