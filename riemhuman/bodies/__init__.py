@@ -3,13 +3,20 @@
 from riemhuman.bodies.body_model import BodyModel
 from riemhuman.bodies.conversion import convert_model
 from riemhuman.bodies.fitting import ModelFit, fit_model
+from riemhuman.bodies.model_conversion import ConvertedFit, convert
+from riemhuman.bodies.model_families import ModelContents
+from riemhuman.bodies.model_files import model_contents
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 __all__ = [
     "BodyModel",
+    "ConvertedFit",
+    "ModelContents",
     "ModelFit",
+    "convert",
     "convert_model",
     "fit_model",
+    "model_contents",
     "rotation_derivative",
     "rotation_matrix",
 ]

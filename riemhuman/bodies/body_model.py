@@ -132,8 +132,9 @@ class BodyModel:
     ) -> BodyModel:
         """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
 
-        Files of SMPL and SMPL-H are read as they are given out, with posedirs whole, flattened
-        or transposed and a dense or sparse J_regressor. A .pkl file is read as data: nothing in
+        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as they are given out, with posedirs
+        whole, flattened or transposed and a dense or sparse J_regressor; `model_contents` says
+        what is used of them and what is left out. A .pkl file is read as data: nothing in
         it is run, and chumpy is not needed.
 
         Parameters

@@ -10,6 +10,13 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from riemhuman.bodies.model_families import (
+    HANDS,
+    LANDMARKS,
+    ModelContents,
+    contents_of,
+    last_length,
+)
 from riemhuman.bodies.safe_pickle import load_pickled_arrays
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, FileFormatError
@@ -60,9 +67,11 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
     """
     if n_betas is not None:
         whole_number(n_betas, "n_betas", minimum=0)
-    is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
-    load = load_pickled_arrays if is_pickle else load_arrays
-    found = load(path, tuple(_FIELDS), tuple(_OPTIONAL_FIELDS))
+    found = _arrays_of(path)
+    contents = _contents(found, n_betas)
+    found = {name: array for name, array in found.items() if name not in (*HANDS, *LANDMARKS)}
+    if contents.family == "STAR":
+        del found["posedirs"]
     names = _FIELDS | _OPTIONAL_FIELDS
     fields = {names[name]: array for name, array in found.items()}
     for name, array in fields.items():
@@ -77,8 +86,60 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
         n_vertices = len(np.atleast_1d(fields["v_template"]))
         fields["posedirs"] = _posedirs(fields["posedirs"], n_vertices, n_entries)
     if fields["shapedirs"].ndim == 3:
-        fields["shapedirs"] = _first_betas(fields["shapedirs"], n_betas, path)
+        shapes = fields["shapedirs"][..., : contents.n_shapes]
+        fields["shapedirs"] = _first_betas(shapes, n_betas, path)
     return fields
+
+
+def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> ModelContents:
+    """Say what a file in SMPL's layout holds, what is read of it, and what is left out.
+
+    Of SMPL-X, expressions, hand components and facial landmarks are left out; of STAR, whose pose
+    correctives are functions of quaternions, the pose correctives.
+
+    Parameters
+    ----------
+    path : path_like
+        An .npz or .pkl file of SMPL, SMPL-H, SMPL-X, STAR, SMAL or the like.
+    n_betas : int, optional
+        Number of shape coefficients to keep, as of `BodyModel.from_file`.
+
+    Returns
+    -------
+    contents : ModelContents
+        Its family, what is used and what is left out; as text, one sentence.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path or `n_betas` no whole number.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If it is of another kind, lacks a field, or asks for anything but arrays to be made.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.datasets.load_open_model("coarse").save("model.npz")
+    >>> print(rh.bodies.model_contents("model.npz"))
+    SMPL's layout: used are 23 joints, 16 shape coefficients
+    """
+    if n_betas is not None:
+        whole_number(n_betas, "n_betas", minimum=0)
+    return _contents(_arrays_of(path), n_betas)
+
+
+def _arrays_of(path: str | os.PathLike[str]) -> dict[str, Any]:
+    is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
+    load = load_pickled_arrays if is_pickle else load_arrays
+    return load(path, tuple(_FIELDS), (*_OPTIONAL_FIELDS, *HANDS, *LANDMARKS))
+
+
+def _contents(found: Mapping[str, Any], n_betas: int | None) -> ModelContents:
+    every = last_length(found["shapedirs"])
+    usual = _USUAL_BETAS if every >= _MANY_BETAS else every
+    return contents_of(found, usual if n_betas is None else n_betas)
 
 
 def write_model_fields(path: str | os.PathLike[str], fields: Mapping[str, Any]) -> None:

@@ -43,12 +43,13 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _convert(options: argparse.Namespace) -> None:
-    from riemhuman.bodies import convert_model
+    from riemhuman.bodies import convert_model, model_contents
 
     check_file(options.output, [".npz"], force=options.force)
     reporter = Reporter(options.quiet)
     with reporter.task("Converting"):
         model = convert_model(options.source, options.output, n_betas=options.n_betas)
+    say(str(model_contents(options.source, options.n_betas)))
     say(
         f"{model.n_vertices:,} vertices, {model.n_joints} joints, {model.n_betas} shape "
         "coefficients"

@@ -128,6 +128,8 @@ def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, floa
     points = {"crown": surface[surface[:, 1].argmax()]}
     brows = np.array([0.0, floor + _GLABELLA * stature, joints["head"][2]])
     points["glabella"], points["opisthocranion"] = body.hits(brows, _FORWARD, -_FORWARD)
+    skull = 0.5 * (points["glabella"] + points["opisthocranion"])
+    points["skull_top"] = body.hits(skull, _UP)[0]
     points["cervicale"] = body.hits(joints["neck"], -_FORWARD)[0]
     breasts = trunk[(trunk[:, 1] > joints["upper_spine"][1]) & (trunk[:, 1] < joints["neck"][1])]
     for side, sign in (("left", 1.0), ("right", -1.0)):

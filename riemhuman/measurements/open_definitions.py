@@ -78,7 +78,7 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
         Girth(
             name="head girth",
             at=_SKULL,
-            normal=(_SKULL, "crown"),
+            normal=(_SKULL, "skull_top"),
             parts=("head",),
             hull=True,
             standard=_CLOTHING,

@@ -14,6 +14,7 @@ from riemhuman.report.result_plots import (
     plot_precision_recall,
     plot_sweep,
 )
+from riemhuman.report.tape_plots import plot_tapes
 from riemhuman.report.viewer import Viewer, view_bodies, view_path
 from riemhuman.surfaces.rendering import View, render
 
@@ -34,6 +35,7 @@ __all__ = [
     "plot_path",
     "plot_precision_recall",
     "plot_sweep",
+    "plot_tapes",
     "precision_recall",
     "render",
     "scan_page",

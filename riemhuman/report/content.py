@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from riemhuman.report import report_tables
 from riemhuman.report.body_sections import map_section, retrieval_section, sweep_section
 from riemhuman.report.materials import Materials
+from riemhuman.report.measurement_sections import measurement_section
 from riemhuman.report.page import Section, paragraph
 from riemhuman.report.path_sections import (
     comparison_section,
@@ -40,6 +41,7 @@ def sections(materials: Materials) -> list[Section]:
         geodesic_section(materials),
         comparison_section(materials),
         mean_section(materials),
+        measurement_section(materials),
         sweep_section(materials),
         making_section(materials),
     ]

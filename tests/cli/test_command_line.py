@@ -33,6 +33,8 @@ VERBS = (
     "convert-model",
     "info",
     "report",
+    "measure",
+    "compare",
 )
 COMMAND = (sys.executable, "-m", "riemhuman")
 

@@ -68,7 +68,7 @@ def rows_of(folder, table):
 def test_the_folder_is_whole(folder):
     names = {file.name for file in (folder / "figures").iterdir()}
     expected = {
-        *("comparison", "differences", "mean", "sweep"),
+        *("comparison", "differences", "mean", "sweep", "tapes"),
         *(f"{kind}-{task}" for kind in ("confusion", "precision-recall") for task in TASKS),
         *(f"map-{task}-{method}" for task in TASKS for method in ("t-sne", "mds")),
         *("geodesic-pose-change", "geodesic-shape-change"),

@@ -1,0 +1,82 @@
+"""The verbs measure and compare say what the library measures."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import load_open_model
+from riemhuman.measurements import Measurements, compare_visits
+from riemhuman.surfaces import save_mesh
+
+
+@pytest.fixture(scope="module")
+def own():
+    return Measurements(load_open_model("coarse"))
+
+
+def test_a_folder_in_the_standard_pose(run, scans, bodies, own, tmp_path):
+    finished = run("measure", scans, "-o", tmp_path / "table.csv", "--only", "waist girth", "-q")
+    assert finished.code == 0
+    assert "and 1 more bodies" in finished.out
+    with open(tmp_path / "table.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["file"].rpartition("body_")[2] for row in rows] == [
+        f"{number}.ply" for number in (0, 1, 2, 20, 21, 22)
+    ]
+    waist = Measurements(own.definitions, ["waist girth"])
+    expected = waist.measure(bodies.points[20], pose="standard").values[0]
+    np.testing.assert_allclose(float(rows[3]["waist girth (m)"]), expected, atol=1e-6)
+
+
+def test_bodies_as_they_stand(run, scans, bodies, own):
+    finished = run("measure", scans / "body_1.ply", "--as-is", "--json")
+    record = json.loads(finished.out)
+    (values,) = record["bodies"].values()
+    expected = own.measure(bodies.points[1])
+    np.testing.assert_allclose(list(values.values()), expected.values, rtol=1e-5)
+    assert record["pose"] == "as is"
+    assert record["units"]["volume"] == "m³"
+
+
+@pytest.mark.parametrize("ending", ["png", "svg"])
+def test_pictures(run, scans, tmp_path, ending):
+    pytest.importorskip("matplotlib")
+    picture = tmp_path / f"tapes.{ending}"
+    finished = run("measure", scans / "body_0.ply", "--as-is", "--picture", picture, "-q")
+    assert f"written to  {picture}" in finished.out
+    assert picture.stat().st_size > 10_000
+
+
+def test_definitions_of_ones_own(run, scans, own, tmp_path):
+    own.definitions.with_measurements(["stature"]).save(tmp_path / "own.json")
+    own.definitions.template.save(tmp_path / "model.npz")
+    options = ("--model", tmp_path / "model.npz", "--definitions", tmp_path / "own.json")
+    finished = run("measure", scans / "body_0.ply", "--as-is", *options, "-q")
+    assert finished.out.splitlines()[1].startswith("stature")
+    assert len(finished.out.splitlines()) == 2
+
+
+def test_two_visits(run, scans, bodies, own, tmp_path):
+    files = (scans / "body_0.ply", scans / "body_2.ply")
+    record = json.loads(run("compare", *files, "--json").out)
+    expected = compare_visits(own, bodies.points[0], bodies.points[2])
+    np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
+    assert record["seen"] == expected.seen.tolist()
+    finished = run("compare", *files, "-o", tmp_path / "changes.csv", "--only", "stature")
+    assert "surface moved outward by" in finished.out
+    with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as file:
+        assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
+
+
+def test_failures(refused, scans, bodies, tmp_path):
+    one = scans / "body_0.ply"
+    assert "ending must be" in refused("measure", one, "-o", tmp_path / "table.txt")
+    assert "did you mean 'stature'" in refused("measure", one, "--only", "statur")
+    assert "goes with --model" in refused("measure", one, "--definitions", tmp_path / "d.json")
+    save_mesh(tmp_path / "other.ply", bodies.points[0], bodies.template.faces[:-1])
+    assert "not the open body model's" in refused("measure", tmp_path / "other.ply")
+    save_mesh(tmp_path / "mm.ply", 1000.0 * bodies.points[0], bodies.template.faces)
+    assert "a body in millimetres" in refused("measure", tmp_path / "mm.ply", "--as-is", "-q")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mm.ply", "other.ply"]
