@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from riemhuman.cli.inputs import meshes_named, path_argument
+from riemhuman.cli.inputs import add_units, meshes_named, path_argument
 from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
@@ -100,6 +100,7 @@ def _add_definitions(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--only", metavar="NAME", action="append", help="a measurement to take; may be repeated"
     )
+    add_units(parser)
 
 
 def _measure(options: argparse.Namespace) -> None:
@@ -204,7 +205,7 @@ def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measureme
 
     if options.definitions is not None and options.model is None:
         raise ArgumentError("--definitions JSON goes with --model NPZ")
-    meshes = RegisteredMeshes(files, scale=None)
+    meshes = RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = Template(meshes[0], meshes.faces)
     if options.model is not None:
         model = BodyModel.from_file(options.model)
