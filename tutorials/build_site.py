@@ -11,7 +11,6 @@ import json
 import shutil
 import sys
 import tempfile
-from importlib.resources import files
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -20,6 +19,7 @@ import nbformat
 from sphinx.cmd.build import main as sphinx
 
 import riemhuman as rh
+from riemhuman.report.web_files import viewer_script, web_file
 
 SOURCES = Path(__file__).parent
 VIEWER = "application/vnd.riemhuman.viewer+html"
@@ -31,8 +31,9 @@ def main(target: Path) -> int:
         source = Path(folder) / "source"
         shutil.copytree(SOURCES, source, ignore=shutil.ignore_patterns("__pycache__", "*.py"))
         shutil.copy(SOURCES / "conf.py", source)
-        for name in ("three.min.js", "three.LICENSE", "viewer.js", "viewer.css"):
-            (source / "_static" / name).write_bytes(web_file(name))
+        for name in ("three.min.js", "three.LICENSE", "viewer.css"):
+            (source / "_static" / name).write_text(web_file(name), encoding="utf-8")
+        (source / "_static" / "viewer.js").write_text(viewer_script(), encoding="utf-8")
         notebooks = sorted(source.glob("*.ipynb"), key=lambda path: int(path.stem.split("_")[0]))
         (source / "gallery.md").write_text(gallery(notebooks), encoding="utf-8")
         for path in notebooks:
@@ -40,11 +41,6 @@ def main(target: Path) -> int:
         (source / "reference.md").write_text(reference(), encoding="utf-8")
         options = ["-W", "--keep-going", "-q", "-j", "auto", "-d", str(Path(folder) / "doctrees")]
         return sphinx([*options, "-b", "html", str(source), str(target)])
-
-
-def web_file(name: str) -> bytes:
-    """Return a file of the viewers, which the package holds."""
-    return (files("riemhuman.report") / "web" / name).read_bytes()
 
 
 def with_viewers(path: Path) -> None:

@@ -88,7 +88,18 @@ def few_colours(picture: str) -> str:
 def fragment(frame: str) -> str:
     """Return the viewer inside a frame, without the page around it."""
     page = html.unescape(re.search(r'srcdoc="(.*?)"', frame, re.DOTALL)[1])
-    return re.search(r'<div class="viewer".*?</script>\n</div>', page, re.DOTALL)[0]
+    viewer = re.search(r'<div class="viewer".*?</script>\n</div>', page, re.DOTALL)[0]
+    return re.sub(
+        r'(?<=data:image/png;base64,)[^"]+', lambda still: few_clear_colours(still[0]), viewer
+    )
+
+
+def few_clear_colours(picture: str) -> str:
+    """Return a PNG picture, in base 64, with 64 colours, what is clear included."""
+    image = Image.open(io.BytesIO(base64.b64decode(picture)))
+    packed = io.BytesIO()
+    image.quantize(64, Image.Quantize.FASTOCTREE).save(packed, "png", optimize=True)
+    return base64.b64encode(packed.getvalue()).decode("ascii")
 
 
 def main(arguments: list[Any]) -> None:

@@ -32,6 +32,17 @@ def styles() -> str:
     return f"<style>{web_file('viewer.css')}</style>"
 
 
+def viewer_script() -> str:
+    """Return the script of the viewers, which needs three.js.
+
+    Returns
+    -------
+    str
+    """
+    own = "".join(web_file(f"viewer{part}.js") for part in ("_body", "_gestures", ""))
+    return f"(() => {{\n{own}}})();\n"
+
+
 def scripts() -> str:
     """Return the scripts that viewers need, as elements at the end of a page.
 
@@ -39,8 +50,7 @@ def scripts() -> str:
     -------
     str
     """
-    own = "".join(web_file(f"viewer{part}.js") for part in ("_body", "_gestures", ""))
     return (
         "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
-        f"{web_file('three.min.js')}</script>\n<script>(() => {{\n{own}}})();</script>"
+        f"{web_file('three.min.js')}</script>\n<script>{viewer_script()}</script>"
     )
