@@ -13,6 +13,7 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.motions import MotionComponents, MotionMean, MotionSpace
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers import BasisMean, GradientDescentMean
 from riemhuman.statistics import (
@@ -34,6 +35,7 @@ ESTIMATORS = [
     MetricWeights(VectorSpace((2,)), (1.0, 2.0), n_folds=3),
     FrechetMean(VectorSpace((2,)), GradientDescentMean()),
     NearestNeighbors(VectorSpace((2,)).metric, 3, n_pivots=2),
+    MotionComponents(MotionMean(MotionSpace(AlignedSurfaces(triangle_template()))), 2),
     GeometricMedian(AlignedSurfaces(triangle_template()), BasisMean(), tolerance=1e-3),
 ]
 

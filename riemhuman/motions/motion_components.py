@@ -9,17 +9,17 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
+from riemhuman.estimator import Estimator
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.motions.frames import Motion
 from riemhuman.motions.motion_mean import MotionMean, elastic_metric
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.protocols import uninterrupted
-from riemhuman.representation import constructed
 from riemhuman.statistics.nearest_surface import NearestSurface
 from riemhuman.statistics.tangent_pca import TangentPCA
 
 
-class MotionComponents:
+class MotionComponents(Estimator):
     """Tangent principal component analysis of motions at their mean, after re-timing.
 
     The fields of the aligned motions are points of a product, one factor for every time; there
@@ -62,9 +62,6 @@ class MotionComponents:
     def __init__(self, mean: MotionMean, n_components: int | None = None) -> None:
         self.mean = mean
         self.n_components = n_components
-
-    def __repr__(self) -> str:
-        return constructed(self)
 
     def fit(self, X: Sequence[Motion], y: object = None) -> Self:
         """Find the mean and the components.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
+from riemhuman.estimator import Estimator
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.motions.alignment import Alignment, at_times, default_alignment, even_times
 from riemhuman.motions.frames import Motion, several_motions
@@ -16,11 +17,10 @@ from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import uninterrupted
-from riemhuman.representation import constructed
 from riemhuman.statistics.nearest_surface import NearestSurface
 
 
-class MotionMean:
+class MotionMean(Estimator):
     r"""The Karcher mean of motions modulo re-timing, in the L² metric.
 
     .. math:: \min_m \sum_k \min_{\gamma_k} \int_0^1 d(m(t), m_k(\gamma_k(t)))^2\, dt
@@ -90,9 +90,6 @@ class MotionMean:
         self.nearest = nearest
         self.n_iterations = n_iterations
         self.progress = progress
-
-    def __repr__(self) -> str:
-        return constructed(self)
 
     def fit(self, X: Sequence[Motion], y: object = None) -> Self:
         """Find the mean of motions.
