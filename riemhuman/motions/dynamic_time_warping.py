@@ -337,5 +337,5 @@ def all_pairs(
 def _refuse(window: float, shape: tuple[int, ...]) -> float:
     raise ArgumentError(
         f"window={window:g} admits no path between {shape[0]} and {shape[1]} frames; "
-        f"{1.0 / (min(shape) - 1):.2g} does"
+        f"{math.ceil(1000 / (min(shape) - 1)) / 1000:g} does"
     )

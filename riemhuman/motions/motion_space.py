@@ -33,7 +33,7 @@ class MotionSpace(Manifold):
 
     Parameters
     ----------
-    space : AlignedSurfaces
+    frames : AlignedSurfaces
         Space of the frames, with the metric that frames are compared by.
     n_times : int
         Number of equally spaced times of a point.
@@ -58,15 +58,15 @@ class MotionSpace(Manifold):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        frames: AlignedSurfaces,
         n_times: int = 50,
         geodesic_solver: GeodesicSolver | None = None,
         equip: bool = True,
     ) -> None:
-        self.frames = space
+        self.frames = frames
         self.n_times = whole_number(n_times, "n_times", minimum=2)
         self.geodesic_solver = geodesic_solver
-        super().__init__(n_times * space.dim, (n_times, *space.shape), equip)
+        super().__init__(n_times * frames.dim, (n_times, *frames.shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
         """Return `RateDependentMetric`."""

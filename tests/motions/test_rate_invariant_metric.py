@@ -186,6 +186,12 @@ class TestMotions:
         found = rh.statistics.KMedoids(3).fit(distances).labels_
         assert len(set(found[[0, 3]])) == len(set(found[[1, 4]])) == 1
 
+    def test_jobs_take_motions(self, metric, motion_space, motions, tmp_path):
+        points = np.stack(motions[:3])
+        for each in (metric, motion_space.metric):
+            found = rh.pairwise_job(each, points, tmp_path / type(each).__name__)
+            np.testing.assert_allclose(found, each.dist_pairwise(points), atol=1e-12)
+
     def test_start_counts_by_its_weight(self, motion_space, metric, motions):
         without = rh.motions.RateInvariantMetric(motion_space, start_weight=0.0)
         gap = metric.squared_dist(motions[0], motions[1]) - without.squared_dist(*motions[:2])
