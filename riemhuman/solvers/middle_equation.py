@@ -181,12 +181,12 @@ class MiddleEquation:
         scale = np.sign(derivative) / unit
 
         def shift_of(variables: ndarray) -> ndarray:
+            if directions is None:
+                return self._steady(variables.reshape(shape))
             shift = factor.solve_transposed(variables[:, None])[:, 0]
-            if directions is not None:
-                return (shift @ directions).reshape(shape)
-            return self._steady(shift.reshape(shape))
+            return (shift @ directions).reshape(shape)
 
-        def equation(variables: ndarray) -> ndarray | None:
+        def equation(variables: ndarray) -> ndarray | tuple[ndarray, ndarray] | None:
             points = triple(shift_of(variables))
             if _sizes_away(metric.space, middle, points) > _FAR:
                 return None
@@ -196,10 +196,11 @@ class MiddleEquation:
             if not np.isfinite(energy):
                 return None
             pull_back, _ = make_vjp(metric.space.projection, points[1])
-            slope = np.ravel(pull_back(gradient[1]))
-            if directions is not None:
-                slope = directions @ slope
-            return scale * factor.solve(slope[:, None])[:, 0]
+            slope = scale * np.ravel(pull_back(gradient[1]))
+            if directions is None:
+                # The whole inverse is much faster than its triangles one by one.
+                return factor.inverse(slope[:, None])[:, 0], slope
+            return factor.solve((directions @ slope)[:, None])[:, 0]
 
         found = find_root(
             equation,

@@ -36,7 +36,7 @@ class Root(NamedTuple):
 
 
 def find_root(
-    function: Callable[[ndarray], ndarray | None],
+    function: Callable[[ndarray], ndarray | tuple[ndarray, ndarray] | None],
     start: ndarray,
     *,
     tolerance: float,
@@ -52,7 +52,8 @@ def find_root(
     Parameters
     ----------
     function : callable
-        Takes x to F(x), shape (n,), or to None outside its domain.
+        Takes x to F(x), shape (n,), or to None outside its domain. Where lengths are not
+        Euclidean but by a positive matrix A, it takes x to F(x) and A F(x).
     start : array, shape (n,)
         Where to start.
     tolerance : float
@@ -65,33 +66,47 @@ def find_root(
     Root
         Its residual is infinite if the start is outside the domain.
     """
-    x, value = start, function(start)
+    x, found = start, function(start)
     n_evaluations = 1
-    if value is None:
+    if found is None:
         return Root(start, np.inf, 0, n_evaluations)
-    best = Root(x, float(np.linalg.norm(value)), 0, n_evaluations)
+    value, dual = found if isinstance(found, tuple) else (found, found)
+    best = Root(x, _length(value, dual), 0, n_evaluations)
     steps: list[ndarray] = []
     changes: list[ndarray] = []
+    duals: list[ndarray] = []
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
         direction = -value
         if changes:
             known = np.stack(changes, axis=1)
-            weights = np.linalg.lstsq(known, value, rcond=None)[0]
+            if dual is value:
+                weights = np.linalg.lstsq(known, value, rcond=None)[0]
+            else:
+                products = known.T @ np.stack([*duals, dual], axis=1)
+                weights = np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=None)[0]
             direction = direction - (np.stack(steps, axis=1) - known) @ weights
         for _ in range(_MOST_HALVINGS):
-            new_value = function(x + direction)
+            found = function(x + direction)
             n_evaluations += 1
-            if new_value is not None:
-                residual = float(np.linalg.norm(new_value))
-                if residual <= _GROWTH * np.linalg.norm(value):
+            if found is not None:
+                new_value, new_dual = found if isinstance(found, tuple) else (found, found)
+                residual = _length(new_value, new_dual)
+                if residual <= _GROWTH * _length(value, dual):
                     break
             direction = 0.5 * direction
-        if new_value is None:
+        if found is None:
             break
         steps, changes = [*steps, direction][-_MEMORY:], [*changes, new_value - value][-_MEMORY:]
-        x, value = x + direction, new_value
+        if new_dual is not new_value:
+            duals = [*duals, new_dual - dual][-_MEMORY:]
+        x, value, dual = x + direction, new_value, new_dual
         if residual < best.residual:
             best = Root(x, residual, iteration, n_evaluations)
     return best._replace(n_evaluations=n_evaluations)
+
+
+def _length(value: ndarray, dual: ndarray) -> float:
+    # Rounding errors alone make it negative.
+    return float(np.sqrt(max(value @ dual, 0.0)))

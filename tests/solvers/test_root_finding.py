@@ -98,3 +98,26 @@ def test_the_best_point_tells_the_step_that_found_it_first(residuals):
     values = iter(residuals)
     found = find_root(lambda x: np.array([next(values)]), np.zeros(1), tolerance=1e-9, max_iter=3)
     assert (found.residual, found.n_iterations, found.n_evaluations) == (2.0, 1, 4)
+
+
+def test_lengths_by_a_matrix_are_those_in_its_variables():
+    """The same search in x with lengths by A, and in Lᵀ x with Euclidean ones, A = L Lᵀ."""
+    rng = np.random.default_rng(5)
+    lower = np.tril(rng.normal(size=(6, 6))) + 4.0 * np.eye(6)
+    target = rng.normal(size=6)
+
+    def residual(x):
+        return (x - target) + 0.1 * np.sin(x)
+
+    def with_dual(x):
+        return residual(x), lower @ lower.T @ residual(x)
+
+    def in_variables(variables):
+        return lower.T @ residual(np.linalg.solve(lower.T, variables))
+
+    settings = {"tolerance": 1e-10, "max_iter": 30}
+    one = find_root(with_dual, np.zeros(6), **settings)
+    other = find_root(in_variables, np.zeros(6), **settings)
+    assert one.residual <= 1e-10
+    assert one.n_iterations == other.n_iterations
+    np.testing.assert_allclose(lower.T @ one.x, other.x, atol=1e-9)
