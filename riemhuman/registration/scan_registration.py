@@ -260,8 +260,10 @@ class ScanRegistration:
             if distance_apart(posed(body, each.pose)[0], own) > RIVAL_METRES
         ]
         likelihood = self._likelihood(replace(best, pose=pose), ready)
+        moved = np.linalg.norm(points - model_points, axis=1)
         reasons = doubts(
             Evidence(
+                strain=float(moved.mean()),
                 likelihood=likelihood,
                 margin=best.likelihood - max(rivals, default=-np.inf),
                 near=float(np.mean(distances[~background] < NEAR_METRES)),
@@ -278,7 +280,7 @@ class ScanRegistration:
                 betas=pose.betas,
                 pose=Rotation.from_matrix(pose.local).as_rotvec(),
                 trans=pose.trans,
-                distances=np.linalg.norm(points - model_points, axis=1),
+                distances=moved,
                 converged=np.array(True),
                 n_iterations=np.array(0),
             ),

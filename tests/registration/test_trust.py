@@ -9,7 +9,7 @@ import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration.trust import Evidence, doubts
 
-GOOD = Evidence(likelihood=3.2, margin=0.4, near=0.99, betas=1.0)
+GOOD = Evidence(likelihood=3.2, margin=0.4, near=0.99, betas=1.0, strain=0.002)
 
 
 def test_good_evidence_leaves_no_doubt():
@@ -23,11 +23,34 @@ def test_good_evidence_leaves_no_doubt():
         ({"likelihood": 1.0}, "does not look like a body"),
         ({"margin": 0.05}, "faces or stands another way"),
         ({"betas": 3.5}, "far from all people"),
+        ({"strain": 0.007}, "leave the model by 7.0 mm"),
     ],
 )
 def test_every_doubt_has_its_reason(change, reason):
     (found,) = doubts(replace(GOOD, **change))
     assert reason in found
+
+
+def test_a_body_the_wrong_way_round_is_refused():
+    """The right start is left out, so that only the flipped body is there to be found."""
+    model = rh.datasets.load_open_model("coarse")
+    registration = ScanRegistration(model, up="y")
+    bodies = rh.datasets.load_open_bodies("coarse")
+    # Both arms forward, no heading: a body that looks the other way is half a metre off.
+    points = bodies[2]
+    scan = rh.registration.simulated_scan(points, model.faces, 4, n_points=6000, turn=False)
+    search = registration._search
+    everything = search._starts
+
+    def backwards(names, up, centre):
+        starts = everything(names, up, centre)
+        facing = [start.pose.local[0] @ [0.0, 0.0, 1.0] for start in starts]
+        return [start for start, way in zip(starts, facing, strict=True) if way[2] < -0.9]
+
+    search._starts = backwards
+    result = registration.solve(scan.points)
+    assert np.linalg.norm(result.points - scan.body, axis=1).mean() > 0.2
+    assert not result.trusted
 
 
 def capsule(start, end, radius, n_points, rng):
