@@ -16,14 +16,7 @@ from riemhuman.kernels.compiled import compiled
 
 
 @compiled
-def accumulate(
-    costs: ndarray,
-    window: float,
-    open_begin: bool,
-    most: float,
-    sums: ndarray,
-    starts: ndarray,
-) -> int:
+def accumulate(costs: ndarray, window: float, most: float, sums: ndarray) -> int:
     """Fill in the least sums of all paths that end in each cell.
 
     Parameters
@@ -32,14 +25,10 @@ def accumulate(
         Costs of cells.
     window : float
         How far, as a share of both motions, matched frames may be apart; infinite for any.
-    open_begin : bool
-        Whether a path may begin at any frame of the second motion.
     most : float
         Sums above this are of no interest: work ends when all are.
     sums : array, shape (n, m)
         Least sums, infinite where no path leads; written to.
-    starts : array of int, shape (n, m)
-        Frame of the second motion with which the path begins; written to.
 
     Returns
     -------
@@ -50,18 +39,18 @@ def accumulate(
     for i in range(n):
         least = math.inf
         for j in range(m):
-            best, start = math.inf, j
+            best = math.inf
             if abs(i * (m - 1) - j * (n - 1)) <= window * (n - 1) * (m - 1):
                 cost = costs[i, j]
-                if i == 0 and (j == 0 or open_begin):
+                if i == 0 and j == 0:
                     best = 2.0 * cost
-                if i > 0 and j > 0 and sums[i - 1, j - 1] + 2.0 * cost < best:
-                    best, start = sums[i - 1, j - 1] + 2.0 * cost, starts[i - 1, j - 1]
-                if i > 0 and sums[i - 1, j] + cost < best:
-                    best, start = sums[i - 1, j] + cost, starts[i - 1, j]
-                if j > 0 and sums[i, j - 1] + cost < best:
-                    best, start = sums[i, j - 1] + cost, starts[i, j - 1]
-            sums[i, j], starts[i, j] = best, start
+                if i > 0 and j > 0:
+                    best = sums[i - 1, j - 1] + 2.0 * cost
+                if i > 0:
+                    best = min(best, sums[i - 1, j] + cost)
+                if j > 0:
+                    best = min(best, sums[i, j - 1] + cost)
+            sums[i, j] = best
             least = min(least, best)
         if least > most:
             return i + 1
@@ -69,17 +58,13 @@ def accumulate(
 
 
 @compiled
-def trace(costs: ndarray, sums: ndarray, open_begin: bool, end: int, path: ndarray) -> int:
+def trace(costs: ndarray, sums: ndarray, path: ndarray) -> int:
     """Write the path of the least sum, from its end to its beginning.
 
     Parameters
     ----------
     costs, sums : array, shape (n, m)
         Costs of cells, and what `accumulate` made of them.
-    open_begin : bool
-        Whether a path may begin at any frame of the second motion.
-    end : int
-        Frame of the second motion with which it ends.
     path : array of int, shape (n + m, 2)
         Cells, the last first; written to.
 
@@ -88,12 +73,12 @@ def trace(costs: ndarray, sums: ndarray, open_begin: bool, end: int, path: ndarr
     int
         Number of cells.
     """
-    i, j = len(costs) - 1, end
+    i, j = costs.shape[0] - 1, costs.shape[1] - 1
     length = 0
     while True:
         path[length, 0], path[length, 1] = i, j
         length += 1
-        if i == 0 and (j == 0 or (open_begin and sums[i, j] == 2.0 * costs[i, j])):
+        if i == 0 and j == 0:
             return length
         if i > 0 and j > 0 and sums[i, j] == sums[i - 1, j - 1] + 2.0 * costs[i, j]:
             i, j = i - 1, j - 1

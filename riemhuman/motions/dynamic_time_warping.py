@@ -248,8 +248,8 @@ class DynamicTimeWarping:
         return kept_frames(tables, motion, name, self.n_times, self.centered, self.between_frames)
 
     def _least_sum(self, costs: ndarray, most: float = math.inf) -> float:
-        sums, starts = np.empty(costs.shape), np.empty(costs.shape, dtype=np.int64)
-        if accumulate(costs, self._window, False, most, sums, starts) < len(costs):
+        sums = np.empty(costs.shape)
+        if accumulate(costs, self._window, most, sums) < len(costs):
             return math.inf if most < math.inf else _refuse(self._window, costs.shape)
         total = float(sums[-1, -1])
         return total if total < math.inf else _refuse(self._window, costs.shape)
@@ -281,12 +281,12 @@ def best_path(costs: ndarray, window: float) -> tuple[float, ndarray]:
     ArgumentError
         If the window admits no path.
     """
-    sums, starts = np.empty(costs.shape), np.empty(costs.shape, dtype=np.int64)
-    filled = accumulate(costs, window, False, math.inf, sums, starts)
+    sums = np.empty(costs.shape)
+    filled = accumulate(costs, window, math.inf, sums)
     if filled < len(costs) or not sums[-1, -1] < math.inf:
         _refuse(window, costs.shape)
     path = np.empty((sum(costs.shape), 2), dtype=np.int64)
-    length = trace(costs, sums, False, costs.shape[1] - 1, path)
+    length = trace(costs, sums, path)
     return float(sums[-1, -1]), path[:length][::-1]
 
 

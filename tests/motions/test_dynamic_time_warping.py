@@ -67,8 +67,7 @@ def test_window_that_an_error_names_admits_a_path(costs):
 
 def test_work_is_given_up_once_all_sums_are_too_large():
     costs = np.ones((6, 6))
-    sums, starts = np.empty((6, 6)), np.empty((6, 6), dtype=np.int64)
-    assert accumulate(costs, math.inf, False, 5.0, sums, starts) == 5
+    assert accumulate(costs, math.inf, 5.0, np.empty((6, 6))) == 5
 
 
 class TestMotions:
