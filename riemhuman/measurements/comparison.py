@@ -17,6 +17,7 @@ from riemhuman.measurements.measuring import Measurements
 from riemhuman.measurements.open_body import FOLDER
 from riemhuman.measurements.standard_pose import in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes
+from riemhuman.surfaces.rendering import vertex_normals
 
 # A difference of two visits has the variance of both; it is seen above twice its deviation.
 _SEEN = 2.0 * np.sqrt(2.0)
@@ -128,7 +129,7 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
         points_after=other,
         area_changes=np.log(areas[1] / areas[0]),
         area_noise=_noise_of_areas(description, by_part),
-        displacements=np.sum((other - one) * _vertex_normals(one, description.faces), axis=1),
+        displacements=np.sum((other - one) * vertex_normals(one, description.faces), axis=1),
     )
 
 
@@ -155,13 +156,3 @@ def _noise_of_areas(description: MeasurementSet, by_part: dict[str, float]) -> n
         if name in description.parts:
             noise[description.parts[name]] = value
     return noise
-
-
-def _vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
-    corners = points[faces]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros_like(points)
-    np.add.at(normals, faces, areas[:, np.newaxis])
-    return normals / np.maximum(
-        np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny
-    )

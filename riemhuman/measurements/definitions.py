@@ -110,7 +110,7 @@ class Measurement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Section(Measurement):
+class PlaneSection(Measurement):
     """A measurement taken of a plane section through a place.
 
     Parameters
@@ -163,7 +163,7 @@ class _Section(Measurement):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Girth(_Section):
+class Girth(PlaneSection):
     """The length of a loop around a part of the body.
 
     Parameters
@@ -204,7 +204,7 @@ class Girth(_Section):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Breadth(_Section):
+class Breadth(PlaneSection):
     """The extent of a section of the body from side to side.
 
     Parameters

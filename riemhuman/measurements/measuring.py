@@ -19,8 +19,8 @@ from riemhuman.kernels.threads import in_chunks
 from riemhuman.measurements.definitions import (
     Mass,
     Measurement,
+    PlaneSection,
     Volume,
-    _Section,
     nearest_name,
 )
 from riemhuman.measurements.landmarks import LandmarkedBodies
@@ -307,7 +307,7 @@ class Measurements:
         number, which = (int(i) for i in np.argwhere(np.isnan(values))[0])
         measurement = self.definitions.measurements[which]
         where = f"{measurement.name!r} cannot be taken of body {number}: "
-        if not isinstance(measurement, _Section):
+        if not isinstance(measurement, PlaneSection):
             raise ArgumentError(f"{where}there is no path along the surface")
         bodies = LandmarkedBodies(self.definitions, surfaces[[number]], axes)
         cutter = self.definitions.cutter(measurement.parts, measurement.leave_out)

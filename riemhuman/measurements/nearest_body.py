@@ -19,6 +19,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.measurements.measuring import Measurements, as_mapping
+from riemhuman.protocols import MetricWithMatrix
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
 
 _MOST_HALVINGS = 12
@@ -117,11 +118,10 @@ def nearest_body(
     """
     real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     whole_number(max_iter, "max_iter", minimum=1)
-    if not (hasattr(metric, "metric_matrix") and hasattr(metric, "energy_and_gradient")):
-        raise ArgumentError(
-            f"metric must have energy_and_gradient and metric_matrix; found {metric!r}"
-        )
-    start = real_array(point, "point", metric.space.shape, batched=False)
+    if not isinstance(metric, MetricWithMatrix):
+        raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
+    measured_energy: Any = metric
+    start = real_array(point, "point", measured_energy.space.shape, batched=False)
     goals = as_mapping(wanted, measurements.names)
     own = Measurements(measurements.definitions, list(goals))
     values = np.array(list(goals.values()))
@@ -147,7 +147,7 @@ def nearest_body(
         for step, halvings in product(steps, range(_MOST_HALVINGS)):
             moved = f + 0.5**halvings * step.reshape(f.shape)
             trial, trial_slopes = _measured(own, moved)
-            trial_energy, both = metric.energy_and_gradient(np.stack([start, moved]))
+            trial_energy, both = measured_energy.energy_and_gradient(np.stack([start, moved]))
             if trial_energy + penalty * np.abs(trial - values).sum() < merit:
                 break
         else:

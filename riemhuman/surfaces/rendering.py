@@ -167,7 +167,7 @@ def render(
     scale = height * samples / window.height
     shape = (height * samples, max(1, round(height * window.width / window.height)) * samples)
     seen = view.turned(vertices)
-    normals = _vertex_normals(seen, faces)
+    normals = vertex_normals(seen, faces)
     pixels = np.stack(
         [
             (seen[:, 0] - window.centre[0]) * scale + shape[1] / 2,
@@ -196,8 +196,21 @@ def _face_colors(color: ArrayLike, n_faces: int) -> ndarray:
     return np.broadcast_to(colors, (n_faces, 3))
 
 
-def _vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
-    """Return unit normals, means over the triangles at a vertex weighted by their areas."""
+def vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
+    """Return unit normals, means over the triangles at a vertex weighted by their areas.
+
+    Parameters
+    ----------
+    points : array, shape (V, 3)
+        Vertices.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    array, shape (V, 3)
+        Zero where a vertex has no area about it.
+    """
     one, two, three = (points[faces[:, corner]] for corner in range(3))
     across = np.cross(two - one, three - one)
     normals = np.zeros_like(points)
