@@ -45,6 +45,7 @@ _ROOM_OF_NAME = {
     "BodyModel": "bodies.body_model",
     "NearestNeighbors": "retrieval.neighbors",
     "pairwise_job": "jobs.pairwise",
+    "path_job": "jobs.paths",
     "FrechetMean": "statistics.frechet_mean",
     "GeometricMedian": "statistics.frechet_mean",
     "GeodesicRegression": "statistics.geodesic_regression",

@@ -1,8 +1,9 @@
-"""Distances of more bodies than memory holds, or than one sitting computes."""
+"""Distances and paths of more bodies than memory holds, or than one sitting computes."""
 
 from riemhuman.jobs.pairwise import pairwise_job
+from riemhuman.jobs.paths import path_job
 
-__all__ = ["pairwise_job"]
+__all__ = ["pairwise_job", "path_job"]
 
 
 def __dir__() -> list[str]:

@@ -18,6 +18,7 @@ from riemhuman.solvers.metric_checks import check_metric
 from riemhuman.solvers.model_path import ModelParameters, ModelPath
 from riemhuman.solvers.motion_transfer import MotionTransfer, ShapeTransfer
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
+from riemhuman.solvers.path_distances import PathDistances, path_distances
 from riemhuman.solvers.path_straightening import PathStraightening
 from riemhuman.solvers.poisson_path import PoissonPath
 from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
@@ -44,6 +45,7 @@ __all__ = [
     "ModelPath",
     "MotionTransfer",
     "PathComparison",
+    "PathDistances",
     "PathMeasures",
     "PathResult",
     "PathStraightening",
@@ -62,6 +64,7 @@ __all__ = [
     "check_solver",
     "compare_paths",
     "measure_path",
+    "path_distances",
 ]
 
 

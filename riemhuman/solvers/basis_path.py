@@ -15,6 +15,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
 from riemhuman.protocols import GeodesicSolver, PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
+from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.minimization import Minimum, minimize
 from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
@@ -36,7 +37,7 @@ METHODS = ("preconditioned", "l-bfgs-b", "bfgs")
 
 
 @dataclass(frozen=True)
-class BasisPath:
+class BasisPath(ManyPaths):
     r"""Paths of least energy over a basis, without exponential map: Algorithm 1 of the paper.
 
     .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j

@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
+from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
 
@@ -52,7 +53,7 @@ class ModelParameters(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ModelPath:
+class ModelPath(ManyPaths):
     """The path of a body model whose parameters run evenly from one body's to another's.
 
     The SMPL path of section 5.2 of the paper. It runs between the model's own surfaces, which are

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -21,8 +22,10 @@ from riemhuman.protocols import (
     PathEnergy,
     SurfaceSpace,
     uninterrupted,
+    was_interrupted,
 )
 from riemhuman.solvers.energies import SegmentEnergy
+from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.preconditioner import PathPreconditioner
@@ -42,6 +45,9 @@ from riemhuman.solvers.spatial_factors import spatial_factor
 # Coarse levels only have to find the valley; the last one goes to its floor.
 _COARSE_TOLERANCE = 1e-4
 
+# Where limbs may turn either way, both paths run this far, and the better one to the end.
+_HEAT = 1e-3
+
 
 # Weight of the Dirichlet energy in the preconditioner of surfaces: fewest iterations on the open
 # bodies, under metrics with and without a and c; a third or three times as much costs some more.
@@ -49,14 +55,16 @@ _STIFFNESS = 0.2
 
 
 @dataclass(frozen=True)
-class PathStraightening:
+class PathStraightening(ManyPaths):
     """Paths of least energy in all coordinates of all interior points, on any manifold.
 
     Coordinates are those of the arrays; `projection` brings them back to the manifold, and steps
     that leave it (`belongs`) are refused. The minimisation is L-BFGS with the inverse of the
     metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
     straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) where
-    that costs less, first with few segments where that is asked for, then with all.
+    that costs less, first with few segments where that is asked for, then with all. Where a limb
+    may turn either way, both ways are tried, as by `BasisPath`, whose energies it so undercuts with
+    the same ends: by the pairs tried, and certainly with ``initial=BasisPath(...)``.
 
     Parameters
     ----------
@@ -152,25 +160,46 @@ class PathStraightening:
         levels = [n_segments]
         if initial_path is None:
             levels = [*(n for n in self.coarse_segments if n < n_segments), n_segments]
-            path = self._start(metric, start, end, self.n_nodes)
+            paths = self._starts(metric, start, end, self.n_nodes)
         else:
-            path = check_initial_path(metric, start, end, self.n_nodes, initial_path)
+            paths = [check_initial_path(metric, start, end, self.n_nodes, initial_path)]
         with single_threaded_libraries():
-            result = _Descent(self, metric, path).run(levels)
+            result = self._best_of(metric, paths, levels)
         warn_unless_converged(self, result)
         return result
 
-    def _start(
+    def _best_of(
+        self, metric: RiemannianMetric, paths: list[ndarray], levels: list[int]
+    ) -> PathResult:
+        """Descend from the start that leads to the least energy, as far as a short run tells."""
+        if len(paths) == 1:
+            return _Descent(self, metric, paths[0]).run(levels)
+        heat, heats = replace(self, tolerance=_HEAT, callback=None), []
+        for path in paths:
+            heats.append(_Descent(heat, metric, path).run(levels[-1:]))
+            if was_interrupted(heats[-1]):
+                break
+        result = min(heats, key=attrgetter("energy"))
+        if was_interrupted(heats[-1]):
+            return replace(result, converged=False, message=INTERRUPTED)
+        result = _Descent(self, metric, result.path).run(levels)
+        n_evaluations = result.n_evaluations + sum(other.n_evaluations for other in heats)
+        return replace(result, n_evaluations=n_evaluations)
+
+    def _starts(
         self, metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int
-    ) -> ndarray:
-        """Return the start of least energy."""
-        starts = [linear_path(start, end, n_nodes)]
+    ) -> list[ndarray]:
+        """Return the start of least energy, and those with a limb that turns the other way."""
+        starts, rivals = [linear_path(start, end, n_nodes)], []
         is_immersed = np.all(metric.space.belongs(np.stack([start, end])))
         if isinstance(metric.space, SurfaceSpace) and is_immersed:
-            starts += [path for path, _ in turned_paths(metric, self.energy, start, end, n_nodes)]
+            turned = turned_paths(metric, self.energy, start, end, n_nodes)
+            (best, _), *rivals = turned
+            starts.append(best)
         if self.initial is not None and n_nodes == self.n_nodes:
             starts.append(uninterrupted(self.initial.solve(metric, start, end)).path)
-        return _least(metric, self.energy, starts)
+            rivals = []
+        return [_least(metric, self.energy, starts), *(path for path, _ in rivals)]
 
 
 class _Descent:
@@ -227,7 +256,7 @@ class _Descent:
         if n_segments == solver.n_nodes - 1:
             starts = [self._whole]
         else:
-            starts = [solver._start(metric, self._whole[0], self._whole[-1], n_segments + 1)]
+            starts = solver._starts(metric, self._whole[0], self._whole[-1], n_segments + 1)
         if not is_first:
             starts.append(_refined(self._path, n_segments))
         return _least(metric, solver.energy, starts)

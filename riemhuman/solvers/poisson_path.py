@@ -13,6 +13,7 @@ from riemhuman.checks import whole_number
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
+from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
 
@@ -30,7 +31,7 @@ _RIVAL = 1.1
 
 
 @dataclass(frozen=True)
-class PoissonPath:
+class PoissonPath(ManyPaths):
     """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
 
     Triangles turn the shorter way. Where neighbours then turn different ways, as in a limb that

@@ -12,11 +12,12 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
+from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult
 
 
 @dataclass(frozen=True)
-class LinearPath:
+class LinearPath(ManyPaths):
     """The straight path (1 − t) x₀ + t x₁, brought back to the manifold where that is needed.
 
     Parameters
@@ -63,7 +64,7 @@ class LinearPath:
 
 
 @dataclass(frozen=True)
-class ClosedFormGeodesic:
+class ClosedFormGeodesic(ManyPaths):
     """The geodesic, for metrics that have it in closed form.
 
     Parameters

@@ -8,10 +8,14 @@ from the straight path, with the same compiled energy, for 2,000 iterations: whe
 search gives up before, it starts again from where it was, as long as that gains 0.01 %. It takes
 half an hour; with `-k turn0` every pair comes under one metric, which takes a third of that. Where
 benchmarks are disabled, the same code runs briefly at coarse resolution. With `-k straightening` it
-prints the energy and the seconds of paths straightened in all coordinates, for the same pairs.
+prints the energy and the seconds of paths straightened in all coordinates, for the same pairs; with
+`-k gaps` what results say of their distance to the minimum; with `-k "warm or many"` the time of
+warm starts under other weights, and of a table of distances by the lengths of paths.
 """
 
+import resource
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +23,7 @@ from performances import basis, bodies, timed
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers import BasisPath, PathStraightening, SegmentEnergy
+from riemhuman.solvers import BasisPath, PathStraightening, SegmentEnergy, path_distances
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
 KINDS = ["pose", "pose", "build", "both"]
@@ -153,26 +157,119 @@ def recipe(metric, deformations, start, end, most):
     return result.energy, done, n_starts, seconds
 
 
+@pytest.fixture(scope="module")
+def straightened():
+    """Collect what paths in all coordinates cost, print medians, and c = 0 against c > 0."""
+    rows = []
+    yield rows
+    if not rows:
+        return
+    seconds = np.array([row[1] for row in rows])
+    gains = np.array([row[2] for row in rows])
+    print(
+        f"\n{len(rows)} paths in all coordinates: median {np.median(seconds):.2f} s of processor "
+        f"time, worst {seconds.max():.2f} s; energies over the basis path's at most "
+        f"{gains.max():.4f}"
+    )
+    without = seconds[[weights[2] == 0 for weights, _, _ in rows]]
+    with_normals = seconds[[weights[2] > 0 for weights, _, _ in rows]]
+    if len(without) and len(with_normals):
+        print(f"c = 0 takes {np.median(without) / np.median(with_normals):.2f} times as long")
+
+
 @pytest.mark.parametrize("weights", WEIGHTS, ids=str)
-def test_straightening(benchmark, weights):
+def test_straightening(benchmark, straightened, weights):
     full = not benchmark.disabled
     resolution = "full" if full else "coarse"
-    open_bodies, seconds = bodies(resolution), []
+    open_bodies = bodies(resolution)
     metric = ElasticMetric(AlignedSurfaces(open_bodies.template), *weights)
 
     def solve_all():
         for start, end, kind in pairs()[: None if full else N_BRIEF]:
             ends = open_bodies.points[[start, end]]
+            begin = time.process_time()
             result, duration = timed(PathStraightening(), metric, *ends)
+            processor = time.process_time() - begin
             over_basis, _ = timed(BasisPath(basis(resolution)), metric, *ends)
             assert result.converged
             assert result.lower_bound <= result.energy < over_basis.energy
-            seconds.append(duration)
+            straightened.append((weights, processor, result.energy / over_basis.energy))
             print(
                 f"\n{start:3d} {end:3d} {kind:5} {weights!s:16} energy {result.energy:.5g}, over "
-                f"the basis {over_basis.energy:.5g}, bound {result.lower_bound:.5g}; "
-                f"{result.n_iterations} iterations, {duration:.2f} s"
+                f"the basis {over_basis.energy:.5g}, bound {result.lower_bound:.5g}, gap "
+                f"{result.gap:.2f} %; {result.n_iterations} iterations, {duration:.2f} s, "
+                f"{processor:.2f} s of processor time"
             )
 
     benchmark.pedantic(solve_all, rounds=1, iterations=1)
-    print(f"median {np.median(seconds):.2f} s, worst {max(seconds):.2f} s")
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+    print(f"peak of memory {peak:.2f} GiB, of all that has run in this process")
+
+
+@pytest.mark.parametrize("weights", WEIGHTS, ids=str)
+def test_gaps(benchmark, weights):
+    """What results say of their distance to the minimum, against running on to there."""
+    resolution = "coarse"
+    metric = ElasticMetric(AlignedSurfaces(bodies(resolution).template), *weights)
+    some = pairs()[:: 2 if not benchmark.disabled else 10]
+    for name, solver, further in (
+        ("over a basis", BasisPath(basis(resolution)), {"tolerance": 1e-9}),
+        ("in all coordinates", PathStraightening(), {"tolerance": 1e-6}),
+    ):
+        rows = []
+        for start, end, _ in some:
+            ends = bodies(resolution).points[[start, end]]
+            result = solver.solve(metric, *ends)
+            least = replace(solver, **further).solve(metric, *ends, initial_path=result.path)
+            rows.append((100 * (result.energy / least.energy - 1), result.gap))
+        shown, stated = np.array(rows).T
+        low, middle, high = np.percentile(stated / shown, [0, 50, 100])
+        print(
+            f"\n{weights!s:16} {name}: at most {shown.max():.3f} % above the minimum; gaps stated "
+            f"are {low:.2f} to {high:.2f} of that, {middle:.2f} in the median"
+        )
+        assert shown.max() < 0.5
+    benchmark.pedantic(lambda: solver.solve(metric, *ends), rounds=1)
+
+
+def test_warm_start_under_other_weights(benchmark):
+    """A geodesic between the same coarse bodies, when the weights have changed a little."""
+    space, deformations = AlignedSurfaces(bodies("coarse").template), basis("coarse")
+    solver, cold, warm = BasisPath(deformations), [], []
+    for start, end, _ in pairs()[: 3 if benchmark.disabled else None]:
+        ends = bodies("coarse").points[[start, end]]
+        path = solver.solve(ElasticMetric(space, 1.0, 1.0, 0.0), *ends).path
+        for c in (0.1, 0.2, 0.4):
+            metric = ElasticMetric(space, 1.0, 1.0, c)
+            for times, initial_path in ((cold, None), (warm, path)):
+                begin = time.process_time()
+                result = solver.solve(metric, *ends, initial_path)
+                times.append(1e3 * (time.process_time() - begin))
+            path = result.path
+    benchmark.pedantic(lambda: solver.solve(metric, *ends, path), rounds=3)
+    print(
+        f"\nwarm solve under other weights: {np.median(warm):.0f} ms of processor time in the "
+        f"median, {max(warm):.0f} at most; cold {np.median(cold):.0f} and {max(cold):.0f}"
+    )
+
+
+def test_many_geodesics(benchmark):
+    """A table by path length of coarse bodies, and how far the closed form is from it."""
+    n_bodies = 5 if benchmark.disabled else 46
+    metric = ElasticMetric(AlignedSurfaces(bodies("coarse").template), 1.0, 1.0, 0.1)
+    points, solver = bodies("coarse").points[::2][:n_bodies], BasisPath(basis("coarse"))
+    solver.solve(metric, *points[:2])
+    begin = time.perf_counter(), time.process_time()
+    found = benchmark.pedantic(
+        lambda: path_distances(solver, metric, points, n_jobs=2), rounds=1, iterations=1
+    )
+    seconds = time.perf_counter() - begin[0], time.process_time() - begin[1]
+    n_pairs = n_bodies * (n_bodies - 1) // 2
+    a_thousand = [1000 * duration / n_pairs for duration in seconds]
+    print(
+        f"\n{n_pairs} geodesics of coarse bodies on two threads: {a_thousand[0]:.0f} s a thousand, "
+        f"{a_thousand[1]:.0f} s of processor time; lengths exceed distances in closed form by "
+        f"{np.median(found.excess):.2f} % in the median, {found.excess.max():.2f} % at most; "
+        f"{found.message}"
+    )
+    assert np.all(found.excess > -1e-6)

@@ -1,0 +1,203 @@
+"""Paths between all pairs of a set of points, on disk: some at a time, whenever there is time."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import ArgumentError, DamagedFileWarning, FileFormatError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.jobs.checksums import are_marks, mark
+from riemhuman.jobs.cluster import tiles_on_cluster
+from riemhuman.jobs.folder import JobFolder
+from riemhuman.kernels.threads import thread_count
+from riemhuman.progress import ProgressBar
+from riemhuman.protocols import GeodesicSolver
+from riemhuman.solvers.many_paths import ManyPaths
+from riemhuman.solvers.path_distances import (
+    PairsOfPoints,
+    PathDistances,
+    distances_of,
+    row_of,
+)
+from riemhuman.storage.fingerprint import describe, digest
+
+PATHS = "paths.npy"
+"""Name of the file of paths, where they are kept: one for each pair i < j, row by row."""
+
+_ROWS, _DONE = "rows.npy", "done.npy"
+_FORMAT = "riemhuman pairwise job of paths 1"
+# Pairs that are solved, and then written, at a time.
+_BLOCK = 16
+_N_NUMBERS = 6
+
+
+def path_job(
+    solver: GeodesicSolver,
+    metric: RiemannianMetric,
+    points: Sequence[Any] | ndarray,
+    folder: str | os.PathLike[str],
+    *,
+    keep_paths: bool = False,
+    n_jobs: int | None = None,
+    client: Any | None = None,
+    progress: bool = False,
+) -> PathDistances:
+    r"""Find paths between all points of a set, or go on where it was left.
+
+    The same numbers as `riemhuman.solvers.path_distances`. A job that was interrupted or killed
+    goes on when it is called again with the same arguments; paths that were finished are kept.
+
+    Parameters
+    ----------
+    solver : GeodesicSolver
+        Finds the paths, such as `BasisPath`. The job holds its parameters and its code, and goes
+        on with the same alone; a callback is part of them.
+    metric : RiemannianMetric
+        The metric, held likewise.
+    points : array or sequence, shape (n, \*shape)
+        Points.
+    folder : path_like
+        Folder of the job, made if need be.
+    keep_paths : bool
+        Whether to keep the paths too, as `paths.npy`, shape (n (n − 1)/2, n_nodes, \*shape).
+    n_jobs : int, optional
+        Number of threads in each process, -1 for one a core; by default one.
+    client : distributed.Client, optional
+        Client of a Dask cluster whose workers find the paths; they must be able to import the
+        library.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    PathDistances
+
+    Raises
+    ------
+    ArgumentTypeError
+        If an argument is of the wrong type, or solver or metric depend on what a job cannot tell
+        from others, such as an open file.
+    ArgumentError
+        If a point is wrong, or the folder holds something else: another job, one on other points,
+        by another solver or metric, or no job at all.
+    FileError
+        If another process is at work in the folder, it cannot be written, or the disk is too small.
+    FileFormatError
+        If a file of the job is damaged.
+    ClusterError
+        If a cluster has had no worker for a minute.
+    MissingDependencyError
+        If a client is given and distributed is not installed, or a worker lacks the library.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> solver = rh.solvers.PoissonPath(n_nodes=5)
+    >>> found = rh.jobs.path_job(solver, space.metric, bodies.points[:3], "paths")
+    >>> found.lengths.shape
+    (3, 3)
+    """
+    thread_count(n_jobs)
+    points = metric.check_points(points[:], "points")
+    if len(points) < 2:
+        raise ArgumentError(f"points must be at least two; found {len(points)}")
+    n_pairs = len(points) * (len(points) - 1) // 2
+    described = {
+        "format": _FORMAT,
+        "points": digest(points).hex(),
+        "n_points": len(points),
+        "paths": keep_paths,
+        "metric": describe(metric),
+        "solver": describe(solver),
+    }
+    room = JobFolder(folder)
+    with room.locked():
+        size = room.claim(described, {"block": _BLOCK})["block"]
+        blocks = [slice(k, min(k + size, n_pairs)) for k in range(0, n_pairs, size)]
+        tables: dict[str, tuple[tuple[int, ...], Any]] = {
+            _ROWS: ((n_pairs, _N_NUMBERS), np.float64),
+            _DONE: ((len(blocks),), np.uint64),
+        }
+        if keep_paths:
+            n_nodes = solver.solve(metric, *points[:2]).path.shape[0]
+            tables[PATHS] = ((n_pairs, n_nodes, *points.shape[1:]), np.float64)
+        room.make_tables(tables)
+        todo = [(number, blocks[number]) for number in _unfinished(room, blocks, keep_paths)]
+        reader = _PathFinder(solver, points, keep_paths, n_jobs)
+        bar = ProgressBar(
+            total=n_pairs,
+            initial=n_pairs - sum(block.stop - block.start for _, block in todo),
+            desc="Geodesics",
+            disable=not progress,
+            unit=" paths",
+        )
+        with bar:
+            for number, found in _computed(metric, reader, todo, client):
+                block = blocks[number]
+                if keep_paths:
+                    shape = tables[PATHS][0][1:]
+                    paths = found[:, _N_NUMBERS:].reshape(-1, *shape)
+                    room.write(PATHS, (block, paths))
+                room.write(_ROWS, (block, found[:, :_N_NUMBERS]))
+                # The record follows the entries: a kill between costs these pairs, no more.
+                room.write(_DONE, (number, mark(found)))
+                bar.update(block.stop - block.start)
+        return distances_of(len(points), np.array(room.read(_ROWS)))
+
+
+@dataclass(frozen=True)
+class _PathFinder:
+    """Finds the paths of some pairs, in this process or in a worker of a cluster."""
+
+    solver: GeodesicSolver
+    points: ndarray
+    keep_paths: bool
+    n_jobs: int | None
+
+    def distances(self, metric: RiemannianMetric, block: slice) -> ndarray:
+        """Return a row for each pair, its numbers and then its path where that is kept."""
+        pairs = PairsOfPoints(self.points)[block]
+        rows = []
+        for result in ManyPaths.solve_many(self.solver, metric, pairs, n_jobs=self.n_jobs):
+            path = result.path.ravel() if self.keep_paths else np.empty(0)
+            rows.append(np.concatenate([row_of(metric, result), path]))
+        return np.array(rows)
+
+
+def _computed(
+    metric: RiemannianMetric, reader: _PathFinder, todo: list[tuple[int, slice]], client: Any | None
+) -> Iterator[tuple[int, ndarray]]:
+    if client is None:
+        return ((number, reader.distances(metric, block)) for number, block in todo)
+    return tiles_on_cluster(client, metric, reader, todo)
+
+
+def _unfinished(room: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterator[int]:
+    """Yield the numbers of the blocks that are not finished, or no longer what was written."""
+    marks = np.array(room.read(_DONE))
+    if not are_marks(marks):
+        raise FileFormatError(f"{room.path / _DONE} is damaged: it marks pairs as neither")
+    for number, block in enumerate(blocks):
+        if marks[number]:
+            found = np.array(room.read(_ROWS)[block])
+            if keep_paths:
+                paths = np.array(room.read(PATHS)[block]).reshape(len(found), -1)
+                found = np.concatenate([found, paths], axis=1)
+            if mark(found) == int(marks[number]):
+                continue
+            warnings.warn(
+                f"a table in {room.path} is damaged: what it holds of pairs {block.start} to "
+                f"{block.stop - 1} is not what was written; they are solved again",
+                DamagedFileWarning,
+                stacklevel=3,
+            )
+        yield number

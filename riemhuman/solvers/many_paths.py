@@ -1,0 +1,108 @@
+"""Many geodesics at once, by any solver."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+from numpy import ndarray
+
+from riemhuman.checks import values_of
+from riemhuman.errors import ArgumentError, ConvergenceWarning, RiemhumanError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.threads import single_threaded_libraries, thread_count
+from riemhuman.progress import ProgressBar
+from riemhuman.protocols import GeodesicSolver, uninterrupted
+from riemhuman.solvers.results import PathResult, whole_path_result
+
+
+class ManyPaths:
+    """What makes a geodesic solver solve many pairs of points."""
+
+    def solve_many(
+        self: GeodesicSolver,
+        metric: RiemannianMetric,
+        pairs: Sequence[Any] | ndarray,
+        *,
+        n_jobs: int | None = None,
+        progress: bool = False,
+    ) -> list[PathResult]:
+        r"""Find a path between the points of every pair.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        pairs : array or sequence, shape (n_pairs, 2, \*shape)
+            Pairs of end points: an array, or anything with a length whose items are two points.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one. Paths do not depend on it.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        list of PathResult
+            In the order of the pairs; see `riemhuman.jobs.path_job` for more than memory holds.
+
+        Raises
+        ------
+        ArgumentError
+            If an item is not two points, or two for which `solve` refuses; the error names it.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If some paths have not converged: one warning that counts them.
+        """
+        n_threads = thread_count(n_jobs)
+
+        def solve(number: int) -> PathResult:
+            return _solve_pair(self, metric, pairs, number)
+
+        bar = ProgressBar(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
+        found: list[PathResult] = []
+        with warnings.catch_warnings(), single_threaded_libraries(), bar:
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            for result in _in_turn(solve, len(pairs), n_threads):
+                found.append(result)
+                bar.update()
+        n_unfinished = sum(not result.converged for result in found)
+        if n_unfinished:
+            warnings.warn(
+                f"{type(self).__name__} stopped without converging on {n_unfinished} of "
+                f"{len(pairs)} pairs; `converged` of their results is False",
+                ConvergenceWarning,
+                stacklevel=2,
+            )
+        return found
+
+
+def _in_turn(solve: Any, n_pairs: int, n_threads: int) -> Iterator[PathResult]:
+    """Yield the results in order; where one fails, no others are begun."""
+    if n_threads == 1:
+        yield from map(solve, range(n_pairs))
+        return
+    pool = ThreadPoolExecutor(n_threads, thread_name_prefix="riemhuman-paths")
+    try:
+        yield from pool.map(solve, range(n_pairs))
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _solve_pair(
+    solver: GeodesicSolver, metric: RiemannianMetric, pairs: Any, number: int
+) -> PathResult:
+    pair = pairs[number]
+    if not hasattr(pair, "__len__") or len(pair) != 2:
+        raise ArgumentError(f"pairs[{number}] must be two points; found {type(pair).__name__}")
+    start, end = (
+        values_of(point, f"{name} of pairs[{number}]")
+        for point, name in zip(pair, ("start", "end"), strict=True)
+    )
+    try:
+        return whole_path_result(uninterrupted(solver.solve(metric, start, end)))
+    except RiemhumanError as error:
+        raise type(error)(f"pairs[{number}]: {error}") from error
