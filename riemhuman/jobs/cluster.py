@@ -6,7 +6,7 @@ import pkgutil
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from numpy import ndarray
 
@@ -20,9 +20,6 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.file_content import brief
 
-if TYPE_CHECKING:
-    from riemhuman.jobs.tiles import Tile, TileReader
-
 # Tiles for each thread of the cluster: one at work and others waiting, so that none runs dry.
 _TILES_A_THREAD = 3
 # How often a tile is tried again after an error, such as a file system that failed for a moment.
@@ -31,11 +28,30 @@ _RETRIES = 3
 _PATIENCE, _SECONDS = 4, 15
 
 
+class BlockReader(Protocol):
+    """What computes one part of a job."""
+
+    def distances(self, metric: RiemannianMetric, tile: Any) -> ndarray:
+        """Return the numbers of one part.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        tile : object
+            Which part, such as a `Tile`.
+
+        Returns
+        -------
+        array
+        """
+
+
 def tiles_on_cluster(
     client: Any,
     metric: RiemannianMetric,
-    reader: TileReader,
-    tiles: Sequence[tuple[int, Tile]],
+    reader: BlockReader,
+    tiles: Sequence[tuple[int, Any]],
 ) -> Iterator[tuple[int, ndarray]]:
     """Compute tiles on a cluster, each anew if its worker is lost.
 
@@ -45,10 +61,10 @@ def tiles_on_cluster(
         Client of the cluster.
     metric : RiemannianMetric
         The metric.
-    reader : TileReader
-        Computes a tile on a worker.
-    tiles : sequence of (int, Tile)
-        Numbered tiles.
+    reader : BlockReader
+        Computes a tile on a worker, a `TileReader` for one.
+    tiles : sequence of (int, object)
+        Numbered tiles, or whatever else the reader takes.
 
     Yields
     ------
@@ -83,8 +99,8 @@ def _in_turn(
     distributed: Any,
     client: Any,
     metric: RiemannianMetric,
-    reader: TileReader,
-    tiles: Sequence[tuple[int, Tile]],
+    reader: BlockReader,
+    tiles: Sequence[tuple[int, Any]],
 ) -> Iterator[tuple[int, ndarray]]:
     # Sent once, and from the scheduler again to a worker that replaces a lost one.
     sent = client.submit(_same, metric, pure=False)

@@ -163,9 +163,9 @@ class _PathFinder:
     keep_paths: bool
     n_jobs: int | None
 
-    def distances(self, metric: RiemannianMetric, block: slice) -> ndarray:
+    def distances(self, metric: RiemannianMetric, tile: slice) -> ndarray:
         """Return a row for each pair, its numbers and then its path where that is kept."""
-        pairs = PairsOfPoints(self.points)[block]
+        pairs = PairsOfPoints(self.points)[tile]
         rows = []
         for result in ManyPaths.solve_many(self.solver, metric, pairs, n_jobs=self.n_jobs):
             path = result.path.ravel() if self.keep_paths else np.empty(0)
