@@ -79,7 +79,8 @@ def doubts(evidence: Evidence) -> list[str]:
     if evidence.strain > LARGEST_STRAIN:
         reasons.append(
             f"the surface had to leave the model by {1000 * evidence.strain:.1f} mm in the mean "
-            f"(bodies do by less than {1000 * LARGEST_STRAIN:.0f}): it may face the wrong way, or wear thick clothes"
+            f"(bodies do by less than {1000 * LARGEST_STRAIN:.0f}): it may face the wrong way, "
+            "or wear thick clothes"
         )
     if evidence.betas > LARGEST_BETA:
         reasons.append(
