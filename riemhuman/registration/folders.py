@@ -58,6 +58,13 @@ class ScanRecord:
     arrays : dict of str to array
         The body's points and faces, the way up, the vertices matched, some points of the scan and
         their distances, betas, pose and trans; empty where the scan could not be registered.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> record = rh.registration.read_records("bodies")[0]  # doctest: +SKIP
+    >>> record.name, record.trusted  # doctest: +SKIP
+    ('anna', True)
     """
 
     name: str
@@ -105,6 +112,14 @@ def register_folder(
     FileError
         If there is no such folder, it holds no scans, two scans have one name, or the output
         cannot be written.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> registration = rh.registration.ScanRegistration()  # doctest: +SKIP
+    >>> records = rh.registration.register_folder(
+    ...     registration, "scans", "bodies"
+    ... )  # doctest: +SKIP
     """
     files = scan_files(scans)
     folder = file_path(output, "output", "folder")
@@ -176,6 +191,11 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
         If nothing was registered into it.
     FileFormatError
         If a record is damaged.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> records = rh.registration.read_records("bodies")  # doctest: +SKIP
     """
     place = existing_folder(folder) / RECORDS
     files = sorted(place.glob("*.npz")) if place.is_dir() else []

@@ -42,6 +42,15 @@ class RegisteredScan:
         Which way is up in the scan.
     unit : str
         The unit of the scan.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> registration = rh.registration.TemplateRegistration(bodies.template)
+    >>> result = registration.solve((bodies[0], bodies.template.faces), start=bodies[0])
+    >>> result.trusted, result.points.shape
+    (True, (1202, 3))
     """
 
     points: np.ndarray

@@ -53,6 +53,13 @@ class Scan:
         Normals that came with loose points.
     unit : str
         The unit that the scan came in.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> scan = rh.registration.Scan(rh.datasets.load_open_bodies("coarse")[0])
+    >>> len(scan), scan.unit
+    (1202, 'metres')
     """
 
     points: np.ndarray

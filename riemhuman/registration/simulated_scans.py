@@ -32,6 +32,14 @@ class SimulatedScan:
         Triangles of a mesh; None of loose points.
     body : array, shape (V, 3)
         The body where it stood when it was scanned, metres.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, rng=0)
+    >>> scan.body.shape, scan.faces is None
+    ((1202, 3), True)
     """
 
     points: np.ndarray

@@ -45,6 +45,11 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
         If nothing was registered into the folder, or the page cannot be written.
     FileFormatError
         If a record is damaged.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> page = rh.report.scan_page("bodies")  # doctest: +SKIP
     """
     records = read_records(folder)
     trusted = sum(record.trusted for record in records)
