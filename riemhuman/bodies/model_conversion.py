@@ -23,6 +23,16 @@ class ConvertedFit:
         Betas, pose and trans of the other model.
     distances : array, shape (..., n_points)
         Distance of each vertex of the first model from where the other has it, metres.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fit, model = bodies.model.fit(bodies[0]), bodies.model
+    >>> same = rh.bodies.convert(fit, model, to=model, correspondence=np.arange(1202))
+    >>> same.distances.shape
+    (1202,)
     """
 
     fit: ModelFit

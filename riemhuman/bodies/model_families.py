@@ -31,6 +31,13 @@ class ModelContents:
         What is read.
     left_out : tuple of str
         What is not, and why.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.datasets.load_open_model("coarse").save("model.npz")
+    >>> rh.bodies.model_contents("model.npz").family
+    "SMPL's layout"
     """
 
     family: str

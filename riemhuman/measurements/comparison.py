@@ -45,6 +45,14 @@ class VisitComparison:
         body; NaN where it is not known.
     displacements : array, shape (V,)
         How far each vertex moved outward, metres.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model, ["stature", "waist girth"])
+    >>> rh.measurements.compare_visits(own, bodies[0], bodies[3]).changes.shape
+    (2,)
     """
 
     names: tuple[str, ...]
@@ -145,6 +153,13 @@ def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
         By name, in the unit of the measurement.
     parts : dict of str to float
         Of the logarithm of a triangle's area, by part of the body.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> girths, areas = rh.measurements.noise_of_poses()
+    >>> girths["waist girth"] < 0.005
+    True
     """
     record = json.loads((FOLDER / "noise_of_poses.json").read_text(encoding="utf-8"))
     return record["measurements"], record["log_areas"]

@@ -43,6 +43,12 @@ class Measurement:
         The standard that defines it, where there is one.
     note : str
         What is to be known about it.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> isinstance(rh.measurements.Height(name="stature", at="crown"), rh.measurements.Measurement)
+    True
     """
 
     name: str
@@ -217,6 +223,15 @@ class Breadth(PlaneSection):
         Normal of the plane, as of `Girth`.
     parts, leave_out : sequence of str
         Parts that the section runs over, and parts that are cut away from it.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> hips = rh.measurements.Breadth(name="hip breadth", at="left_buttock", parts=["trunk"])
+    >>> own = rh.measurements.Measurements(bodies.model, [hips])
+    >>> own.names, own.units
+    (('hip breadth',), ('m',))
     """
 
     _direction: ClassVar[str] = "left"
@@ -245,6 +260,13 @@ class Depth(Breadth):
         Normal of the plane, as of `Girth`.
     parts, leave_out : sequence of str
         Parts that the section runs over, and parts that are cut away from it.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> chest = rh.measurements.Depth(name="chest depth", at="under_bust", parts=["trunk"])
+    >>> chest.to_dict()["kind"]
+    'Depth'
     """
 
     _direction: ClassVar[str] = "forward"
@@ -262,6 +284,15 @@ class Height(Measurement):
         The place.
     above : str or mapping of str to float, optional
         Another place to measure from; by default the floor, at the lowest vertex.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> crown = rh.measurements.Height(name="stature", at="crown")
+    >>> own = rh.measurements.Measurements(bodies.model, [crown])
+    >>> round(float(own.measure(bodies[0])["stature"]), 2)
+    1.85
     """
 
     at: Place
@@ -296,6 +327,15 @@ class Length(Measurement):
     path : {"straight", "surface", "joints"}
         Straight from place to place; along the shortest path on the surface between them; or from
         joint to joint of the body model's tree.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> leg = rh.measurements.Length(name="leg", along=["left_hip", "left_ankle"], path="joints")
+    >>> own = rh.measurements.Measurements(bodies.model, [leg])
+    >>> own.measure(bodies.points[:2]).values.shape
+    (2, 1)
     """
 
     along: tuple[Place, ...]
@@ -346,6 +386,14 @@ class Volume(Measurement):
     ----------
     name, standard, note : str
         Its name, where it is defined, and what is to be known about it.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model, [rh.measurements.Volume(name="volume")])
+    >>> own.units
+    ('m³',)
     """
 
     units: ClassVar[str] = "m³"
@@ -364,6 +412,15 @@ class Mass(Measurement):
         Its name, where it is defined, and what is to be known about it.
     density : float
         Kilograms a cubic metre.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> mass = rh.measurements.Mass(name="mass, estimated", density=1010.0)
+    >>> own = rh.measurements.Measurements(bodies.model, [mass])
+    >>> own.units
+    ('kg',)
     """
 
     density: float = DENSITY
@@ -387,6 +444,15 @@ class Area(Measurement):
         Its name, where it is defined, and what is to be known about it.
     parts : sequence of str
         Parts of the body; all of it by default.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> arm = rh.measurements.Area(name="left arm", parts=["left arm"])
+    >>> own = rh.measurements.Measurements(bodies.model, [arm])
+    >>> own.units
+    ('m²',)
     """
 
     parts: tuple[str, ...] = field(default=())

@@ -58,6 +58,13 @@ class MeasuredPerson:
         Whether the search came to rest.
     message : str
         What is to be said about the result.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> person = rh.measurements.model_from_measurements({"stature": 1.70}, resolution="coarse")
+    >>> person.points.shape
+    (1202, 3)
     """
 
     points: ndarray

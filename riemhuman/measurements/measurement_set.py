@@ -65,6 +65,13 @@ class MeasurementSet:
     ArgumentError
         If two measurements share a name, or one refers to what there is not; the nearest name is
         offered.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> rh.measurements.open_measurements(model)
+    <MeasurementSet: 32 measurements, 48 landmarks, 1,202 vertices>
     """
 
     template: Template | BodyModel

@@ -61,6 +61,14 @@ class MeasuredBodies:
         Unit of each measurement.
     gradient : array, shape (..., M, V, 3), optional
         Derivatives of the values by the vertices, where asked for.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies[0])
+    >>> round(float(measured["stature"]), 2)
+    1.85
     """
 
     names: tuple[str, ...]
@@ -133,7 +141,7 @@ class Measurements:
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> measured = rh.measurements.Measurements(bodies.model).measure(bodies.points[:3])
     >>> measured["stature"].round(2)
-    array([1.75, 1.75, 1.75])
+    array([1.85, 1.84, 1.83])
     """
 
     def __init__(

@@ -43,6 +43,17 @@ class NearestBody:
         Steps.
     message : str
         How the search ended.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model, ["waist girth"])
+    >>> metric = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template), a0=1.0, a2=0.01)
+    >>> waist = float(own.measure(bodies[0])["waist girth"])
+    >>> found = rh.measurements.nearest_body(own, metric, bodies[0], {"waist girth": waist + 0.02})
+    >>> found.point.shape
+    (1202, 3)
     """
 
     point: ndarray

@@ -39,6 +39,15 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     ------
     ArgumentError
         If the template is no body model.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model)
+    >>> straight = rh.measurements.in_standard_pose(own.definitions, bodies[3])
+    >>> straight.shape
+    (1202, 3)
     """
     model = description.model
     if model is None:
