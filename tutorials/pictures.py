@@ -29,6 +29,9 @@ def main() -> None:
     maps(bodies, space)
     differences(bodies, space, people)
     path_and_mean(bodies, space, people)
+    scan()
+    tapes(bodies)
+    motions()
     report()
 
 
@@ -120,6 +123,48 @@ def path_and_mean(bodies, space, people) -> None:
     figure, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
     rh.report.plot_path([*some, mean], faces, colors=3 * [SKIN] + [GOLD], ax=ax, spacing=1.7)
     save(figure, "mean")
+
+
+def scan() -> None:
+    """Draw a scan with holes beside the body that is registered to it."""
+    bodies = rh.datasets.load_open_bodies("coarse")
+    surface, faces = bodies[57], bodies.template.faces
+    found = rh.registration.simulated_scan(surface, faces, rng=3, n_points=12000, missing=0.12)
+    body = rh.registration.ScanRegistration(bodies.model).solve(found.surface).points
+    middle = body.mean(axis=0)
+    turn, *_ = np.linalg.lstsq(body - middle, surface - surface.mean(axis=0), rcond=None)
+    points = (found.points - middle) @ turn
+    figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+    axes[0].scatter(points[:, 0], points[:, 1], c=points[:, 2], s=1, cmap="copper")
+    axes[0].set_aspect("equal")
+    axes[0].set_axis_off()
+    rh.report.plot_body((body - middle) @ turn, faces, ax=axes[1])
+    save(figure, "scan")
+
+
+def tapes(bodies) -> None:
+    """Draw a person in the standard pose with every tape."""
+    own = rh.measurements.Measurements(bodies.model)
+    straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
+    found = own.tapes(straight, axes="space")
+    save(rh.report.plot_tapes(straight, bodies.template.faces, found), "tapes")
+
+
+def motions() -> None:
+    """Draw two performances of one motion on a common clock, one above the other."""
+    people = ["lean runner", "older heavy man"]
+    recorded = rh.datasets.load_open_motions("coarse", people, ["knees"])
+    first, second = (motion[: 60 + 18 * k : 2 + k] for k, motion in enumerate(recorded))
+    template = recorded[0].template
+    space = rh.AlignedSurfaces(template).equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    warp = rh.motions.DynamicTimeWarping(space.metric, centered=True).warp(first, second)
+    curves = rh.motions.MotionSpace(space, n_times=9)
+    times = rh.motions.even_times(warp, curves.n_times)
+    rows = [curves.resample(first), curves.resample(second, at=times * (len(second) - 1))]
+    figure, axes = plt.subplots(2, 1, figsize=(9, 5), layout="constrained")
+    for ax, row, color in zip(axes, rows, (SKIN, GOLD), strict=True):
+        rh.report.plot_path(row, template.faces, colors=len(row) * [color], ax=ax, spacing=1.15)
+    save(figure, "motions")
 
 
 def report() -> None:
