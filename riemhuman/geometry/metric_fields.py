@@ -124,11 +124,10 @@ class MetricFields(Manifold):
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
         crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size
-        degenerate = ebin_matrices.is_degenerate(g)
+        determinant = ebin_matrices.determinants(g)
+        degenerate = ebin_matrices.is_small(determinant, g)
         rounding = 1e-9 * size**2
-        negative = (
-            (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (ebin_matrices.determinants(g) < -rounding)
-        )
+        negative = (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (determinant < -rounding)
         refuse_triangles(crooked, f"{name} must hold symmetric matrices", ArgumentError)
         refuse_triangles(
             negative, f"{name} must hold positive semidefinite matrices", ArgumentError

@@ -41,7 +41,7 @@ def to_tangent(v: ndarray, n: ndarray) -> ndarray:
     -------
     array, shape (..., 3)
     """
-    return v - dot(n, v)[..., None] * n
+    return v - np.expand_dims(dot(n, v), -1) * n
 
 
 ANTIPODAL = np.pi - 8 * np.finfo(float).eps
@@ -82,7 +82,7 @@ def exp(v: ndarray, n: ndarray) -> ndarray:
     -------
     array, shape (..., 3)
     """
-    length = square_root(dot(v, v))[..., None]
+    length = np.expand_dims(square_root(dot(v, v)), -1)
     return np.cos(length) * n + sine_cardinal(length) * v
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import autograd.numpy as np
+from autograd.extend import defjvp, defvjp, primitive
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
@@ -176,8 +177,11 @@ def cross(a: ndarray, b: ndarray) -> ndarray:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
+@primitive
 def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
     """Return the matrices [[e, m], [m, g]].
+
+    Registered as an autograd primitive: the transpose of stacking adds up entry by entry.
 
     Parameters
     ----------
@@ -188,7 +192,24 @@ def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
     -------
     array, shape (..., 2, 2)
     """
-    return np.stack([np.stack([e, m], axis=-1), np.stack([m, g], axis=-1)], axis=-2)
+    matrices = np.empty((*np.shape(e), 2, 2))
+    matrices[..., 0, 0], matrices[..., 1, 1] = e, g
+    matrices[..., 0, 1] = matrices[..., 1, 0] = m
+    return matrices
+
+
+defvjp(
+    symmetric_matrices,
+    lambda answer, e, m, g: lambda upstream: entry(upstream, 0, 0),
+    lambda answer, e, m, g: lambda upstream: entry(upstream, 0, 1) + entry(upstream, 1, 0),
+    lambda answer, e, m, g: lambda upstream: entry(upstream, 1, 1),
+)
+defjvp(
+    symmetric_matrices,
+    lambda tangent, answer, e, m, g: symmetric_matrices(tangent, 0.0 * m, 0.0 * g),
+    lambda tangent, answer, e, m, g: symmetric_matrices(0.0 * e, tangent, 0.0 * g),
+    lambda tangent, answer, e, m, g: symmetric_matrices(0.0 * e, 0.0 * m, tangent),
+)
 
 
 def first_fundamental_form(f_u: ndarray, f_v: ndarray) -> ndarray:

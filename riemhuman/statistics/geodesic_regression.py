@@ -6,6 +6,7 @@ from typing import Any, Self
 
 import autograd.numpy as np
 from autograd import value_and_grad
+from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
@@ -22,6 +23,9 @@ from riemhuman.statistics.tangent_pca import mean_point
 
 # Misfit, in units of the variance, where the line search has left the manifold.
 _WALL = 10.0
+
+# Points whose misfits are taken together, so that what they need stays in the processor's cache.
+_BLOCK = 4
 
 
 class GeodesicRegression(Estimator):
@@ -235,23 +239,32 @@ class GeodesicRegression(Estimator):
         slowness = 1.0 / np.sqrt(np.mean(times**2))
         columns = times.reshape(-1, *(1,) * point.ndim)
 
-        def line(changes: ndarray) -> tuple[ndarray, ndarray]:
+        def line(changes: ndarray) -> ndarray:
             # The factor is all but singular on directions that leave the manifold.
             changes = space.to_tangent(changes, point)
             moved = space.projection(metric.exp(changes[0], point))
-            return moved, space.to_tangent(velocity + changes[1], moved)
+            return np.stack([moved, space.to_tangent(velocity + changes[1], moved)])
 
-        def misfit(changes: ndarray) -> Any:
-            moved, speed = line(changes)
-            predictions = metric.exp(columns * speed, moved + 0.0 * columns)
-            return np.mean(metric.squared_dist(predictions, images)) / spread
+        def misfit(line: ndarray, columns: ndarray, images: ndarray) -> Any:
+            predictions = metric.exp(columns * line[1], line[0])
+            return np.sum(metric.squared_dist(predictions, images)) / (len(times) * spread)
+
+        def slope(changes: ndarray) -> tuple[float, ndarray]:
+            """Return the misfit and its gradient, few points at a time."""
+            pull_back, ends = make_vjp(line, changes)
+            value, gradient = 0.0, np.zeros_like(ends)
+            for first in range(0, len(times), _BLOCK):
+                block = slice(first, first + _BLOCK)
+                part, change = slope_of_ends(ends, columns[block], images[block])
+                value, gradient = value + part, gradient + change
+            return value, pull_back(gradient)
 
         def changes_of(variables: ndarray) -> ndarray:
             halves = variables.reshape(2, -1, 1)
             rows = [factor.solve_transposed(half)[:, 0] for half in halves]
             return np.stack([rows[0], slowness * rows[1]]).reshape(2, *shape)
 
-        slope = value_and_grad(misfit)
+        slope_of_ends = value_and_grad(misfit)
 
         def objective(variables: ndarray) -> tuple[float, ndarray]:
             try:
@@ -271,7 +284,8 @@ class GeodesicRegression(Estimator):
         )
         self.n_iter_ = found.n_iterations
         warn_unless_converged(self, _as_result(point, found))
-        return line(changes_of(found.x))
+        intercept, speed = line(changes_of(found.x))
+        return intercept, speed
 
 
 def _tangent_regression(

@@ -49,7 +49,7 @@ def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:
     met_apex = (along <= rounding) & (across <= rounding)
     end = traceless_exp(shear, angle_per_unit(along, across))
     radius_squared = along**2 + across**2
-    return unwhiten(radius_squared[..., None, None] * end, g), met_apex
+    return unwhiten(np.expand_dims(radius_squared, (-2, -1)) * end, g), met_apex
 
 
 def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
@@ -95,8 +95,9 @@ def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
     array, shape (..., 2, 2)
     """
     length = factor * size(v)
-    linear = (factor * hyperbolic_sine_cardinal(length))[..., None, None] * v
-    return np.cosh(length)[..., None, None] * np.eye(2) + linear
+    even, odd = np.cosh(length), factor * hyperbolic_sine_cardinal(length)
+    diagonal, mixed = odd * entry(v, 0, 0), odd * entry(v, 0, 1)
+    return symmetric_matrices(even + diagonal, mixed, even - diagonal)
 
 
 def log(g1: ndarray, g2: ndarray, lam: float) -> ndarray:

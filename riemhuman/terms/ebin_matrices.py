@@ -40,11 +40,23 @@ def is_degenerate(g: ndarray) -> ndarray:
     -------
     array of bool, shape (...)
     """
-    return _is_small(determinants(g), g)
+    return is_small(determinants(g), g)
 
 
-def _is_small(determinant: ndarray, g: ndarray) -> ndarray:
-    """Return whether det g is rounding error alone."""
+def is_small(determinant: ndarray, g: ndarray) -> ndarray:
+    """Return whether det g is rounding error alone, as `is_degenerate` does of a known det g.
+
+    Parameters
+    ----------
+    determinant : array, shape (...)
+        det g.
+    g : array, shape (..., 2, 2)
+        Positive semidefinite matrices.
+
+    Returns
+    -------
+    array of bool, shape (...)
+    """
     return determinant <= DEGENERATE * entry(g, 0, 0) * entry(g, 1, 1)
 
 
@@ -79,7 +91,7 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     x, y, s : array, shape (...)
     """
     determinant = determinants(g)
-    degenerate = _is_small(determinant, g)
+    degenerate = is_small(determinant, g)
     areas = np.sqrt(np.where(degenerate, 1.0, determinant))
     return half_plane(np.where(degenerate, 1.0, entry(g, 0, 0)), entry(g, 0, 1), areas, degenerate)
 

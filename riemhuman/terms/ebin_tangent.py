@@ -119,7 +119,8 @@ def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
     m = 0.5 * (entry(delta_g, 0, 1) + entry(delta_g, 1, 0))
     mixed = (m - x * e) / y
     last = ((entry(delta_g, 1, 1) - x * m) / y - x * mixed) / y
-    return symmetric_matrices(e, mixed, last) / entry(g, slice(1), slice(1))
+    first = entry(g, 0, 0)
+    return symmetric_matrices(e / first, mixed / first, last / first)
 
 
 def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
@@ -140,6 +141,5 @@ def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
     e = entry(matrices, 0, 0) + np.zeros_like(x)
     m, last = entry(matrices, 0, 1), entry(matrices, 1, 1)
     mixed = x * e + y * m
-    return entry(g, slice(1), slice(1)) * symmetric_matrices(
-        e, mixed, x * mixed + y * (x * m + y * last)
-    )
+    first, corner = entry(g, 0, 0), x * mixed + y * (x * m + y * last)
+    return symmetric_matrices(first * e, first * mixed, first * corner)
