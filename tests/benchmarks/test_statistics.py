@@ -202,3 +202,26 @@ def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
     begin = time.process_time()
     benchmark.pedantic(lambda: pca.inverse_transform(coordinates), rounds=1, iterations=1)
     print(f"\n{name}: {(time.process_time() - begin) / count:.2f} s of the processor a body")
+
+
+@pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies of mixed poses"])
+def test_regression_on_height_at_full_resolution(benchmark, name):
+    """Processor seconds of a whole fit, with the Karcher mean."""
+    known = bodies("coarse" if benchmark.disabled else "full")
+    if "people" in name:
+        betas = np.zeros((24, known.model.n_betas))
+        betas[:, :8] = np.random.default_rng(5).standard_normal((24, 8))
+        points = known.model(betas)
+    else:
+        points = known.points[::4][:24]
+    points = points[:3] if benchmark.disabled else points
+    heights = np.ptp(points[..., 1], axis=1)
+    space = AlignedSurfaces(known.template, equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    regression = GeodesicRegression(space)
+    begin = time.process_time()
+    benchmark.pedantic(lambda: regression.fit(heights, points), rounds=1, iterations=1)
+    print(
+        f"\n{name}: {time.process_time() - begin:.1f} s of the processor, "
+        f"{regression.n_iter_} iterations"
+    )
