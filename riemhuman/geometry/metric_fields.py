@@ -125,7 +125,7 @@ class MetricFields(Manifold):
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
         crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size
         determinant = ebin_matrices.determinants(g)
-        degenerate = ebin_matrices.is_small(determinant, g)
+        degenerate = ebin_matrices.is_rounding_error(determinant, g)
         rounding = 1e-9 * size**2
         negative = (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (determinant < -rounding)
         refuse_triangles(crooked, f"{name} must hold symmetric matrices", ArgumentError)

@@ -245,17 +245,17 @@ class GeodesicRegression(Estimator):
             moved = space.projection(metric.exp(changes[0], point))
             return np.stack([moved, space.to_tangent(velocity + changes[1], moved)])
 
-        def misfit(line: ndarray, columns: ndarray, images: ndarray) -> Any:
-            predictions = metric.exp(columns * line[1], line[0])
+        def misfit(start: ndarray, columns: ndarray, images: ndarray) -> Any:
+            predictions = metric.exp(columns * start[1], start[0])
             return np.sum(metric.squared_dist(predictions, images)) / (len(times) * spread)
 
         def slope(changes: ndarray) -> tuple[float, ndarray]:
             """Return the misfit and its gradient, few points at a time."""
-            pull_back, ends = make_vjp(line, changes)
-            value, gradient = 0.0, np.zeros_like(ends)
+            pull_back, start = make_vjp(line, changes)
+            value, gradient = 0.0, np.zeros_like(start)
             for first in range(0, len(times), _BLOCK):
                 block = slice(first, first + _BLOCK)
-                part, change = slope_of_ends(ends, columns[block], images[block])
+                part, change = slope_in_line(start, columns[block], images[block])
                 value, gradient = value + part, gradient + change
             return value, pull_back(gradient)
 
@@ -264,7 +264,7 @@ class GeodesicRegression(Estimator):
             rows = [factor.solve_transposed(half)[:, 0] for half in halves]
             return np.stack([rows[0], slowness * rows[1]]).reshape(2, *shape)
 
-        slope_of_ends = value_and_grad(misfit)
+        slope_in_line = value_and_grad(misfit)
 
         def objective(variables: ndarray) -> tuple[float, ndarray]:
             try:

@@ -40,10 +40,10 @@ def is_degenerate(g: ndarray) -> ndarray:
     -------
     array of bool, shape (...)
     """
-    return is_small(determinants(g), g)
+    return is_rounding_error(determinants(g), g)
 
 
-def is_small(determinant: ndarray, g: ndarray) -> ndarray:
+def is_rounding_error(determinant: ndarray, g: ndarray) -> ndarray:
     """Return whether det g is rounding error alone, as `is_degenerate` does of a known det g.
 
     Parameters
@@ -91,7 +91,7 @@ def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
     x, y, s : array, shape (...)
     """
     determinant = determinants(g)
-    degenerate = is_small(determinant, g)
+    degenerate = is_rounding_error(determinant, g)
     areas = np.sqrt(np.where(degenerate, 1.0, determinant))
     return half_plane(np.where(degenerate, 1.0, entry(g, 0, 0)), entry(g, 0, 1), areas, degenerate)
 

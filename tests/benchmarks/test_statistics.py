@@ -204,7 +204,7 @@ def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
     print(f"\n{name}: {(time.process_time() - begin) / count:.2f} s of the processor a body")
 
 
-@pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies of mixed poses"])
+@pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies in five poses"])
 def test_regression_on_height_at_full_resolution(benchmark, name):
     """Processor seconds of a whole fit, with the Karcher mean."""
     known = bodies("coarse" if benchmark.disabled else "full")
