@@ -17,6 +17,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import MEMORY, Points
 from riemhuman.kernels.threads import for_each
 from riemhuman.motions.dynamic_time_warping import all_pairs
+from riemhuman.motions.even_segments import even_segments
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions, whole_motion
 from riemhuman.motions.transported_velocities import TransportedVelocities
 from riemhuman.motions.velocity_kernels import best_gain, trace_gain
@@ -39,15 +40,18 @@ class Curve:
     ----------
     start : array, shape (V, 3)
         The first frame.
-    directions : array, shape (n_frames - 1, p)
+    directions : array, shape (n_segments, p)
         Transported velocities, each over the root of its length; 0 where the length is 0.
     length : float
         Sum of the lengths.
+    places : array, shape (n_segments + 1,)
+        Where the velocities begin and end, in frames.
     """
 
     start: ndarray
     directions: ndarray
     length: float
+    places: ndarray
 
 
 class RateInvariantMetric(RiemannianMetric):
@@ -60,10 +64,12 @@ class RateInvariantMetric(RiemannianMetric):
     where v is the velocity of Φ(m(t)), transported along geodesics to the fields of one reference
     surface; see `riemhuman.motions.transported_velocities`. As the reference is the same for all,
     all q lie in one Euclidean space, where re-timing acts by isometries: d is a metric on motions
-    modulo re-timing. Frames are joined by geodesics of fields, and the re-timing of these polygons
-    is found to `n_steps`. As velocities are compared, and not bodies, few frames cost it more than
-    `DynamicTimeWarping`. How a motion stands as it begins counts by the weight w alone; without
-    it, two motions that change alike in different poses would be one.
+    modulo re-timing. The transported velocities of a motion add up to a curve, a cubic spline of
+    the frames, of which chords of equal arcs are compared; the re-timing of these polygons is found
+    to `n_steps`. As velocities are compared, and not bodies, few frames cost it more than
+    `DynamicTimeWarping`: no spline knows what happens between frames that are far apart. How a
+    motion stands as it begins counts by the weight w alone; without it, two motions that change
+    alike in different poses would be one.
 
     Parameters
     ----------
@@ -75,6 +81,9 @@ class RateInvariantMetric(RiemannianMetric):
         The reference surface, by default the template.
     start_weight : float
         w, at least 0.
+    n_segments : int
+        Number of chords that stand for a motion. More of them tell finer movements apart, and need
+        more frames.
     n_steps : int
         Steps in which re-timing is found within each pair of segments.
     n_components : int, optional
@@ -110,6 +119,7 @@ class RateInvariantMetric(RiemannianMetric):
         reference: ndarray | None = None,
         *,
         start_weight: float = 1.0,
+        n_segments: int = 60,
         n_steps: int = 8,
         n_components: int | None = None,
     ) -> None:
@@ -121,6 +131,7 @@ class RateInvariantMetric(RiemannianMetric):
             surface = real_array(reference, "reference", space.frames.shape, batched=False)
             self.reference = space.frames.check_immersed(surface, "reference")
         self.start_weight = metric_weight(start_weight, "start_weight")
+        self.n_segments = whole_number(n_segments, "n_segments", minimum=1)
         self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
         self.n_components = n_components
         if n_components is not None:
@@ -191,7 +202,12 @@ class RateInvariantMetric(RiemannianMetric):
         best_gain(products, self.n_steps, lower, left)
         path = np.empty((sum(products.shape) + 2, 2))
         length = trace_gain(products, self.n_steps, lower, left, path)
-        first, second = path[:length][::-1].T
+        matched = path[:length][::-1].T
+        corners = np.arange(self.n_segments + 1)
+        first, second = (
+            np.interp(each, corners, curve.places)
+            for each, curve in zip(matched, (one, other), strict=True)
+        )
         return Warp(math.sqrt(self._squared(one, other)), first, second)
 
     def dist_pairwise(
@@ -245,19 +261,19 @@ class RateInvariantMetric(RiemannianMetric):
 
     @property
     def bulk(self) -> Bulk:
-        """Features are first frames, directions and lengths of curves."""
+        """Features are first frames, directions, lengths and places of curves."""
         return _OfCurves(self)
 
     def _curve(self, motion: Motion, name: str, projection: Projection | None = None) -> Curve:
         if n_frames_of(motion, name) < 2:
             raise ArgumentError(f"{name} must have at least 2 frames; found 1")
-        segments = self._velocities.segments(motion, name)
+        segments, places = even_segments(self._velocities.segments(motion, name), self.n_segments)
         lengths = np.sqrt(np.einsum("ij,ij->i", segments, segments))
         directions = segments / np.sqrt(np.where(lengths > 0.0, lengths, 1.0))[:, None]
         if projection is not None:
             directions = projection(directions)
         start = whole_motion(self.space.frames, motion[:1], name)[0]
-        return Curve(start, directions, float(lengths.sum()))
+        return Curve(start, directions, float(lengths.sum()), places)
 
     def _projection(self, motions: Sequence[Motion]) -> Projection | None:
         """Return the projection to principal components of velocities, of one frame in so many."""
@@ -286,16 +302,16 @@ class RateInvariantMetric(RiemannianMetric):
 
 
 class _OfCurves(Bulk):
-    """First frames, directions and lengths, compared pair by pair."""
+    """First frames, directions, lengths and places, compared pair by pair."""
 
-    n_arrays = 3
+    n_arrays = 4
 
     def __init__(self, metric: RateInvariantMetric) -> None:
         self._metric = metric
 
     def features(self, points: ndarray, precision: str) -> Features:
         curves = [self._metric._curve(motion, f"points[{k}]") for k, motion in enumerate(points)]
-        names = ("start", "directions", "length")
+        names = ("start", "directions", "length", "places")
         return tuple(np.array([getattr(curve, name) for curve in curves]) for name in names)
 
     def rounding(self, features: Features) -> ndarray:

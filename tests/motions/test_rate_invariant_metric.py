@@ -152,9 +152,9 @@ class TestMotions:
         assert metric.dist(motions[0], held) == pytest.approx(0.0, abs=1e-6)
 
     def test_re_timing_is_less_than_another_person(self, metric, open_motions):
-        knees, other = open_motions[0], open_motions[3]
-        retimed = metric.dist(knees[:100], knees[:100:2])
-        assert retimed < 0.6 * metric.dist(knees[:100:2], other[:100:2])
+        arms, other = open_motions[2], open_motions[5]
+        retimed = metric.dist(arms[:101], arms[:101:2])
+        assert retimed < 0.15 * metric.dist(arms[:101:2], other[:101:2])
 
     def test_known_re_timing_is_recovered(self, metric, full_motion, retiming):
         places, frames = retiming
