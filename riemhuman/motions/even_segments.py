@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
-# Steps in which the length of the spline is measured, for every side.
+# Steps in which the length of the spline is measured, for every side and chord.
 _FINER = 8
 
 # Sides below this share of the longest are pauses.
@@ -46,12 +46,16 @@ def even_segments(segments: ndarray, n_segments: int) -> tuple[ndarray, ndarray]
     # Points of the spline are sums of sides: these are their coefficients.
     corners = np.tri(len(moving) + 1, len(moving), -1)
     spline = CubicSpline(np.arange(len(corners)), corners)
-    times = np.linspace(0.0, len(moving), _FINER * max(n_segments, len(moving)) + 1)
-    steps = np.diff(spline(times), axis=0)
-    squares = np.sum(steps @ products[np.ix_(moving, moving)] * steps, axis=1)
+    within = products[np.ix_(moving, moving)]
+    finer = _FINER * -(-n_segments // len(moving))
+    squares = []
+    for side in range(len(moving)):
+        steps = np.diff(spline(np.linspace(side, side + 1, finer + 1)), axis=0)
+        squares.append(np.sum(steps @ within * steps, axis=1))
     arcs = np.concatenate([[0.0], np.cumsum(np.sqrt(np.maximum(squares, 0.0)))])
+    times = np.linspace(0.0, len(moving), len(arcs))
     even = np.interp(np.linspace(0.0, arcs[-1], n_segments + 1), arcs, times)
-    side = np.minimum(even.astype(int), len(moving) - 1)
-    places = moving[side] + (even - side)
+    sides = np.minimum(even.astype(int), len(moving) - 1)
+    places = moving[sides] + (even - sides)
     places[[0, -1]] = 0.0, n
     return np.diff(spline(even), axis=0) @ segments[moving], places
