@@ -18,6 +18,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.progress import ProgressBar
 from riemhuman.registration.closest_points import ScanTree, fit_closest, fit_elastic
 from riemhuman.registration.nearest_triangles import nearest_places
 from riemhuman.registration.posing import Pose, posed
@@ -141,7 +142,9 @@ class ScanRegistration:
             candidates, ready = self._candidates(ready, known, start)
             return self._registered(whole, ready, candidates)
 
-    def solve_sequence(self, scans: Iterable[Any]) -> list[RegisteredScan]:
+    def solve_sequence(
+        self, scans: Iterable[Any], *, progress: bool = False
+    ) -> list[RegisteredScan]:
         """Register scans of one person in motion, each started from the one before.
 
         Where a start from the scan before leads to something less likely, or where that was not
@@ -151,10 +154,14 @@ class ScanRegistration:
         ----------
         scans : iterable
             Scans as `solve` takes them, in their order.
+        progress : bool
+            Whether to show a progress bar.
 
         Returns
         -------
         results : list of RegisteredScan
+            In the order of the scans; those that were finished, where it was interrupted from the
+            keyboard.
 
         Raises
         ------
@@ -162,9 +169,12 @@ class ScanRegistration:
             As `solve` does.
         """
         results: list[RegisteredScan] = []
-        for scan in scans:
-            before = results[-1] if results and results[-1].trusted else None
-            results.append(self.solve(scan, start=before))
+        try:
+            for scan in ProgressBar(scans, desc="Scans", unit="scan", disable=not progress):
+                before = results[-1] if results and results[-1].trusted else None
+                results.append(self.solve(scan, start=before))
+        except KeyboardInterrupt:
+            return results
         return results
 
     @cached_property

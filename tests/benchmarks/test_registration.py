@@ -5,10 +5,12 @@
 prints, for the open model at full resolution, the errors of a hundred scans (remeshed, 2 mm noise,
 10 % in holes, any heading), how many were refused, retrieval after registration beside that of the
 exact bodies, and seconds a scan; what landmarks, half of the surface, 5 mm noise, 2,000 points and
-more cost; and how far points go astray between bodies that the model cannot make. Where benchmarks
-are disabled, the same code runs on one coarse scan.
+more cost; seconds and memory for 5,000 to 500,000 points; errors of natural bodies, whose hands lie
+on hips and head; and how far points go astray between bodies that the model cannot make. Where
+benchmarks are disabled, the same code runs on one coarse scan.
 """
 
+import resource
 import time
 
 import numpy as np
@@ -44,7 +46,8 @@ LANDMARKS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle", "head")
 @pytest.fixture(scope="module")
 def registrations():
     return {
-        name: ScanRegistration(rh.datasets.load_open_model(name)) for name in ("coarse", "full")
+        name: ScanRegistration(rh.datasets.load_open_model(name))
+        for name in ("coarse", "full")
     }
 
 
@@ -83,7 +86,9 @@ def test_a_hundred_scans(benchmark, registrations):
     print(f"\n{len(found)} scans: {millimetres.mean():.1f} mm in the mean", end="")
     print(f", worst body {millimetres.max():.1f} mm", end="")
     print(f", worst vertex {1000 * largest[trusted].max():.0f} mm", end="")
-    print(f"; {np.sum(~trusted)} refused; {np.mean([s for *_, s in found]):.1f} s a scan")
+    print(
+        f"; {np.sum(~trusted)} refused; {np.mean([s for *_, s in found]):.1f} s a scan"
+    )
     space = rh.AlignedSurfaces(model.template)
     labels = {"shape": [s for _, s, _, _ in scans], "pose": [m for _, _, m, _ in scans]}
     surfaces = {
@@ -95,7 +100,9 @@ def test_a_hundred_scans(benchmark, registrations):
         for task, weights in WEIGHTS.items():
             distances = rh.ElasticMetric(space, *weights).dist_pairwise(aligned)
             scores = rh.retrieval.scores(distances, labels[task])
-            print(f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}")
+            print(
+                f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}"
+            )
 
 
 def test_what_scans_cost(benchmark, registrations):
@@ -121,12 +128,89 @@ def test_what_scans_cost(benchmark, registrations):
         trusted = np.array([result.trusted for result, _, _ in found])
         assert not np.any(trusted & (means > FAR))
         if full:
-            seen = np.mean([errors[result.matched].mean() for result, errors, _ in found])
-            far = np.mean([np.median(result.distances[~result.background]) for result, *_ in found])
+            seen = np.mean(
+                [errors[result.matched].mean() for result, errors, _ in found]
+            )
+            far = np.mean(
+                [
+                    np.median(result.distances[~result.background])
+                    for result, *_ in found
+                ]
+            )
             print(
                 f"| {name} | {1000 * means.mean():.1f} | {1000 * means.max():.1f} | "
                 f"{1000 * seen:.1f} | {1000 * far:.1f} | {trusted.sum()} of {len(found)} | "
                 f"{np.mean([s for *_, s in found]):.1f} |"
+            )
+
+
+def test_numbers_of_points(benchmark, registrations):
+    full = not benchmark.disabled
+    registration = registrations["full" if full else "coarse"]
+    model = registration.model
+    *_, body = next(bodies_to_scan(model, SEED))
+    sizes = (5_000, 50_000, 500_000) if full else (5_000,)
+    scans = [
+        simulated_scan(body, model.faces, 7, n_points=size, missing=0.1)
+        for size in sizes
+    ]
+    registration.solve(scans[0].points)  # compiles
+
+    def run():
+        rows = []
+        for scan in scans:
+            begin = time.process_time()
+            result, errors, seconds = solved(registration, scan)
+            processor = time.process_time() - begin
+            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**10
+            rows.append((result, errors, seconds, processor, peak))
+        return rows
+
+    rows = benchmark.pedantic(run, rounds=1)
+    for scan, (result, errors, seconds, processor, peak) in zip(
+        scans, rows, strict=True
+    ):
+        assert result.trusted, result.message
+        assert errors.mean() < FAR
+        assert peak < 2048
+        if full:
+            print(
+                f"\n{len(scan.points)} points: {seconds:.1f} s, {processor:.1f} s of processor time, "
+                f"at most {peak:.0f} MiB in the process, {1000 * errors.mean():.1f} mm",
+                end="",
+            )
+
+
+def test_natural_bodies(benchmark, registrations):
+    full = not benchmark.disabled
+    registration = registrations["full" if full else "coarse"]
+    bodies = rh.datasets.load_open_bodies(
+        "full" if full else "coarse", variant="natural", people=SEED
+    )
+    # Each person in another pose, and every pose in which skin touches skin once more.
+    numbers = (
+        [10 * k + (7 * k + 3) % 10 for k in range(10)] + [4, 15, 26] if full else [3]
+    )
+    scans = [
+        simulated_scan(
+            bodies[k], bodies.template.faces, k, n_points=12_000, missing=0.1
+        )
+        for k in numbers
+    ]
+
+    def run():
+        return [solved(registration, scan) for scan in scans]
+
+    for number, (result, errors, _) in zip(
+        numbers, benchmark.pedantic(run, rounds=1), strict=True
+    ):
+        assert errors.mean() < FAR or not result.trusted
+        if full:
+            print(
+                f"\nperson {number // 10}, {bodies.pose_names[bodies.pose[number]]}: "
+                f"{1000 * errors.mean():.1f} mm, worst vertex {1000 * errors.max():.0f} mm, "
+                f"log-likelihood {result.likelihood:.2f}, {result.message or 'trusted'}",
+                end="",
             )
 
 
@@ -160,7 +244,10 @@ def test_a_sequence(benchmark, registrations):
     assert all(result.trusted for result in results)
     assert max(errors, default=0.0) < FAR
     if full:
-        print(f"\n{len(scans) - 1} scans in a sequence: {1000 * np.mean(errors):.1f} mm, ", end="")
+        print(
+            f"\n{len(scans) - 1} scans in a sequence: {1000 * np.mean(errors):.1f} mm, ",
+            end="",
+        )
         print(f"{seconds / (len(scans) - 1):.1f} s a scan")
 
 
@@ -179,7 +266,10 @@ def test_bodies_of_other_kinds(benchmark, registrations):
                 bodies[person, moment], triangles, 10 * person + moment, turn=False
             )
             result = registration.solve(scan.points)
-            registered[person, moment], trusted[person, moment] = result.points, result.trusted
+            registered[person, moment], trusted[person, moment] = (
+                result.points,
+                result.trusted,
+            )
         return registered, trusted
 
     registered, trusted = benchmark.pedantic(run, rounds=1)
@@ -191,7 +281,11 @@ def test_bodies_of_other_kinds(benchmark, registrations):
                 kind = "same person" if one[0] == other[0] else "between people"
                 errors[kind].append(
                     correspondence_errors(
-                        bodies[one], bodies[other], registered[one], registered[other], faces
+                        bodies[one],
+                        bodies[other],
+                        registered[one],
+                        registered[other],
+                        faces,
                     )
                 )
     if full:
