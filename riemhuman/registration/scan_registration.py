@@ -48,6 +48,8 @@ AXES = {
 
 _N_DENSE = 3000
 _MATCHED_METRES = 0.02
+# Joints that move a smaller share of the vertices say nothing.
+_LIMB = 0.01
 # A frame may be less likely than the one before by so much before it is started anew.
 _WARM_LOSS = 0.25
 # Estimated normals of which fewer agree with the body are taken without their signs.
@@ -252,6 +254,15 @@ class ScanRegistration:
         crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         return 0.5 * float(np.linalg.norm(crosses, axis=1).sum())
 
+    def _least_matched(self, matched: np.ndarray) -> tuple[str, float]:
+        """Return the joint whose vertices have found the least, and the share that found it."""
+        owners = self.model.weights.argmax(axis=1)
+        counts = np.bincount(owners, minlength=self.model.n_joints)
+        found = np.bincount(owners, matched, minlength=self.model.n_joints)
+        shares = np.where(counts >= _LIMB * len(owners), found / np.maximum(counts, 1), 1.0)
+        least = int(np.argmin(shares))
+        return joint_names(self.model)[least], float(shares[least])
+
     def _registered(
         self, whole: Scan, ready: ReadyScan, candidates: list[Candidate]
     ) -> RegisteredScan:
@@ -271,6 +282,9 @@ class ScanRegistration:
         ]
         likelihood = self._likelihood(replace(best, pose=pose), ready)
         moved = np.linalg.norm(points - model_points, axis=1)
+        gaps = np.linalg.norm(found.gaps, axis=1)
+        matched = (gaps < _MATCHED_METRES) & (found.weights > 0.1)
+        limb, limb_matched = self._least_matched(matched)
         reasons = doubts(
             Evidence(
                 strain=float(moved.mean()),
@@ -278,9 +292,10 @@ class ScanRegistration:
                 margin=best.likelihood - max(rivals, default=-np.inf),
                 near=float(np.mean(distances[~background] < NEAR_METRES)),
                 betas=float(np.sqrt(np.mean(pose.betas**2))) if len(pose.betas) else 0.0,
+                limb=limb,
+                limb_matched=limb_matched,
             )
         )
-        gaps = np.linalg.norm(found.gaps, axis=1)
         return RegisteredScan(
             points=points,
             trusted=not reasons,
@@ -295,7 +310,7 @@ class ScanRegistration:
                 n_iterations=np.array(0),
             ),
             distances=distances,
-            matched=(gaps < _MATCHED_METRES) & (found.weights > 0.1),
+            matched=matched,
             correspondence=places,
             background=background,
             up=best.up,

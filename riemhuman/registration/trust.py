@@ -15,6 +15,8 @@ LEAST_LIKELIHOOD = 2.6
 LEAST_MARGIN = 0.10
 RIVAL_METRES = 0.15
 NEAR_METRES, LEAST_NEAR = 0.05, 0.97
+# A limb held elsewhere finds little, and leaves more than so much of the scan without a body.
+HELD_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_STRAIN = 0.006
 LARGEST_BETA = 3.0
 
@@ -36,6 +38,10 @@ class Evidence:
     strain : float
         Mean distance of the surface from what the model can show, metres: a body that faces the
         wrong way must bend its surface to the scan.
+    limb : str
+        The joint whose vertices have found the least in the scan.
+    limb_matched : float
+        Share of those vertices that have found something.
     """
 
     likelihood: float
@@ -43,6 +49,8 @@ class Evidence:
     near: float
     betas: float
     strain: float
+    limb: str
+    limb_matched: float
 
 
 def doubts(evidence: Evidence) -> list[str]:
@@ -75,6 +83,13 @@ def doubts(evidence: Evidence) -> list[str]:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
             f"{evidence.margin:.2f}); landmarks= would tell"
+        )
+    if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < HELD_ELSEWHERE:
+        reasons.append(
+            f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
+            f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} found next to nothing "
+            f"in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may be held "
+            "elsewhere; landmarks= would tell"
         )
     if evidence.strain > LARGEST_STRAIN:
         reasons.append(

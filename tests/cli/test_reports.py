@@ -42,7 +42,9 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
     expected = DeformationBasis.from_motions([bodies.points[:50]], 3)
     np.testing.assert_array_equal(asked["basis"].vectors, expected.vectors)
     assert asked["quick"] is False
-    run("report", "--quick", "--open", "natural", "--people", 4)
+    assert asked["scans"] is None
+    run("report", "--quick", "--open", "natural", "--people", 4, "--scans", tmp_path)
+    assert asked["scans"] == tmp_path
     expected = load_open_bodies("coarse", "natural", people=4)
     np.testing.assert_array_equal(asked["bodies"].points, expected.points)
     assert (asked["basis"], asked["quick"]) == (None, True)

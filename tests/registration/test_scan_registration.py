@@ -78,6 +78,26 @@ def test_a_sequence_starts_from_the_scan_before(registration, result, frames, mo
     assert errors(second, scans[1]).mean() < 0.008
 
 
+def test_a_sequence_shows_its_progress_and_keeps_what_is_finished(
+    registration, result, scan, monkeypatch, capsys
+):
+    starts = []
+
+    def solve(self, scan, *, start=None):
+        starts.append(start)
+        if len(starts) == 3:
+            raise KeyboardInterrupt
+        return result
+
+    monkeypatch.setattr(ScanRegistration, "solve", solve)
+    found = registration.solve_sequence([scan.points] * 4, progress=True)
+    assert found == [result, result]
+    assert starts == [None, result, result]
+    assert "Scans:" in capsys.readouterr().err
+    assert registration.solve_sequence([scan.points] * 4) == [result] * 4
+    assert capsys.readouterr().err == ""
+
+
 @pytest.mark.slow
 def test_what_was_not_seen_is_not_matched(registration, frames):
     front = simulated_scan(

@@ -9,7 +9,15 @@ import riemhuman as rh
 from riemhuman.registration import ScanRegistration
 from riemhuman.registration.trust import Evidence, doubts
 
-GOOD = Evidence(likelihood=3.2, margin=0.4, near=0.99, betas=1.0, strain=0.002)
+GOOD = Evidence(
+    likelihood=3.2,
+    margin=0.4,
+    near=0.99,
+    betas=1.0,
+    strain=0.002,
+    limb="left_wrist",
+    limb_matched=0.5,
+)
 
 
 def test_good_evidence_leaves_no_doubt():
@@ -24,11 +32,16 @@ def test_good_evidence_leaves_no_doubt():
         ({"margin": 0.05}, "faces or stands another way"),
         ({"betas": 3.5}, "far from all people"),
         ({"strain": 0.007}, "leave the model by 7.0 mm"),
+        ({"limb_matched": 0.1}, "left_wrist found next to nothing in the scan"),
     ],
 )
 def test_every_doubt_has_its_reason(change, reason):
     (found,) = doubts(replace(GOOD, **change))
     assert reason in found
+
+
+def test_a_limb_out_of_sight_leaves_no_doubt():
+    assert doubts(replace(GOOD, near=1.0, limb_matched=0.0)) == []
 
 
 def test_a_body_the_wrong_way_round_is_refused():
@@ -77,3 +90,32 @@ def test_a_dog_is_refused():
     result = ScanRegistration(model, up="y").solve(dog)
     assert not result.trusted
     assert "does not look like a body" in result.message
+
+
+def box(low, high, n_points, rng):
+    low, high = np.array(low), np.array(high)
+    sides = high - low
+    axes = rng.choice(3, n_points, p=(1.0 / sides) / (1.0 / sides).sum())
+    places = rng.random((n_points, 3))
+    places[np.arange(n_points), axes] = rng.integers(0, 2, n_points)
+    return low + places * sides
+
+
+def test_a_person_next_to_a_chair_is_refused():
+    rng = np.random.default_rng(0)
+    legs = [(x, z) for x in (0.0, 0.38) for z in (0.0, 0.38)]
+    chair = np.concatenate(
+        [
+            box([0, 0.43, 0], [0.42, 0.46, 0.42], 1100, rng),
+            box([0, 0.46, 0], [0.42, 0.9, 0.03], 1200, rng),
+            *[box([x, 0, z], [x + 0.04, 0.43, z + 0.04], 200, rng) for x, z in legs],
+        ]
+    )
+    model = rh.datasets.load_open_model("coarse")
+    body = rh.datasets.load_open_bodies("coarse")[3]
+    scan = rh.registration.simulated_scan(body, model.faces, 3, n_points=5000, turn=False)
+    low, high = scan.body.min(axis=0), scan.body.max(axis=0)
+    both = np.concatenate([scan.points, chair + [high[0] + 0.02, low[1], low[2]]])
+    result = ScanRegistration(model, up="y").solve(both)
+    assert not result.trusted
+    assert "there is something else in it" in result.message

@@ -1,0 +1,54 @@
+"""Scans of people with flesh and habits, whose skin touches skin: right, or refused by name."""
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+from riemhuman.registration import ScanRegistration, simulated_scan
+
+HANDS_ON_HIPS, HAND_ON_EAR = 4, 26
+FAR = 0.05
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse", variant="natural", people=4242)
+
+
+@pytest.fixture(scope="module")
+def registration(bodies):
+    return ScanRegistration(bodies.model, up="y")
+
+
+def scan_of(bodies, number):
+    faces = bodies.template.faces
+    return simulated_scan(bodies[number], faces, number, n_points=12_000, missing=0.1)
+
+
+def error(result, scan):
+    return np.linalg.norm(result.points - scan.body, axis=1).mean()
+
+
+def test_hands_on_hips(registration, bodies):
+    scan = scan_of(bodies, HANDS_ON_HIPS)
+    result = registration.solve(scan.points)
+    assert result.trusted, result.message
+    assert error(result, scan) < 0.02
+
+
+def test_an_arm_held_elsewhere_is_refused(registration, bodies):
+    scan = scan_of(bodies, HAND_ON_EAR)
+    result = registration.solve(scan.points)
+    if error(result, scan) > FAR:
+        assert not result.trusted
+        assert "and right_wrist found next to nothing in the scan" in result.message
+
+
+def test_landmarks_bring_the_arm_where_it_is(registration, bodies):
+    scan = scan_of(bodies, HAND_ON_EAR)
+    joints = registration.model.joint_regressor @ scan.body
+    names = list(registration.model.joint_names)
+    known = {name: joints[names.index(name)] for name in ("right_elbow", "right_wrist")}
+    result = registration.solve(scan.points, landmarks=known)
+    assert result.trusted, result.message
+    assert error(result, scan) < 0.02
