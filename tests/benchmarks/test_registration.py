@@ -46,8 +46,7 @@ LANDMARKS = ("left_wrist", "right_wrist", "left_ankle", "right_ankle", "head")
 @pytest.fixture(scope="module")
 def registrations():
     return {
-        name: ScanRegistration(rh.datasets.load_open_model(name))
-        for name in ("coarse", "full")
+        name: ScanRegistration(rh.datasets.load_open_model(name)) for name in ("coarse", "full")
     }
 
 
@@ -86,9 +85,7 @@ def test_a_hundred_scans(benchmark, registrations):
     print(f"\n{len(found)} scans: {millimetres.mean():.1f} mm in the mean", end="")
     print(f", worst body {millimetres.max():.1f} mm", end="")
     print(f", worst vertex {1000 * largest[trusted].max():.0f} mm", end="")
-    print(
-        f"; {np.sum(~trusted)} refused; {np.mean([s for *_, s in found]):.1f} s a scan"
-    )
+    print(f"; {np.sum(~trusted)} refused; {np.mean([s for *_, s in found]):.1f} s a scan")
     space = rh.AlignedSurfaces(model.template)
     labels = {"shape": [s for _, s, _, _ in scans], "pose": [m for _, _, m, _ in scans]}
     surfaces = {
@@ -100,9 +97,7 @@ def test_a_hundred_scans(benchmark, registrations):
         for task, weights in WEIGHTS.items():
             distances = rh.ElasticMetric(space, *weights).dist_pairwise(aligned)
             scores = rh.retrieval.scores(distances, labels[task])
-            print(
-                f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}"
-            )
+            print(f"{name}, {task}: NN {scores.nn:.1f}, first tier {scores.first_tier:.1f}")
 
 
 def test_what_scans_cost(benchmark, registrations):
@@ -128,15 +123,8 @@ def test_what_scans_cost(benchmark, registrations):
         trusted = np.array([result.trusted for result, _, _ in found])
         assert not np.any(trusted & (means > FAR))
         if full:
-            seen = np.mean(
-                [errors[result.matched].mean() for result, errors, _ in found]
-            )
-            far = np.mean(
-                [
-                    np.median(result.distances[~result.background])
-                    for result, *_ in found
-                ]
-            )
+            seen = np.mean([errors[result.matched].mean() for result, errors, _ in found])
+            far = np.mean([np.median(result.distances[~result.background]) for result, *_ in found])
             print(
                 f"| {name} | {1000 * means.mean():.1f} | {1000 * means.max():.1f} | "
                 f"{1000 * seen:.1f} | {1000 * far:.1f} | {trusted.sum()} of {len(found)} | "
@@ -150,10 +138,7 @@ def test_numbers_of_points(benchmark, registrations):
     model = registration.model
     *_, body = next(bodies_to_scan(model, SEED))
     sizes = (5_000, 50_000, 500_000) if full else (5_000,)
-    scans = [
-        simulated_scan(body, model.faces, 7, n_points=size, missing=0.1)
-        for size in sizes
-    ]
+    scans = [simulated_scan(body, model.faces, 7, n_points=size, missing=0.1) for size in sizes]
     registration.solve(scans[0].points)  # compiles
 
     def run():
@@ -167,15 +152,13 @@ def test_numbers_of_points(benchmark, registrations):
         return rows
 
     rows = benchmark.pedantic(run, rounds=1)
-    for scan, (result, errors, seconds, processor, peak) in zip(
-        scans, rows, strict=True
-    ):
+    for scan, (result, errors, seconds, processor, peak) in zip(scans, rows, strict=True):
         assert result.trusted, result.message
         assert errors.mean() < FAR
         assert peak < 2048
         if full:
             print(
-                f"\n{len(scan.points)} points: {seconds:.1f} s, {processor:.1f} s of processor time, "
+                f"\n{len(scan.points)} points: {seconds:.1f} s, {processor:.1f} s of CPU time, "
                 f"at most {peak:.0f} MiB in the process, {1000 * errors.mean():.1f} mm",
                 end="",
             )
@@ -188,22 +171,16 @@ def test_natural_bodies(benchmark, registrations):
         "full" if full else "coarse", variant="natural", people=SEED
     )
     # Each person in another pose, and every pose in which skin touches skin once more.
-    numbers = (
-        [10 * k + (7 * k + 3) % 10 for k in range(10)] + [4, 15, 26] if full else [3]
-    )
+    numbers = [10 * k + (7 * k + 3) % 10 for k in range(10)] + [4, 15, 26] if full else [3]
     scans = [
-        simulated_scan(
-            bodies[k], bodies.template.faces, k, n_points=12_000, missing=0.1
-        )
+        simulated_scan(bodies[k], bodies.template.faces, k, n_points=12_000, missing=0.1)
         for k in numbers
     ]
 
     def run():
         return [solved(registration, scan) for scan in scans]
 
-    for number, (result, errors, _) in zip(
-        numbers, benchmark.pedantic(run, rounds=1), strict=True
-    ):
+    for number, (result, errors, _) in zip(numbers, benchmark.pedantic(run, rounds=1), strict=True):
         assert errors.mean() < FAR or not result.trusted
         if full:
             print(
