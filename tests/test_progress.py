@@ -3,6 +3,7 @@
 import contextlib
 import gc
 import sys
+import threading
 
 import pytest
 
@@ -11,8 +12,13 @@ from riemhuman.progress import ProgressBar
 
 @pytest.mark.parametrize("disable", [False, True])
 def test_interrupted_while_it_is_made(disable, monkeypatch, capsys):
+    get_lock = ProgressBar.get_lock
+
     def interrupted():
-        raise KeyboardInterrupt
+        # The thread in which tqdm watches older bars takes the lock, too.
+        if threading.current_thread() is threading.main_thread():
+            raise KeyboardInterrupt
+        return get_lock()
 
     complaints = []
     monkeypatch.setattr(sys, "unraisablehook", complaints.append)

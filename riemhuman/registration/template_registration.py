@@ -35,7 +35,7 @@ _LEAST_MATCHED, _LEAST_NEAR = 0.3, 0.8
 class TemplateRegistration:
     """Brings a template to scans from a rough start: rigidly, then as the elastic metric allows.
 
-    Minimises Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀) over the surfaces f, with the gaps r to
+    Minimises Σ_i w_i ((n_i·r_i)² + τ ‖r_i‖²) + α d²(f, f₀) over the surfaces f, with the gaps r to
     the closest points of the scan, its normals n, and the elastic distance d of (a, λ, c) =
     (1, 1, 1) from the template where it was put rigidly, f₀. The stiffness α falls.
 

@@ -130,11 +130,14 @@ def _pictures(record: ScanRecord) -> str:
     colors = np.where(seen[:, np.newaxis], _SEEN, _UNSEEN)
     errors = value_colors(distances, LARGEST_METRES)
     pictures = (
-        (points_picture(scan, window, _HEIGHT), f"scan {record.name}"),
-        (body_picture(body, faces, window, _HEIGHT, colors), f"body of {record.name}"),
+        (points_picture(scan, window, _HEIGHT), f"points of the scan {record.name}"),
+        (
+            body_picture(body, faces, window, _HEIGHT, colors),
+            f"body registered to the scan {record.name}",
+        ),
         (
             points_picture(scan, window, _HEIGHT, errors),
-            f"distances of {record.name} from its body",
+            f"distances of the scan {record.name} from its body",
         ),
     )
     return "".join(_image(picture, what) for picture, what in pictures)

@@ -68,7 +68,7 @@ def test_the_page_shows_every_scan(registered):
     assert page == output / "index.html"
     assert text.index("<h3>broken") < text.index("<h3>anna")
     assert text.count("not trusted</strong>") == 2
-    assert text.count('alt="body of anna"') == 1
+    assert text.count('alt="body registered to the scan anna"') == 1
 
 
 def test_folders_without_scans_are_refused(tmp_path, registration):

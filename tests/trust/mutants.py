@@ -245,14 +245,14 @@ MUTANTS = [
     ),
     Mutant(
         "geometry/pairwise.py",
-        "                    if within:\n                        result[j, i] = block.T\n",
-        "                    if same:\n                        result[j, i] = block.T\n",
+        "                        if within:\n                            result[j, i] = block.T\n",
+        "                        if same:\n                            result[j, i] = block.T\n",
         CUTS,
     ),
     Mutant(
         "kernels/tiles.py",
-        "    if n_threads == 1:\n        for corner in corners:\n",
-        "    corners = corners[:40]\n    if n_threads == 1:\n        for corner in corners:\n",
+        "    for_each(fill, corners, n_threads)\n",
+        "    for_each(fill, corners[:40], n_threads)\n",
         CUTS,
     ),
     Mutant(
@@ -296,8 +296,8 @@ MUTANTS = [
     # Starts of paths.
     Mutant(
         "solvers/basis_path.py",
-        "        if is_immersed and self.energy",
-        "        if self.energy",
+        "        if energy <= turned[0][1] and np.all(metric.space.belongs(straight[1:-1])):\n",
+        "        if energy <= turned[0][1]:\n",
         "solvers/test_basis_path.py -k half_a_turn",
     ),
     # Nearest neighbours: cut-offs, blocks and rows.
