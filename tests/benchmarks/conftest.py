@@ -1,4 +1,8 @@
-"""Benchmarks run where clocks are asked for, and in the long job: elsewhere they cost minutes."""
+"""Benchmarks run where clocks are asked for, and in the long job: elsewhere they cost minutes.
+
+`--benchmark-enable -s` measures and prints; `RIEMHUMAN_TESTS=full` alone runs the brief forms, of
+which the files speak as those where benchmarks are disabled.
+"""
 
 from pathlib import Path
 

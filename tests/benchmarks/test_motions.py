@@ -17,12 +17,6 @@ from riemhuman.motions.comparison import random_places, retimed
 COMPONENTS = 200
 
 
-@pytest.fixture(autouse=True)
-def _only_when_asked(request):
-    if not request.config.getoption("benchmark_enable"):
-        pytest.skip("needs --benchmark-enable")
-
-
 @cache
 def open_motions():
     return rh.datasets.load_open_motions("coarse")
