@@ -65,6 +65,7 @@ _ROOMS = (
     "kernels",
     "measurements",
     "motions",
+    "plots",
     "protocols",
     "registration",
     "report",

@@ -13,8 +13,8 @@ from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.report.make import make_report
-from riemhuman.report.representations import available
 from riemhuman.retrieval import benchmark
+from riemhuman.retrieval.representations import available
 from riemhuman.solvers import check_metric
 from riemhuman.surfaces import save_mesh
 

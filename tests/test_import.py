@@ -14,6 +14,7 @@ ROOMS = (
     "datasets",
     "descriptors",
     "jobs",
+    "plots",
     "report",
     "retrieval",
     "solvers",

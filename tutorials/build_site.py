@@ -19,7 +19,7 @@ import nbformat
 from sphinx.cmd.build import main as sphinx
 
 import riemhuman as rh
-from riemhuman.report.web_files import viewer_script, web_file
+from riemhuman.plots.web_files import viewer_script, web_file
 
 SOURCES = Path(__file__).parent
 VIEWER = "application/vnd.riemhuman.viewer+html"

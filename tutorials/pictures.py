@@ -53,7 +53,7 @@ def geodesic(bodies, space) -> None:
     figure, axes = plt.subplots(2, 1, figsize=(13, 6.8), layout="constrained")
     for ax, (name, result) in zip(axes, paths.items(), strict=True):
         change = area_change(result.path, bodies.template.faces)
-        rh.report.plot_path(
+        rh.plots.plot_path(
             result.path, bodies.template.faces, change, largest=0.5, ax=ax, spacing=1.3
         )
         ax.set_title(
@@ -80,9 +80,9 @@ def maps(bodies, space) -> None:
         "how do they stand? (0, 0, 1)": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), "pose"),
     }
     for ax, (title, (metric, label)) in zip(axes, tasks.items(), strict=True):
-        places = rh.report.embed(metric.dist_pairwise(bodies.points), "t-sne")
+        places = rh.plots.embed(metric.dist_pairwise(bodies.points), "t-sne")
         names = getattr(bodies, f"{label}_names")
-        rh.report.plot_embedding(
+        rh.plots.plot_embedding(
             places, getattr(bodies, label), names, ax=ax,
             points=bodies.points, faces=bodies.template.faces,
         )  # fmt: skip
@@ -99,9 +99,9 @@ def differences(bodies, space, people) -> None:
     faces = bodies.template.faces
     figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
     for ax, (title, (metric, one, other)) in zip(axes, pairs.items(), strict=True):
-        found = rh.report.contributions(metric, one, other).total
-        per_area = rh.report.per_area(found, bodies.template.vertices, faces)
-        rh.report.plot_path([one, other], faces, [0 * per_area, per_area], ax=ax)
+        found = rh.plots.contributions(metric, one, other).total
+        per_area = rh.plots.per_area(found, bodies.template.vertices, faces)
+        rh.plots.plot_path([one, other], faces, [0 * per_area, per_area], ax=ax)
         ax.set_title(title)
     save(figure, "differences")
 
@@ -115,13 +115,13 @@ def path_and_mean(bodies, space, people) -> None:
     squat, hands = (bodies.pose_names.index(name) for name in ("squat", "hands_on_hips"))
     path = rh.solvers.BasisPath(basis, n_nodes=7).solve(metric, people[6, squat], people[6, hands])
     figure, ax = plt.subplots(figsize=(9, 2.8), layout="constrained")
-    rh.report.plot_path(path.path, faces, ax=ax, spacing=1.15)
+    rh.plots.plot_path(path.path, faces, ax=ax, spacing=1.15)
     save(figure, "path")
 
     some = people[[1, 4, 8], 0]
     mean = rh.FrechetMean(space, solver=rh.solvers.BasisMean(basis)).fit(some).estimate_
     figure, ax = plt.subplots(figsize=(9, 3.6), layout="constrained")
-    rh.report.plot_path([*some, mean], faces, colors=3 * [SKIN] + [GOLD], ax=ax, spacing=1.7)
+    rh.plots.plot_path([*some, mean], faces, colors=3 * [SKIN] + [GOLD], ax=ax, spacing=1.7)
     save(figure, "mean")
 
 
@@ -138,7 +138,7 @@ def scan() -> None:
     axes[0].scatter(points[:, 0], points[:, 1], c=points[:, 2], s=1, cmap="copper")
     axes[0].set_aspect("equal")
     axes[0].set_axis_off()
-    rh.report.plot_body((body - middle) @ turn, faces, ax=axes[1])
+    rh.plots.plot_body((body - middle) @ turn, faces, ax=axes[1])
     save(figure, "scan")
 
 
@@ -147,7 +147,7 @@ def tapes(bodies) -> None:
     own = rh.measurements.Measurements(bodies.model)
     straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
     found = own.tapes(straight, axes="space")
-    save(rh.report.plot_tapes(straight, bodies.template.faces, found), "tapes")
+    save(rh.plots.plot_tapes(straight, bodies.template.faces, found), "tapes")
 
 
 def motions() -> None:
@@ -163,7 +163,7 @@ def motions() -> None:
     rows = [curves.resample(first), curves.resample(second, at=times * (len(second) - 1))]
     figure, axes = plt.subplots(2, 1, figsize=(9, 5), layout="constrained")
     for ax, row, color in zip(axes, rows, (SKIN, GOLD), strict=True):
-        rh.report.plot_path(row, template.faces, colors=len(row) * [color], ax=ax, spacing=1.15)
+        rh.plots.plot_path(row, template.faces, colors=len(row) * [color], ax=ax, spacing=1.15)
     save(figure, "motions")
 
 

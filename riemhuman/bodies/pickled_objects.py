@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from riemhuman.errors import FileFormatError
-from riemhuman.surfaces.array_files import check_text
+from riemhuman.storage.array_files import check_text
 
 # Real numbers and text; not objects ("O") or structures ("V").
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")

@@ -20,7 +20,7 @@ from typing import Any
 from riemhuman.bodies.pickle_allow_list import Global
 from riemhuman.bodies.pickled_objects import Budget, Record, plain_value, shortened
 from riemhuman.errors import FileFormatError
-from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.storage.file_content import file_content, file_path
 
 # A body model takes some hundreds of opcodes.
 _MOST_OPCODES = 50_000

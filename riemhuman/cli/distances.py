@@ -147,7 +147,7 @@ def _dist(options: argparse.Namespace) -> None:
 
 def _matrix(options: argparse.Namespace) -> None:
     from riemhuman.datasets.registered_meshes import find_meshes
-    from riemhuman.surfaces.whole_files import whole_file
+    from riemhuman.storage.whole_files import whole_file
 
     check_metric_options(options)
     if options.output is None and options.csv is None:
@@ -202,7 +202,7 @@ def _distances(
 def _save_matrix(path: Path, distances: ndarray, names: list[str], metric: str) -> None:
     import numpy as np
 
-    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.storage.array_files import save_arrays
 
     arrays = {"distances": distances, "names": np.array(names), "metric": np.array(metric)}
     save_arrays(path, arrays)

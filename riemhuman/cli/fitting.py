@@ -59,7 +59,7 @@ def _fit(options: argparse.Namespace) -> None:
     import numpy as np
 
     from riemhuman.progress import ProgressBar
-    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.storage.array_files import save_arrays
 
     check_file(options.output, [".npz"], force=options.force)
     check_picture(options)

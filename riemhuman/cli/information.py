@@ -115,7 +115,7 @@ def _folder_facts(path: Path) -> dict[str, Any]:
 
 
 def _npz_facts(path: Path) -> dict[str, Any]:
-    from riemhuman.surfaces.array_files import load_arrays
+    from riemhuman.storage.array_files import load_arrays
 
     arrays = load_arrays(path, ())
     if {"vectors", "format_version"} <= arrays.keys():

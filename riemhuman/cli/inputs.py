@@ -107,7 +107,7 @@ def path_argument(text: str) -> Path:
     -------
     Path
     """
-    from riemhuman.surfaces.file_content import file_path
+    from riemhuman.storage.file_content import file_path
 
     return file_path(text)
 

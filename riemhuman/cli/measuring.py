@@ -225,9 +225,9 @@ def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measureme
 
 
 def _draw(path: Path, own: Measurements, surface: ndarray, axes: str) -> None:
-    from riemhuman.report.figures import figure_style
-    from riemhuman.report.tape_plots import plot_tapes
-    from riemhuman.surfaces.whole_files import whole_file
+    from riemhuman.plots.figures import figure_style
+    from riemhuman.plots.tape_plots import plot_tapes
+    from riemhuman.storage.whole_files import whole_file
 
     with figure_style():
         figure = plot_tapes(surface, own.definitions.faces, own.tapes(surface, axes=axes))
@@ -236,7 +236,7 @@ def _draw(path: Path, own: Measurements, surface: ndarray, axes: str) -> None:
 
 
 def _write_csv(path: Path, rows: Sequence[Sequence[object]]) -> None:
-    from riemhuman.surfaces.whole_files import whole_file
+    from riemhuman.storage.whole_files import whole_file
 
     stream = io.StringIO()
     csv.writer(stream, lineterminator="\n").writerows(rows)

@@ -210,8 +210,8 @@ def _dist(options: argparse.Namespace) -> None:
 def _matrix(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from riemhuman.surfaces.array_files import save_arrays
-    from riemhuman.surfaces.whole_files import whole_file
+    from riemhuman.storage.array_files import save_arrays
+    from riemhuman.storage.whole_files import whole_file
 
     check_file(options.output, [".npz", ".csv"], force=options.force)
     reporter = Reporter(options.quiet)
@@ -234,8 +234,8 @@ def _matrix(options: argparse.Namespace) -> None:
 
 def _align(options: argparse.Namespace) -> None:
     from riemhuman.motions.alignment import at_times, even_times
-    from riemhuman.report.motion_page import AlignedMotions
-    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.plots.motion_page import AlignedMotions
+    from riemhuman.storage.array_files import save_arrays
 
     check_file(options.output, [".html", ".npz"], force=options.force)
     reporter = Reporter(options.quiet)
@@ -262,7 +262,7 @@ def _align(options: argparse.Namespace) -> None:
 
 def _mean(options: argparse.Namespace) -> None:
     from riemhuman.motions import MotionMean
-    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.storage.array_files import save_arrays
     from riemhuman.surfaces.gltf_files import save_glb
     from riemhuman.surfaces.mesh_files import save_mesh
 
@@ -354,7 +354,7 @@ class _StoredMotion:
     """The motion in an .npz file, as `riemhuman transfer` writes it."""
 
     def __init__(self, path: Path) -> None:
-        from riemhuman.surfaces.array_files import load_arrays
+        from riemhuman.storage.array_files import load_arrays
 
         arrays = load_arrays(path, ("path", "faces"))
         self._frames, self.faces = arrays["path"], arrays["faces"]

@@ -105,7 +105,7 @@ def claimed(path: Path) -> Iterator[None]:
     FileError
         If another process is at work on it.
     """
-    from riemhuman.surfaces.file_locks import only_one
+    from riemhuman.storage.file_locks import only_one
 
     path = Path(os.path.abspath(path))
     lock_file = path.with_name(f".{path.name}.lock")
@@ -142,7 +142,7 @@ def whole_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
     FileError
         If the folder cannot be written.
     """
-    from riemhuman.surfaces.whole_files import new_folder, own_folder
+    from riemhuman.storage.whole_files import new_folder, own_folder
 
     path = Path(os.path.abspath(path))
     try:
@@ -162,7 +162,7 @@ def _replace_folder(new: Path, path: Path, is_ours: Callable[[str], bool]) -> No
     if not os.path.lexists(path):
         os.rename(new, path)
         return
-    from riemhuman.surfaces.whole_files import keep_mode
+    from riemhuman.storage.whole_files import keep_mode
 
     keep_mode(path, new)
     for file in _ours_in(path, is_ours):

@@ -186,21 +186,21 @@ def _write_glb(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
 
 
 def _write_png(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
-    from riemhuman.report import plot_path
-    from riemhuman.surfaces.whole_files import whole_file
+    from riemhuman.plots import plot_path
+    from riemhuman.storage.whole_files import whole_file
 
     with whole_file(file) as neighbour:
         plot_path(path, faces).figure.savefig(neighbour, dpi=_DPI)
 
 
 def _write_html(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
-    from riemhuman.report import view_path
+    from riemhuman.plots import view_path
 
     view_path(path, faces, title="Geodesic between two bodies", description=said).save(file)
 
 
 def _write_npz(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
-    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.storage.array_files import save_arrays
 
     save_arrays(file, {"path": path, "faces": faces})
 

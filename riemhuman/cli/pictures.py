@@ -63,10 +63,10 @@ def write_picture(
     title : str
         What is shown.
     """
-    from riemhuman.report.viewer import view_bodies
+    from riemhuman.plots.viewer import view_bodies
+    from riemhuman.storage.whole_files import whole_file
     from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
     from riemhuman.surfaces.rendering import SKIN, View
-    from riemhuman.surfaces.whole_files import whole_file
 
     if path is None:
         return

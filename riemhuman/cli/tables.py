@@ -59,8 +59,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from riemhuman import retrieval
-    from riemhuman.report.representations import metrics_of_extensions
     from riemhuman.retrieval.benchmark import table_metrics
+    from riemhuman.retrieval.representations import metrics_of_extensions
 
     check_body_sets(options)
     watch = Reporter(options.quiet).task if options.json or options.quiet else _timed
@@ -110,7 +110,7 @@ def _run(options: argparse.Namespace) -> None:
 
 def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
     from riemhuman import retrieval
-    from riemhuman.report.representations import available
+    from riemhuman.retrieval.representations import available
 
     reporter = Reporter(options.quiet)
     with reporter.task("All representations"):

@@ -145,8 +145,8 @@ def _transfer(options: argparse.Namespace) -> None:
 
 
 def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
-    from riemhuman.report.viewer import view_path
-    from riemhuman.surfaces.array_files import save_arrays
+    from riemhuman.plots.viewer import view_path
+    from riemhuman.storage.array_files import save_arrays
     from riemhuman.surfaces.gltf_files import save_glb
     from riemhuman.surfaces.mesh_files import save_mesh
 

@@ -109,8 +109,8 @@ def _add_matrix(parser: argparse.ArgumentParser, *, required: bool) -> None:
 def _view(options: argparse.Namespace) -> None:
     import webbrowser
 
-    from riemhuman.report.viewer import view_bodies, view_path
-    from riemhuman.surfaces.array_files import load_arrays
+    from riemhuman.plots.viewer import view_bodies, view_path
+    from riemhuman.storage.array_files import load_arrays
 
     check_file(options.output, [".html"], force=options.force)
     reporter = Reporter(options.quiet)
@@ -143,11 +143,10 @@ def _plot(options: argparse.Namespace) -> None:
     import numpy as np
 
     from riemhuman.optional import import_optional
-    from riemhuman.report.embedding import embed
-    from riemhuman.report.figures import figure_style, new_figure
-    from riemhuman.report.findings import stress
-    from riemhuman.report.result_plots import plot_embedding
-    from riemhuman.surfaces.whole_files import whole_file
+    from riemhuman.plots.embedding import embed, stress
+    from riemhuman.plots.figures import figure_style, new_figure
+    from riemhuman.plots.result_plots import plot_embedding
+    from riemhuman.storage.whole_files import whole_file
 
     check_file(options.output, _PICTURES, force=options.force)
     import_optional("matplotlib", "plot")
@@ -196,7 +195,7 @@ def _scores(options: argparse.Namespace) -> None:
 
 
 def _matrix(path: Path) -> tuple[ndarray, list[str]]:
-    from riemhuman.surfaces.array_files import load_arrays
+    from riemhuman.storage.array_files import load_arrays
 
     arrays: dict[str, Any] = load_arrays(path, ["distances", "names"])
     distances, names = arrays["distances"], [str(name) for name in arrays["names"]]

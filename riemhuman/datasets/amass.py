@@ -20,8 +20,8 @@ from riemhuman.errors import (
     FileError,
     FileFormatError,
 )
-from riemhuman.surfaces.array_files import load_arrays, opened_archive
-from riemhuman.surfaces.file_content import file_path
+from riemhuman.storage.array_files import load_arrays, opened_archive
+from riemhuman.storage.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 # The joints of SMPL's body, which all its family begin with: the parent of each.

@@ -21,8 +21,8 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.optional import import_optional
-from riemhuman.surfaces.array_files import memory_of, room_of
-from riemhuman.surfaces.file_content import brief, check_file, file_path
+from riemhuman.storage.array_files import memory_of, room_of
+from riemhuman.storage.file_content import brief, check_file, file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")

@@ -22,8 +22,8 @@ from riemhuman.datasets.registered_meshes import (
     read_template,
 )
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.surfaces.file_content import file_path
-from riemhuman.surfaces.number_text import text_content
+from riemhuman.storage.file_content import file_path
+from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 

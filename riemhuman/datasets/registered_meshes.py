@@ -14,7 +14,7 @@ import numpy as np
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.progress import ProgressBar
-from riemhuman.surfaces.file_content import file_path
+from riemhuman.storage.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template

@@ -14,9 +14,9 @@ from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.representation import Record
-from riemhuman.surfaces.file_content import file_path
+from riemhuman.storage.file_content import file_path
+from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.mesh_files import load_mesh
-from riemhuman.surfaces.number_text import text_content
 
 
 @dataclass(frozen=True, eq=False, repr=False)

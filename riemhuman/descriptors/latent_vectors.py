@@ -25,9 +25,9 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.representation import Record
-from riemhuman.surfaces.array_files import load_array, load_arrays
-from riemhuman.surfaces.file_content import file_path
-from riemhuman.surfaces.number_text import real_field, text_content
+from riemhuman.storage.array_files import load_array, load_arrays
+from riemhuman.storage.file_content import file_path
+from riemhuman.storage.number_text import real_field, text_content
 
 
 @dataclass(frozen=True, repr=False)

@@ -18,7 +18,7 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
-from riemhuman.surfaces.file_content import brief
+from riemhuman.storage.file_content import brief
 
 # Tiles for each thread of the cluster: one at work and others waiting, so that none runs dry.
 _TILES_A_THREAD = 3

@@ -19,10 +19,10 @@ from typing import IO, Any
 import numpy as np
 
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.storage.array_files import map_array
+from riemhuman.storage.file_content import brief, file_content, file_path
+from riemhuman.storage.file_locks import lock
 from riemhuman.storage.own_files import make_own, open_lock, open_own
-from riemhuman.surfaces.array_files import map_array
-from riemhuman.surfaces.file_content import brief, file_content, file_path
-from riemhuman.surfaces.file_locks import lock
 
 MANIFEST = "manifest.json"
 LOCK = "job.lock"

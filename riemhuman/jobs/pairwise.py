@@ -21,7 +21,6 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS
-from riemhuman.jobs.checksums import are_marks, checksums, mark
 from riemhuman.jobs.cluster import tiles_on_cluster
 from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.tiles import (
@@ -35,6 +34,7 @@ from riemhuman.jobs.tiles import (
 )
 from riemhuman.kernels.threads import thread_count
 from riemhuman.progress import ProgressBar
+from riemhuman.storage.checksums import are_marks, checksums, mark
 from riemhuman.storage.fingerprint import describe, digest
 
 RESULT = "D.npy"

@@ -13,7 +13,6 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, DamagedFileWarning, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.jobs.checksums import are_marks, mark
 from riemhuman.jobs.cluster import tiles_on_cluster
 from riemhuman.jobs.folder import JobFolder
 from riemhuman.kernels.threads import thread_count
@@ -26,6 +25,7 @@ from riemhuman.solvers.path_distances import (
     distances_of,
     row_of,
 )
+from riemhuman.storage.checksums import are_marks, mark
 from riemhuman.storage.fingerprint import describe, digest
 
 PATHS = "paths.npy"

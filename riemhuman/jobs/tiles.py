@@ -14,7 +14,7 @@ from numpy import ndarray
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
-from riemhuman.surfaces.array_files import load_array
+from riemhuman.storage.array_files import load_array
 
 POINTS = "points.npy"
 """Name of the file of points, where a job keeps them."""

@@ -27,9 +27,9 @@ from riemhuman.measurements.definitions import (
 from riemhuman.measurements.geodesics import Mesh, SurfacePoint
 from riemhuman.measurements.landmarks import axes_in_frame
 from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
-from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.storage.file_content import file_content, file_path
+from riemhuman.storage.whole_files import whole_file
 from riemhuman.surfaces.template import Template
-from riemhuman.surfaces.whole_files import whole_file
 
 Landmark = tuple[ndarray, ndarray]
 """Numbers of vertices, and weights that sum to one."""

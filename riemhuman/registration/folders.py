@@ -25,8 +25,8 @@ from riemhuman.registration.scan_files import SUFFIXES, read_scan
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, in_metres
 from riemhuman.registration.surface_points import thinned
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
-from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.storage.array_files import load_arrays, save_arrays
+from riemhuman.storage.file_content import file_content, file_path
 from riemhuman.surfaces.mesh_files import save_mesh
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"

@@ -9,8 +9,8 @@ import numpy as np
 
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.registration.scans import Scan, in_metres
-from riemhuman.surfaces.array_files import load_array
-from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.storage.array_files import load_array
+from riemhuman.storage.file_content import file_content, file_path
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.ply_files import has_ply_faces, read_ply_points
 

@@ -6,6 +6,7 @@ from html import escape
 
 import numpy as np
 
+from riemhuman.plots.embedding import stress
 from riemhuman.report import drawings, findings, report_tables
 from riemhuman.report.materials import Materials, Task
 from riemhuman.report.page import Section, figure, heading, paragraph, side_by_side
@@ -139,7 +140,7 @@ def map_section(materials: Materials) -> Section:
             )
             if method == "mds":
                 distances = materials.results.distances[name].arrays["distances"]
-                said += f" Stress {findings.stress(distances, placed):.2f}: 0 keeps all distances."
+                said += f" Stress {stress(distances, placed):.2f}: 0 keeps all distances."
             figures.append(figure(picture, said))
         parts += [heading(title), side_by_side(*figures)]
     return Section("maps", "Maps of people and of poses", "Maps", parts)

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.report.body_plots import per_area, plot_body, plot_path
-from riemhuman.report.figures import new_figure
-from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH
-from riemhuman.report.plan import name_of, spoken
-from riemhuman.report.result_plots import (
+from riemhuman.plots.body_plots import per_area, plot_body, plot_path
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.result_plots import (
     plot_confusion,
     plot_embedding,
     plot_energy,
     plot_precision_recall,
     plot_sweep,
 )
+from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH
+from riemhuman.report.plan import name_of, spoken
 from riemhuman.surfaces.rendering import MEAN, SKIN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from riemhuman.datasets import Bodies
-    from riemhuman.report.store import Step
+    from riemhuman.storage.result_store import Step
 
 PATH_TITLES = {
     LINEAR: "linear",

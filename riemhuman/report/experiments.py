@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.report.embedding import METHODS, embed
+from riemhuman.plots.embedding import METHODS, embed
 from riemhuman.report.plan import (
     POSE,
     POSE_WEIGHTS,
@@ -19,9 +19,9 @@ from riemhuman.report.plan import (
     Plan,
     elastic_metric,
 )
-from riemhuman.report.store import Computed, ResultStore, Step
 from riemhuman.retrieval.benchmark import Described, described_together, timed_distances
 from riemhuman.retrieval.scores import scores
+from riemhuman.storage.result_store import Computed, ResultStore, Step
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies

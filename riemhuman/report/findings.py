@@ -102,25 +102,6 @@ def neighbours_kept(positions: ndarray, labels: ndarray) -> float:
     return float(100 * (labels[gaps.argmin(axis=1)] == labels).mean())
 
 
-def stress(distances: ndarray, positions: ndarray) -> float:
-    r"""Return Kruskal's stress of a map, √(Σ (d_ij − δ_ij)² / Σ d_ij²) over all pairs.
-
-    Parameters
-    ----------
-    distances : array, shape (n, n)
-        Distances d of the items.
-    positions : array, shape (n, 2)
-        Where they are on the map, at distances δ.
-
-    Returns
-    -------
-    float
-        0 if the map keeps all distances.
-    """
-    on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
-    return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))
-
-
 def shares(rows: Sequence[Mapping[str, Any]]) -> str:
     """Say how much of the squared distance of pairs of bodies is by the normals.
 

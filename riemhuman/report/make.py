@@ -12,20 +12,20 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.optional import import_optional
+from riemhuman.plots.figures import figure_style
 from riemhuman.registration.folders import read_records
 from riemhuman.report import provenance
 from riemhuman.report.content import facts_of, lead_of, sections
-from riemhuman.report.figures import figure_style
 from riemhuman.report.materials import Materials
 from riemhuman.report.output_folder import check_folder, opened_folder, write_provenance
 from riemhuman.report.page import Section, page
 from riemhuman.report.plan import QUICK, Plan
 from riemhuman.report.registered_scans import scan_section
-from riemhuman.report.representations import available, of_extensions
 from riemhuman.report.results import compute_results
-from riemhuman.report.store import Progress, ResultStore, fingerprint
-from riemhuman.report.text_files import write_text
 from riemhuman.retrieval.benchmark import table_metrics
+from riemhuman.retrieval.representations import available, of_extensions
+from riemhuman.storage.result_store import Progress, ResultStore, fingerprint
+from riemhuman.storage.whole_files import write_text
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies

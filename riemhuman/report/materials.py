@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.plots.figures import Picture, drawn
 from riemhuman.report.experiments import has_pairs
-from riemhuman.report.figures import Picture, drawn
 from riemhuman.report.plan import POSE, SHAPE, Plan, name_of
 from riemhuman.report.results import Results
-from riemhuman.report.store import Computed, ResultStore
 from riemhuman.report.tables import Table
-from riemhuman.report.text_files import write_bytes, write_text
+from riemhuman.storage.result_store import Computed, ResultStore
+from riemhuman.storage.whole_files import write_bytes, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,7 +121,8 @@ class Materials:
         draw : callable
             Draws it from the arguments.
         *arguments : object
-            The bodies, steps, and what else JSON and `riemhuman.report.store.fingerprint` know.
+            The bodies, steps, and what else JSON and
+            `riemhuman.storage.result_store.fingerprint` know.
 
         Returns
         -------

@@ -17,13 +17,13 @@ from riemhuman.measurements import (
     open_measurements,
     regress_shape,
 )
-from riemhuman.report.body_plots import plot_path
-from riemhuman.report.figures import new_figure
+from riemhuman.plots.body_plots import plot_path
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.tape_plots import plot_tapes
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph
-from riemhuman.report.store import Computed, Step
 from riemhuman.report.tables import Column, Table
-from riemhuman.report.tape_plots import plot_tapes
+from riemhuman.storage.result_store import Computed, Step
 from riemhuman.surfaces.template import Template
 
 if TYPE_CHECKING:

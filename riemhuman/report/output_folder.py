@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from riemhuman.errors import FileError
-from riemhuman.report.text_files import write_text
-from riemhuman.surfaces.file_content import file_path
-from riemhuman.surfaces.file_locks import only_one
-from riemhuman.surfaces.whole_files import own_folder
+from riemhuman.storage.file_content import file_path
+from riemhuman.storage.file_locks import only_one
+from riemhuman.storage.whole_files import own_folder, write_text
 
 MARKER = "provenance.json"
 _LOCK = ".report.lock"

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
 
-from riemhuman.report.figures import Picture
-from riemhuman.report.web_files import scripts, styles, web_file
+from riemhuman.plots.figures import Picture
+from riemhuman.plots.web_files import scripts, styles, web_file
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ def page(
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
         f'<title>{escape(title)}</title>\n<link rel="icon" href="data:,">\n'
-        f"<style>{web_file('page.css')}</style>\n{styles()}\n</head>\n<body>\n"
+        f"<style>{web_file('page.css', 'riemhuman.report')}</style>\n{styles()}\n</head>\n<body>\n"
         '<a class="skip" href="#main">To the experiments</a>\n'
         f'<header><h1>{escape(title)}</h1><p class="lead">{lead}</p>'
         f'<dl class="facts">{numbers}</dl>'

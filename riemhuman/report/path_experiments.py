@@ -12,12 +12,12 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.contributions import contributions
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.protocols import uninterrupted
 from riemhuman.report.choices import Pair
-from riemhuman.report.contributions import contributions
 from riemhuman.report.plan import (
     BOTH_WEIGHTS,
     PATH_WEIGHTS,
@@ -25,10 +25,10 @@ from riemhuman.report.plan import (
     Plan,
     elastic_metric,
 )
-from riemhuman.report.store import Computed, ResultStore, Step
 from riemhuman.solvers import BasisMean, BasisPath, LinearPath, ModelPath, compare_paths
 from riemhuman.solvers.model_path import ModelParameters
 from riemhuman.solvers.results import MeanResult, PathResult
+from riemhuman.storage.result_store import Computed, ResultStore, Step
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 if TYPE_CHECKING:

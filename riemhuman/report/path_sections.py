@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from riemhuman.plots.body_plots import per_area
+from riemhuman.plots.viewer import Viewer
+from riemhuman.plots.viewer_data import ViewedBody
 from riemhuman.report import drawings, findings, report_tables
-from riemhuman.report.body_plots import per_area
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
 from riemhuman.report.path_experiments import OURS
 from riemhuman.report.plan import name_of
-from riemhuman.report.viewer import Viewer
-from riemhuman.report.viewer_data import ViewedBody
 from riemhuman.surfaces.rendering import MEAN
 
 

@@ -16,7 +16,7 @@ from riemhuman.report.plan import Plan
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
-    from riemhuman.report.store import Step
+    from riemhuman.storage.result_store import Step
 
 _PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "scikit-learn")
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
+from riemhuman.plots.colors import value_colors
+from riemhuman.plots.web_files import web_file
 from riemhuman.registration.folders import ScanRecord, read_records
-from riemhuman.report.colors import value_colors
 from riemhuman.report.page import Section, page, paragraph
 from riemhuman.report.scan_pictures import body_picture, points_picture, shared_window
-from riemhuman.report.text_files import write_text
-from riemhuman.report.web_files import web_file
+from riemhuman.storage.whole_files import write_text
 from riemhuman.surfaces.html_pictures import png_bytes
 
 # The last colour of the distances, which all above it share.
@@ -90,7 +90,7 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
         "Scans and their bodies",
         "Scans",
         [
-            f"<style>{web_file('scans.css')}</style>",
+            f"<style>{web_file('scans.css', 'riemhuman.report')}</style>",
             paragraph(lead),
             f'<div class="scans">{cards}</div>',
         ],

@@ -11,12 +11,12 @@ from numpy import ndarray
 from riemhuman.report.experiments import retrieval_rows
 from riemhuman.report.paper import PAPER_TABLES
 from riemhuman.report.plan import name_of
-from riemhuman.report.rankings import confusion, precision_recall
 from riemhuman.report.tables import Column, Table
+from riemhuman.retrieval.rankings import confusion, precision_recall
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
-    from riemhuman.report.store import Step
+    from riemhuman.storage.result_store import Step
 
 _SCORES = (
     Column("nn", "NN", ".1f", "highest"),

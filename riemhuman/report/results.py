@@ -18,7 +18,7 @@ from riemhuman.report.path_experiments import (
     difference_step,
 )
 from riemhuman.report.plan import PATH_WEIGHTS, POSE, POSE_WEIGHTS, SHAPE, Plan
-from riemhuman.report.store import Computed, ResultStore, Step
+from riemhuman.storage.result_store import Computed, ResultStore, Step
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 if TYPE_CHECKING:

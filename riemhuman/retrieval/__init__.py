@@ -2,6 +2,7 @@
 
 from riemhuman.retrieval.benchmark import BenchmarkRecord, benchmark
 from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.retrieval.rankings import confusion, precision_recall
 from riemhuman.retrieval.scores import RetrievalScores, scores
 from riemhuman.retrieval.tables import TableRow, format_benchmark, format_table, retrieval_table
 
@@ -11,8 +12,10 @@ __all__ = [
     "RetrievalScores",
     "TableRow",
     "benchmark",
+    "confusion",
     "format_benchmark",
     "format_table",
+    "precision_recall",
     "retrieval_table",
     "scores",
 ]

@@ -91,7 +91,7 @@ def benchmark(
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``). By default those of `table_metrics`;
-        `riemhuman.report.representations.available` lists all there are.
+        `riemhuman.retrieval.representations.available` lists all there are.
     n_jobs : int, optional
         Number of threads, -1 for one a core; by default one.
     progress : bool

@@ -17,7 +17,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import thread_count
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 from riemhuman.retrieval.neighbor_search import nearest
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.storage.array_files import load_arrays, save_arrays
 
 _FIELDS = (
     "points",

@@ -15,7 +15,7 @@ from numpy import ndarray
 from riemhuman.errors import ConvergenceWarning, FileFormatError
 from riemhuman.protocols import FoundMean, FoundPath
 from riemhuman.representation import Record, held
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.storage.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.html_pictures import vertices_html
 
 _CLASS = "result_class"

@@ -1,1 +1,1 @@
-"""What is kept on disk: fingerprints of what it was made of."""
+"""Files: written whole or not at all, locked, checked, and known by what they were made of."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.storage.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.laplacian import harmonics
 from riemhuman.surfaces.motion_frames import frames_apart
 from riemhuman.surfaces.streaming_pca import StreamingPCA

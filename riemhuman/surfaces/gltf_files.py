@@ -17,9 +17,9 @@ from scipy import sparse
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.surfaces.file_content import file_path
+from riemhuman.storage.file_content import file_path
+from riemhuman.storage.whole_files import whole_file
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
-from riemhuman.surfaces.whole_files import whole_file
 
 _FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
-from riemhuman.surfaces.file_content import file_content, file_path
+from riemhuman.storage.file_content import file_content, file_path
+from riemhuman.storage.number_text import real_field, whole_field
+from riemhuman.storage.whole_files import whole_file
 from riemhuman.surfaces.mesh_arrays import mesh_arrays, split_polygons
-from riemhuman.surfaces.number_text import real_field, whole_field
 from riemhuman.surfaces.ply_files import read_ply
-from riemhuman.surfaces.whole_files import whole_file
 
 _Mesh = tuple[np.ndarray, np.ndarray]
 _Format = TypeVar("_Format")

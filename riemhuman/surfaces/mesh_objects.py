@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.optional import import_optional
-from riemhuman.surfaces.file_content import brief, file_path
+from riemhuman.storage.file_content import brief, file_path
 from riemhuman.surfaces.mesh_arrays import mesh_arrays, split_polygons
 
 _SURFACE_CELLS = ("triangle", "quad", "polygon")

@@ -38,8 +38,8 @@ class View:
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> side = rh.report.View(azimuth=90.0)
-    >>> picture = rh.report.render(bodies[0], bodies.template.faces, view=side)
+    >>> side = rh.plots.View(azimuth=90.0)
+    >>> picture = rh.plots.render(bodies[0], bodies.template.faces, view=side)
     >>> picture.shape[0]
     400
     """
@@ -154,7 +154,7 @@ def render(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.report.render(bodies[0], bodies.template.faces, height=100).shape[0]
+    >>> rh.plots.render(bodies[0], bodies.template.faces, height=100).shape[0]
     100
     """
     vertices, faces = mesh_arrays(vertices, faces)

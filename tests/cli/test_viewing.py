@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.retrieval import scores
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.storage.array_files import load_arrays, save_arrays
 
 LABELS = "labels.csv"
 

@@ -12,8 +12,8 @@ from riemhuman.errors import (
     FileFormatError,
     FrameIndexError,
 )
+from riemhuman.storage.array_files import save_arrays
 from riemhuman.surfaces import Template
-from riemhuman.surfaces.array_files import save_arrays
 
 TEMPLATE = Template(np.eye(4, 3), [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from riemhuman.measurements import Measurements
+from riemhuman.plots.tape_plots import plot_tapes
 from riemhuman.report.measurement_sections import measurement_section
-from riemhuman.report.tape_plots import plot_tapes
 from riemhuman.surfaces.template import Template
 
 

@@ -14,8 +14,8 @@ from riemhuman.report.output_folder import (
     opened_folder,
     write_provenance,
 )
-from riemhuman.report.text_files import write_text
-from riemhuman.surfaces.array_files import save_arrays
+from riemhuman.storage.array_files import save_arrays
+from riemhuman.storage.whole_files import write_text
 
 
 def enter(path):

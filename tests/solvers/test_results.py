@@ -18,7 +18,7 @@ from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
 from riemhuman.statistics import FrechetMean, GeometricMedian
-from riemhuman.surfaces.array_files import load_arrays, save_arrays
+from riemhuman.storage.array_files import load_arrays, save_arrays
 
 
 class Solver:

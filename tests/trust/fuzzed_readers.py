@@ -28,9 +28,9 @@ from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import DamagedFileWarning
 from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.pairwise import pairwise_job
-from riemhuman.report.store import ResultStore
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.surfaces.array_files import load_arrays
+from riemhuman.storage.array_files import load_arrays
+from riemhuman.storage.result_store import ResultStore
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 
 Files = dict[str, bytes]

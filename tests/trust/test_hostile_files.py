@@ -45,7 +45,7 @@ from riemhuman.errors import (
 )
 from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.surfaces.array_files import load_array, load_arrays
+from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.mesh_files import load_mesh
 

@@ -14,7 +14,7 @@ from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.jobs.folder import JobFolder
 from riemhuman.report.output_folder import check_folder
-from riemhuman.surfaces.array_files import load_array, load_arrays
+from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 

@@ -110,7 +110,7 @@ def test_the_licences_of_all_parts_are_named(archives):
     assert "License-Expression: BSD-3-Clause AND MIT AND CC0-1.0\n" in metadata
     assert {name.partition("/licenses/")[2] for name in licences} == {
         "LICENSE",
-        "riemhuman/report/web/three.LICENSE",
+        "riemhuman/plots/web/three.LICENSE",
         "riemhuman/datasets/data/README.md",
     }
 

@@ -1,0 +1,278 @@
+"""Bodies and paths of bodies as matplotlib pictures, drawn without display."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.optional import import_optional
+from riemhuman.plots.colors import value_colors
+from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.rendering import SKIN, View, render, window_around
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+# Share of values that may pass the end of the colour scale, so that one triangle does not rule it.
+_OUTLIERS = 0.01
+
+
+def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
+    """Return the axes given, or those of a new figure.
+
+    Parameters
+    ----------
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in.
+    width, height : float
+        Size of a new figure, inches.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    MissingDependencyError
+        If matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
+    pyplot = import_optional("matplotlib.pyplot", "plot")
+    return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def plot_body(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    values: ArrayLike | None = None,
+    *,
+    color: ArrayLike = SKIN,
+    largest: float | None = None,
+    view: View | None = None,
+    label: str | None = None,
+    ax: Axes | None = None,
+    height: int = 480,
+) -> Axes:
+    """Draw a body, coloured by values of its triangles if there are any.
+
+    Parameters
+    ----------
+    vertices : array_like, shape (V, 3)
+        Surface, metres, y up.
+    faces : array_like, shape (F, 3)
+        Triangles.
+    values : array_like, shape (F,), optional
+        A value of at least 0 for every triangle, such as `contributions` per area.
+    color : array_like, shape (3,) or (F, 3)
+        Red, green and blue between 0 and 1, where there are no values.
+    largest : float, optional
+        Value of the last colour; by default that which 1 % of the values pass.
+    view : View, optional
+        Where the body is seen from.
+    label : str, optional
+        What the values are, written at a colour bar; without it there is none.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+    height : int
+        Height of the picture in pixels.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ArgumentError
+        If an array does not fit.
+    MissingDependencyError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> ax = rh.plots.plot_body(bodies[0], bodies.template.faces)
+    >>> ax.figure.savefig("body.png")
+    """
+    ax = new_axes(ax, 3.2, 4.8)
+    view = View() if view is None else view
+    window = window_around(vertices, view)
+    limit = 0.0
+    if values is not None:
+        shades = real_array(values, "values", (len(np.asarray(faces)),), batched=False)
+        limit = colour_limit(shades) if largest is None else real_number(largest, "largest")
+        color = value_colors(shades, limit)
+    picture = render(vertices, faces, height=height, view=view, window=window, color=color)
+    ax.imshow(picture, extent=(0.0, window.width, 0.0, window.height), interpolation="antialiased")
+    ax.set_axis_off()
+    if values is not None and label is not None:
+        ax.figure.colorbar(_scale(limit), ax=ax, label=label, shrink=0.6, pad=0.02)
+    return ax
+
+
+def plot_path(
+    path: ArrayLike,
+    faces: ArrayLike,
+    values: ArrayLike | None = None,
+    *,
+    n_shown: int | None = None,
+    colors: ArrayLike | None = None,
+    largest: float | None = None,
+    spacing: float | None = None,
+    view: View | None = None,
+    ax: Axes | None = None,
+    height: int = 360,
+) -> Axes:
+    """Draw the surfaces of a path side by side, as on a film strip.
+
+    Parameters
+    ----------
+    path : array_like, shape (n_times, V, 3)
+        Surfaces, metres, y up.
+    faces : array_like, shape (F, 3)
+        Triangles.
+    values : array_like, shape (n_times, F), optional
+        A value of at least 0 for every triangle of every surface.
+    n_shown : int, optional
+        Number of surfaces shown, evenly spaced with both ends; by default all.
+    colors : array_like, shape (n_times, 3), optional
+        Colour of every surface, where there are no values.
+    largest : float, optional
+        Value of the last colour; by default that which 1 % of the values pass.
+    spacing : float, optional
+        Metres from the middle of one surface to that of the next; by default they stand so that
+        none covers another.
+    view : View, optional
+        Where the surfaces are seen from.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw in; by default those of a new figure.
+    height : int
+        Height of the picture in pixels.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    ArgumentError
+        If an array does not fit.
+    MissingDependencyError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> ax = rh.plots.plot_path(bodies.points[:6], bodies.template.faces, n_shown=3)
+    """
+    surfaces = real_array(path, "path", ("n_times", "n_vertices", 3), batched=False)
+    chosen = np.arange(len(surfaces))
+    if n_shown is not None:
+        n_shown = min(whole_number(n_shown, "n_shown", minimum=2), len(surfaces))
+        chosen = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
+    view = View() if view is None else view
+    common = window_around(surfaces[chosen], view)
+    # Each in a window of its own, so that a body that walks does not leave its place on the strip.
+    windows = [replace(window_around(f, view), height=common.height) for f in surfaces[chosen]]
+    windows = [replace(own, centre=(own.centre[0], common.centre[1])) for own in windows]
+    widths = np.array([own.width for own in windows])
+    middles = np.cumsum(widths) - widths / 2
+    if spacing is not None:
+        step = real_number(spacing, "spacing", minimum=0, strict=True)
+        middles = widths[0] / 2 + step * np.arange(len(chosen))
+    tints = _tints(surfaces, faces, values, colors, largest)
+    ax = new_axes(ax, min(12.0, 2.4 * (middles[-1] + widths[-1] / 2) / common.height), 2.4)
+    for order, (index, own) in enumerate(zip(chosen, windows, strict=True)):
+        picture = render(
+            surfaces[index], faces, height=height, view=view, window=own, color=tints[index]
+        )
+        sides = (middles[order] - own.width / 2, middles[order] + own.width / 2)
+        ax.imshow(
+            picture,
+            extent=(*sides, 0.0, common.height),
+            interpolation="antialiased",
+            zorder=2 + order,
+        )
+    ax.set_xlim(0.0, middles[-1] + widths[-1] / 2)
+    ax.set_ylim(0.0, common.height)
+    ax.set_axis_off()
+    return ax
+
+
+def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
+    """Return values of triangles per square metre, so that large triangles do not stand out.
+
+    Parameters
+    ----------
+    values : array_like, shape (..., F)
+        Values.
+    vertices : array_like, shape (V, 3)
+        Surface whose areas are taken, such as the template.
+    faces : array_like, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    array, shape (..., F)
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> values = bodies.template.face_areas
+    >>> per_area = rh.plots.per_area(values, bodies.template.vertices, bodies.template.faces)
+    >>> bool(abs(per_area - 1).max() < 1e-9)
+    True
+    """
+    areas = triangle_areas(np.asarray(vertices, dtype=np.float64), np.asarray(faces))
+    return real_array(values, "values", (len(areas),)) / np.maximum(areas, 1e-30)
+
+
+def colour_limit(values: ndarray) -> float:
+    """Return the value at the end of the colour scale, which 1 % of the values pass.
+
+    Parameters
+    ----------
+    values : array, shape (...)
+        Values of at least 0.
+
+    Returns
+    -------
+    float
+    """
+    return float(np.quantile(values, 1.0 - _OUTLIERS)) or float(values.max(initial=0.0))
+
+
+def _tints(
+    path: ndarray,
+    faces: ArrayLike,
+    values: ArrayLike | None,
+    colors: ArrayLike | None,
+    largest: float | None,
+) -> Any:
+    if values is not None:
+        shape = (len(path), len(np.asarray(faces)))
+        shades = real_array(values, "values", shape, batched=False)
+        return value_colors(shades, colour_limit(shades) if largest is None else largest)
+    if colors is None:
+        return [SKIN] * len(path)
+    tints = real_array(colors, "colors", (len(path), 3), batched=False)
+    if tints.min() < 0 or tints.max() > 1:
+        raise ArgumentError("colors must lie between 0 and 1")
+    return tints
+
+
+def _scale(largest: float) -> Any:
+    """Return the colour scale from 0 to the largest value, for a colour bar."""
+    colors = import_optional("matplotlib.colors", "plot")
+    cm = import_optional("matplotlib.cm", "plot")
+    table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))
+    return cm.ScalarMappable(colors.Normalize(0.0, largest or 1.0), table)

@@ -1,0 +1,303 @@
+"""Bodies to turn and paths to play, in a notebook or as one HTML file that needs nothing else.
+
+The surfaces travel inside the page, where three.js draws them; where it cannot, pictures stand in.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from html import escape
+from string import Template
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError
+from riemhuman.plots.body_plots import colour_limit
+from riemhuman.plots.colors import value_colors
+from riemhuman.plots.viewer_data import ViewedBody, payload
+from riemhuman.plots.web_files import scripts, styles, web_file
+from riemhuman.storage.whole_files import write_text
+from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
+from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.rendering import View
+
+_STILL_HEIGHT = 240
+
+
+@dataclass(frozen=True)
+class Viewer:
+    """Bodies to turn and paths to play; notebooks show it, `save` makes a file of it.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles of all bodies.
+    choices : mapping of str to list of ViewedBody
+        What there is to choose from, and the bodies side by side in each choice.
+    legend : str
+        What is chosen.
+    title : str
+        What is shown.
+    view : View
+        Where the bodies are seen from at first.
+    max_vertices : int, optional
+        Bodies with more vertices are shown by fewer of them; by default 7,000, or 30,000 for
+        triangles with values.
+    description : str
+        What the page of the viewer says below its title.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
+    >>> viewer.save("bodies.html")
+    """
+
+    faces: ndarray
+    choices: Mapping[str, Sequence[ViewedBody]]
+    legend: str = "Show"
+    title: str = "Bodies"
+    view: View = field(default_factory=View)
+    max_vertices: int | None = None
+    description: str = ""
+
+    def __repr__(self) -> str:
+        return f"Viewer({self.title!r}, choices={list(self.choices)})"
+
+    def fragment(self, identifier: str) -> str:
+        """Return the viewer as part of a page that also holds `styles` and `scripts`.
+
+        Parameters
+        ----------
+        identifier : str
+            Name of the viewer, unique in the page.
+
+        Returns
+        -------
+        str
+        """
+        options = "".join(
+            f'<label><input type="radio" name="{identifier}-choice" value="{index}"'
+            f"{' checked' if index == 0 else ''}> {escape(name)}</label>"
+            for index, name in enumerate(self.choices)
+        )
+        stills = "".join(
+            f'<img class="still" src="{self._still(bodies)}" '
+            f'alt="{escape(f"Picture of the bodies: {name or self.title}", quote=True)}"'
+            f"{' hidden' if index else ''}>"
+            for index, (name, bodies) in enumerate(self.choices.items())
+        )
+        data = payload(self.choices, self.faces, self.view, self.max_vertices)
+        return Template(web_file("viewer.html")).substitute(
+            identifier=escape(identifier, quote=True),
+            title=escape(self.title, quote=True),
+            legend=escape(self.legend),
+            options=options,
+            hidden=" hidden" if len(self.choices) == 1 else "",
+            stills=stills,
+            payload=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
+        )
+
+    def page(self) -> str:
+        """Return a whole page with the viewer alone.
+
+        Returns
+        -------
+        str
+        """
+        return Template(web_file("viewer_page.html")).substitute(
+            title=escape(self.title),
+            description=f"<p>{escape(self.description)}</p>" if self.description else "",
+            styles=styles(),
+            body=self.fragment("viewer"),
+            end=scripts(),
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the page to a file that opens in any browser, without a connection.
+
+        Parameters
+        ----------
+        path : path_like
+            The file; an existing file is replaced.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_text(path, self.page())
+
+    def _repr_html_(self) -> str:
+        """Show the page in a frame of its own, so that nothing of the notebook meets it."""
+        return (
+            f'<iframe title="{escape(self.title, quote=True)}" sandbox="allow-scripts" '
+            'style="width: 100%; height: 36rem; border: 0" '
+            f'srcdoc="{escape(self.page(), quote=True)}"></iframe>'
+        )
+
+    def _still(self, bodies: Sequence[ViewedBody]) -> str:
+        """Return a picture of a choice: its bodies half way or, of one alone, times of its path."""
+        if len(bodies) == 1:
+            (body,) = bodies
+            places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
+            bodies = [replace(body, frames=body.frames[[round(place)]]) for place in places]
+        surfaces = [body.frames[len(body.frames) // 2] for body in bodies]
+        colors = [
+            body.color if body.values is None else value_colors(body.values, body.limit)
+            for body in bodies
+        ]
+        picture = strip_picture(surfaces, self.faces, colors, self.view, _STILL_HEIGHT)
+        return f"data:image/png;base64,{base64.b64encode(png_bytes(picture)).decode('ascii')}"
+
+
+def view_path(
+    path: ArrayLike | Mapping[str, ArrayLike],
+    faces: ArrayLike,
+    *,
+    side_by_side: bool = False,
+    legend: str = "Path",
+    title: str = "Path of bodies",
+    description: str = "",
+    view: View | None = None,
+) -> Viewer:
+    """Show a path to play, scrub and turn, or several to choose from.
+
+    Parameters
+    ----------
+    path : array_like, shape (n_times, V, 3), or mapping of str to such
+        Surfaces at equally spaced times, metres, y up; several paths by name.
+    faces : array_like, shape (F, 3)
+        Triangles.
+    side_by_side : bool
+        Whether several paths run beside each other instead.
+    legend : str
+        What is chosen.
+    title : str
+        What is shown.
+    description : str
+        What the page of the viewer says below its title.
+    view : View, optional
+        Where the bodies are seen from at first.
+
+    Returns
+    -------
+    Viewer
+
+    Raises
+    ------
+    ArgumentError
+        If a path or the triangles are malformed, or paths differ in their vertices.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> viewer = rh.plots.view_path(bodies.points[:4], bodies.template.faces)
+    >>> viewer.save("path.html")
+    """
+    paths = path if isinstance(path, Mapping) else {"": path}
+    if not paths:
+        raise ArgumentError("path is empty; at least one path is needed")
+    bodies = {}
+    for name, frames in paths.items():
+        frames = real_array(frames, "path", ("n_times", "n_vertices", 3), batched=False)
+        bodies[name] = ViewedBody(name, frames)
+    choices = {name: [ViewedBody("", body.frames)] for name, body in bodies.items()}
+    if side_by_side:
+        choices = {title: list(bodies.values())}
+    return _viewer(faces, choices, legend, title, description, view)
+
+
+def view_bodies(
+    points: ArrayLike,
+    faces: ArrayLike,
+    names: Sequence[str] | None = None,
+    *,
+    values: ArrayLike | None = None,
+    value_label: str = "",
+    title: str = "Bodies",
+    description: str = "",
+    view: View | None = None,
+) -> Viewer:
+    """Show bodies side by side, to turn.
+
+    Parameters
+    ----------
+    points : array_like, shape (n, V, 3) or (V, 3)
+        Surfaces, metres, y up.
+    faces : array_like, shape (F, 3)
+        Triangles.
+    names : sequence of str, length n, optional
+        What is written below each.
+    values : array_like, shape (n, F) or (F,), optional
+        A value of at least 0 for every triangle, such as `contributions` per area. All bodies
+        share one colour scale, which ends where 1 % of the values pass it.
+    value_label : str
+        What the values are, in a word or a unit, written beside the colour scale.
+    title : str
+        What is shown.
+    description : str
+        What the page of the viewer says below its title.
+    view : View, optional
+        Where the bodies are seen from at first.
+
+    Returns
+    -------
+    Viewer
+
+    Raises
+    ------
+    ArgumentError
+        If an array does not fit.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> viewer = rh.plots.view_bodies(bodies.points[:2], bodies.template.faces)
+    >>> viewer.save("bodies.html")
+    """
+    surfaces = real_array(points, "points", ("n_vertices", 3))
+    surfaces = surfaces.reshape(-1, *surfaces.shape[-2:])
+    n_bodies = len(surfaces)
+    labels = [""] * n_bodies if names is None else list(names)
+    if len(labels) != n_bodies or n_bodies == 0:
+        raise ArgumentError(f"{len(labels)} names found for {n_bodies} bodies")
+    shades: list[ndarray | None] = [None] * n_bodies
+    largest = None
+    if values is not None:
+        n_faces = len(np.asarray(faces))
+        rows = real_array(values, "values", (n_faces,)).reshape(-1, n_faces)
+        shades, largest = list(rows), colour_limit(rows)
+        if len(shades) != n_bodies:
+            raise ArgumentError(f"{len(shades)} rows of values found for {n_bodies} bodies")
+    bodies = [
+        ViewedBody(label, surface[None], values=shade, largest=largest, value_label=value_label)
+        for label, surface, shade in zip(labels, surfaces, shades, strict=True)
+    ]
+    return _viewer(faces, {title: bodies}, "Show", title, description, view)
+
+
+def _viewer(
+    faces: ArrayLike,
+    choices: dict[str, list[ViewedBody]],
+    legend: str,
+    title: str,
+    description: str,
+    view: View | None,
+) -> Viewer:
+    every = [body for bodies in choices.values() for body in bodies]
+    _, triangles = mesh_arrays(every[0].frames[0], faces)
+    sizes = {body.frames.shape[1] for body in every}
+    if len(sizes) > 1:
+        raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
+    return Viewer(triangles, choices, legend, title, view or View(), description=description)

@@ -1,0 +1,114 @@
+"""What a distance matrix says beyond its scores: precision at recall, and who is taken for whom."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError
+
+
+def precision_recall(
+    distances: ArrayLike, labels: Sequence[Hashable] | ndarray
+) -> tuple[ndarray, ndarray]:
+    """Return the mean precision of leave-one-out retrieval at every level of recall.
+
+    At recall k/n of a query with n others in its class, precision is k over the rank of the k-th of
+    them. Equal distances keep their order. Queries alone in their class are left out. Where all
+    classes are of one size, the mean over levels is the mean average precision.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Distance from query i to item j in row i, column j.
+    labels : sequence of hashable, length n
+        Class of each item.
+
+    Returns
+    -------
+    recall, precision : array, shape (n_levels,)
+        Levels 1/n to 1, n the most others that a class has, and the mean precision at each.
+
+    Raises
+    ------
+    ArgumentError
+        If the matrix is not square, the number of labels differs, or no two items share a class.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> D = space.metric.dist_pairwise(bodies.points[:30])
+    >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
+    """
+    matrix, classes, _ = _checked(distances, labels)
+    relevant = classes[:, None] == classes[None, :]
+    n_relevant = relevant.sum(axis=1) - 1
+    n_levels = int(n_relevant.max())
+    if n_levels == 0:
+        raise ArgumentError(f"labels holds {len(classes)} classes of one item each")
+    recall = np.arange(1, n_levels + 1) / n_levels
+    curves = []
+    for query in np.flatnonzero(n_relevant):
+        order = np.argsort(matrix[query], kind="stable")
+        order = order[order != query]
+        ranks = np.flatnonzero(relevant[query, order]) + 1
+        precision = np.arange(1, len(ranks) + 1) / ranks
+        needed = np.ceil(recall * len(ranks) - 1e-9).astype(np.int64)
+        curves.append(precision[needed - 1])
+    return recall, np.mean(curves, axis=0)
+
+
+def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> ndarray:
+    """Count, for the items of each class, the classes of their nearest neighbours.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Distance from query i to item j in row i, column j.
+    labels : sequence of hashable, length n
+        Class of each item.
+
+    Returns
+    -------
+    array of int, shape (n_classes, n_classes)
+        Row: class of the query, column: class of its nearest neighbour, in the order of
+        `numpy.unique`.
+
+    Raises
+    ------
+    ArgumentError
+        If the matrix is not square or the number of labels differs.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
+    >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
+    [[2, 0], [0, 2]]
+    """
+    matrix, classes, n_classes = _checked(distances, labels)
+    matrix = matrix.copy()
+    np.fill_diagonal(matrix, np.inf)
+    counts = np.zeros((n_classes, n_classes), dtype=np.int64)
+    np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
+    return counts
+
+
+def _checked(
+    distances: ArrayLike, labels: Sequence[Hashable] | ndarray
+) -> tuple[ndarray, ndarray, int]:
+    matrix = real_array(distances, "distances", ("n", "n"), batched=False)
+    if matrix.shape != (len(labels), len(labels)):
+        raise ArgumentError(
+            f"distances must be a square matrix of {len(labels)} items, as many as there are "
+            f"labels; found shape {matrix.shape}"
+        )
+    names, classes = np.unique(np.asarray(labels), return_inverse=True)
+    return matrix, classes, len(names)

@@ -1,0 +1,56 @@
+"""What triangles add to a distance."""
+
+import numpy as np
+import pytest
+from cases import sphere_template, surfaces
+
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.contributions import contributions
+from riemhuman.geometry.elastic_metric import ElasticMetric
+
+SPACE = AlignedSurfaces(sphere_template())
+
+
+@pytest.mark.parametrize("weights", [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (0.7, 2.0, 0.3)])
+def test_they_add_up_to_the_squared_distance(weights):
+    metric = ElasticMetric(SPACE, *weights)
+    one, other = surfaces(SPACE.template, 2, rng=1)
+    parts = contributions(metric, one, other)
+    assert parts.total.shape == (SPACE.template.n_faces,)
+    assert parts.total.sum() == pytest.approx(metric.squared_dist(one, other), rel=1e-12)
+    assert (parts.metric.any(), parts.normal.any()) == (weights[0] > 0, weights[2] > 0)
+
+
+def test_parts_are_the_distances_of_the_two_fields():
+    one, other = surfaces(SPACE.template, 2, rng=2)
+    parts = contributions(ElasticMetric(SPACE, 2.0, 0.5, 3.0), one, other)
+    ebin = ElasticMetric(SPACE, 2.0, 0.5, 0.0).squared_dist(one, other)
+    normals = ElasticMetric(SPACE, 0.0, 0.0, 3.0).squared_dist(one, other)
+    np.testing.assert_allclose([parts.metric.sum(), parts.normal.sum()], [ebin, normals])
+
+
+def test_a_moved_vertex_shows_in_its_triangles_alone():
+    one = SPACE.template.vertices
+    other = one.copy()
+    other[7] *= 1.2
+    total = contributions(ElasticMetric(SPACE, 1.0, 1.0, 1.0), one, other).total
+    np.testing.assert_array_equal(total > 0, (SPACE.template.faces == 7).any(axis=1))
+
+
+def test_leading_axes():
+    metric = ElasticMetric(SPACE, 1.0, 1.0, 1.0)
+    some = surfaces(SPACE.template, 3, rng=3)
+    together = contributions(metric, some, some[:1])
+    alone = contributions(metric, some[2], some[0])
+    np.testing.assert_array_equal(together.total[2], alone.total)
+    assert not together.total[0].any()
+
+
+def test_bad_surfaces():
+    metric = ElasticMetric(SPACE, 0.0, 0.0, 1.0)
+    flat = np.zeros(SPACE.shape)
+    with pytest.raises(DegenerateSurfaceError):
+        contributions(metric, SPACE.template.vertices, flat)
+    with pytest.raises(ArgumentError, match="shape"):
+        contributions(metric, flat[1:], flat[1:])

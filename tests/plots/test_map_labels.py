@@ -1,0 +1,73 @@
+"""Labels of maps: lines that meet no name, names that do not overlap, bars of a true length."""
+
+import numpy as np
+import pytest
+
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.map_labels import crosses, free_places, leader_end
+from riemhuman.plots.result_plots import plot_embedding
+
+
+def clusters(seed):
+    rng = np.random.default_rng(seed)
+    centres = rng.uniform(0.6, [4.1, 3.7], (10, 2))
+    labels = np.repeat(np.arange(10), 6)
+    return centres[labels] + 0.1 * rng.normal(size=(60, 2)), labels
+
+
+def test_lines_cross_no_name_as_drawn(nine_bodies):
+    positions, labels = clusters(1)
+    names = [f"person number {label} of the set" for label in range(10)]
+    figure = new_figure(4.8, 4.3)
+    surfaces = np.repeat(nine_bodies.points[:1], len(positions), axis=0)
+    faces = nine_bodies.template.faces
+    ax = plot_embedding(
+        positions, labels, names, points=surfaces, faces=faces, ax=figure.subplots()
+    )
+    figure.draw_without_rendering()
+    renderer = figure._get_renderer()
+    boxes = [text.get_window_extent(renderer) for text in ax.texts]
+    lines = [ax.transData.transform(line.get_xydata()) for line in ax.lines]
+    assert len(boxes) == len(lines) == 10
+    for start, end in lines:
+        for box in boxes:
+            middle = np.array([(box.x0 + box.x1) / 2, (box.y0 + box.y1) / 2])
+            assert not crosses(start, end, middle, np.array([box.width, box.height]) / 2)
+    for index, box in enumerate(boxes):
+        assert not any(box.overlaps(other) for other in boxes[index + 1 :])
+
+
+def test_a_line_ends_at_the_edge_of_its_body():
+    below = leader_end(np.array([0.0, -3.0]), np.zeros(2))
+    np.testing.assert_allclose(below, [0, -0.59])
+    inside = np.array([0.1, 0.0])
+    np.testing.assert_allclose(leader_end(inside, np.zeros(2)), inside)
+
+
+def test_lines_cross_boxes_or_pass_them():
+    reach = np.array([1.0, 0.5])
+    ends = np.array([[3.0, 0.0], [-1.5, 0.0], [-3.0, 2.0], [3.0, 4.0]])
+    start = np.array([-2.0, 0.0])
+    assert crosses(start, ends, np.zeros(2), reach).tolist() == [True, False, False, False]
+
+
+def test_places_lie_within_the_map():
+    positions, labels = clusters(3)
+    centres = np.stack([positions[labels == k].mean(axis=0) for k in range(10)])
+    places = np.stack(free_places(positions, centres, np.array([4.8, 4.3])))
+    assert places.min() > 0
+    assert (places < [4.8, 4.3]).all()
+
+
+def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):
+    positions, labels = clusters(0)
+    figure = new_figure(4.8, 3.0)
+    ax = plot_embedding(positions, labels, unit="m", ax=figure.subplots())
+    figure.draw_without_rendering()
+    (bar,) = (line for line in ax.lines if len(line.get_xdata()) == 2)
+    (text,) = (text.get_text() for text in ax.texts)
+    length, unit = text.split()
+    assert unit == "m"
+    assert np.ptp(bar.get_xdata()) == pytest.approx(float(length))
+    across, along = np.abs(np.diff(ax.transData.transform([[0, 0], [1, 1]]), axis=0)[0])
+    assert across == pytest.approx(along, rel=0.02)

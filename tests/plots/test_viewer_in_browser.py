@@ -1,0 +1,255 @@
+"""Every ability of the viewer, by events of a real mouse, keyboard and fingers."""
+
+import numpy as np
+import pytest
+from headless_browser import opened_browser
+
+from riemhuman.datasets import load_open_bodies
+from riemhuman.plots import view_bodies, view_path
+
+BODIES = load_open_bodies("coarse")
+FACES = BODIES.template.faces
+SIZE = (1000, 760)
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
+    """Return the pages of two coloured bodies, of two paths, and of nine bodies."""
+    folder = tmp_path_factory.mktemp("pages")
+    values = np.linspace(0, 2, len(FACES)) * np.ones((2, 1))
+    names = ["Anna, standing", "Ben, who sits on a chair"]
+    shown = view_bodies(BODIES.points[:2], FACES, names, values=values, value_label="per m²")
+    shown.save(folder / "bodies.html")
+    start, end = BODIES.points[[0, 3]]
+    path = start + np.linspace(0, 1, 5)[:, None, None] * (end - start)
+    paths = {"there": path, "back": path[::-1]}
+    view_path(paths, FACES, title="Two paths", description="From one to another.").save(
+        folder / "paths.html"
+    )
+    many = [f"body number {index} with a long name" for index in range(9)]
+    view_bodies(BODIES.points[:9], FACES, many).save(folder / "many.html")
+    return folder
+
+
+@pytest.fixture
+def opened(browser, pages):
+    """Return a function that opens a page and waits for its viewer."""
+
+    def open_page(name, width=SIZE[0], height=SIZE[1]):
+        browser.open(pages / f"{name}.html", width, height)
+        browser.wait_for("return document.querySelector('.viewer').dataset.ready")
+        return browser.find("canvas")
+
+    yield open_page
+    assert browser.console() == []
+
+
+def state(browser, key):
+    return float(browser.run(f"return document.querySelector('.viewer').dataset.{key}"))
+
+
+def text_of(browser, part):
+    return browser.run(f"return document.querySelector('[data-part={part}]').textContent")
+
+
+def world(browser, right, below):
+    """Return what is at a place, from the middle of the stage, in metres."""
+    scale = state(browser, "scale")
+    return state(browser, "panX") + right / scale, state(browser, "panY") - below / scale
+
+
+def boxes(browser, selector):
+    """Return left, top, right and bottom of the elements that are seen."""
+    return browser.run(
+        "return [...document.querySelectorAll(arguments[0])]"
+        ".filter((e) => e.checkVisibility({visibilityProperty: true}))"
+        ".map((e) => e.getBoundingClientRect())"
+        ".map((r) => [r.left, r.top, r.right, r.bottom])",
+        selector,
+    )
+
+
+def test_drag_turns(browser, opened):
+    canvas = opened("bodies")
+    before = state(browser, "yaw")
+    browser.actions().drag_and_drop_by_offset(canvas, 120, 0).perform()
+    assert state(browser, "yaw") == pytest.approx(before + 1.0, abs=0.02)
+    assert state(browser, "panX") == 0
+
+
+@pytest.mark.parametrize("how", ["shift", "right button"])
+def test_drag_moves(browser, opened, how):
+    canvas = opened("bodies")
+    yaw, scale = state(browser, "yaw"), state(browser, "scale")
+    browser.drag(canvas, 90, -60, shift=how == "shift", button=0 if how == "shift" else 2)
+    assert state(browser, "yaw") == yaw
+    assert state(browser, "panX") * scale == pytest.approx(-90, abs=1)
+    assert state(browser, "panY") * scale == pytest.approx(-60, abs=1)
+
+
+def test_wheel_zooms_to_the_pointer(browser, opened):
+    canvas = opened("bodies")
+    place = (150, -80)
+    before = world(browser, *place)
+    browser.wheel(canvas, *place, -300)
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 1.5")
+    assert world(browser, *place) == pytest.approx(before, abs=1e-3)
+    browser.wheel(canvas, *place, 300)
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) < 1.01")
+
+
+def test_double_click_frames_a_hand_and_then_all(browser, opened):
+    canvas = opened("bodies")
+    before = state(browser, "zoom")
+    face = (-220, 0)  # on the left body
+    browser.actions().move_to_element_with_offset(canvas, *face).double_click().perform()
+    assert state(browser, "zoom") > 3 * before
+    assert state(browser, "panX") < 0
+    hit = text_of(browser, "hint")
+    browser.actions().move_to_element_with_offset(canvas, 1, 0).perform()
+    browser.wait_for("return !document.querySelector('[data-part=hint]').hidden")
+    assert hit.startswith("Anna") or text_of(browser, "hint").startswith("Anna")
+    # Turning keeps what was framed in the middle.
+    browser.actions().drag_and_drop_by_offset(canvas, 60, 0).perform()
+    browser.actions().move_to_element_with_offset(canvas, 1, 0).perform()
+    browser.wait_for("return !document.querySelector('[data-part=hint]').hidden")
+    browser.press("\ue011")  # Home
+    assert state(browser, "zoom") == before
+
+
+def test_two_fingers_zoom_and_move(browser, opened):
+    opened("bodies", 400, 760)
+    x, y = 200, 300
+    browser.touch("touchStart", (x - 40, y), (x + 40, y))
+    browser.touch("touchMove", (x - 60, y), (x + 60, y))
+    browser.touch("touchMove", (x - 80, y + 20), (x + 80, y + 20))
+    browser.touch("touchEnd")
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 1.9")
+    assert state(browser, "zoom") == pytest.approx(2.0, abs=0.05)
+    assert state(browser, "panY") > 0
+
+
+def test_one_finger_turns_and_two_taps_frame(browser, opened):
+    opened("bodies", 400, 760)
+    left, top, right, bottom = boxes(browser, "canvas")[0]
+    x, y = (left + right) / 2, (top + bottom) / 2
+    before = state(browser, "yaw")
+    browser.touch("touchStart", (x, y))
+    for moved in (20, 40, 60):
+        browser.touch("touchMove", (x + moved, y))
+    browser.touch("touchEnd")
+    assert state(browser, "yaw") == pytest.approx(before + 0.5, abs=0.2)
+    browser.run("document.querySelector('[data-action=reset]').click()")
+    torso = (x, top + (bottom - top) * 0.25)  # of the upper body
+    for _ in range(2):
+        browser.touch("touchStart", torso)
+        browser.touch("touchEnd")
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.zoom) > 3")
+
+
+def test_hover_names_body_and_value(browser, opened):
+    canvas = opened("bodies")
+    browser.actions().move_to_element_with_offset(canvas, -220, 0).perform()
+    browser.wait_for("return !document.querySelector('[data-part=hint]').hidden")
+    name, value = text_of(browser, "hint").rsplit(": ", 1)
+    assert name == "Anna, standing"
+    number, unit = value.split(" ", 1)
+    assert unit == "per m²"
+    # Values grow with the number of the triangle: the value tells which one it is.
+    triangle = round(float(number) / 2 * (len(FACES) - 1))
+    assert np.ptp(BODIES.points[0, FACES[triangle]], axis=0).max() < 0.2
+    assert 0.4 < BODIES.points[0, FACES[triangle], 1].mean() - BODIES.points[0, :, 1].min() < 1.6
+    browser.actions().move_to_element_with_offset(canvas, 0, -300).perform()
+    browser.wait_for("return document.querySelector('[data-part=hint]').hidden")
+
+
+def test_colour_bars_say_what_colours_mean(browser, opened):
+    opened("bodies")
+    bars = browser.run("return [...document.querySelectorAll('.scale')].map((e) => e.innerText)")
+    assert [bar.split("\n") for bar in bars] == [["0", "2 per m²"]] * 2
+
+
+def test_keys_turn_move_zoom_and_frame(browser, opened):
+    canvas = opened("bodies")
+    browser.press("\ue004")  # Tab: the view is the first thing the keyboard comes to
+    assert browser.run("return document.activeElement === arguments[0]", canvas)
+    yaw = state(browser, "yaw")
+    browser.press("\ue014")
+    assert state(browser, "yaw") > yaw
+    browser.actions().key_down("\ue008").send_keys("\ue014").key_up("\ue008").perform()
+    assert state(browser, "panX") > 0
+    browser.press("+")
+    assert state(browser, "zoom") > 1
+    browser.press("\ue011")
+    assert (state(browser, "zoom"), state(browser, "panX"), state(browser, "yaw")) == (1, 0, yaw)
+
+
+def test_space_plays_and_the_slider_says_where(browser, opened):
+    opened("paths")
+    browser.find("canvas").click()
+    browser.press(" ")
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.time) > 0.05")
+    assert text_of(browser, "play") == "Pause"
+    browser.press(" ")
+    assert text_of(browser, "play") == "Play"
+    slider = browser.find("input[type=range]")
+    browser.run("arguments[0].focus()", slider)
+    browser.press("\ue010")  # End
+    assert state(browser, "time") == 1
+    assert slider.get_attribute("aria-valuetext") == "100 % of the path"
+
+
+def test_speed_and_loop(browser, opened):
+    opened("paths")
+    browser.find("select option[value='2']").click()
+    browser.find("[data-part=loop]").click()
+    browser.find("[data-part=play]").click()
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.time) > 0.6")
+    browser.wait_for("return Number(document.querySelector('.viewer').dataset.time) < 0.4")
+    assert text_of(browser, "play") == "Pause"
+    browser.find("[data-part=loop]").click()
+    browser.wait_for("return document.querySelector('.viewer').dataset.time === '1.000'")
+    browser.wait_for("return document.querySelector('[data-part=play]').textContent === 'Play'")
+
+
+def test_another_choice_keeps_the_moment(browser, opened):
+    opened("paths")
+    browser.find("input[type=range]").click()
+    time = state(browser, "time")
+    assert 0.4 < time < 0.6
+    browser.find("input[type=radio][value='1']").click()
+    assert browser.run("return document.querySelector('.viewer').dataset.choice") == "back"
+    assert state(browser, "time") == time
+
+
+@pytest.mark.parametrize("width", [400, 1000])
+def test_labels_stay_inside_the_stage(browser, opened, width):
+    opened("many", width)
+    left, top, right, bottom = boxes(browser, ".stage")[0]
+    for clicks in (0, 3, 6):
+        for _ in range(clicks):
+            browser.find("[data-action=closer]").click()
+        labels = boxes(browser, ".label")
+        assert labels
+        assert clicks or len(labels) == 9
+        for label in labels:
+            assert left - 0.5 <= label[0] <= label[2] <= right + 0.5
+            assert top - 0.5 <= label[1] <= label[3] <= bottom + 0.5
+
+
+def test_the_page_says_what_it_shows(browser, opened):
+    opened("paths")
+    assert browser.find("h1").text == "Two paths"
+    assert browser.find("h1 + p").text == "From one to another."
+
+
+def test_stills_stand_in_where_there_is_no_webgl(pages):
+    with opened_browser("--disable-3d-apis") as browser:
+        browser.open(pages / "paths.html", *SIZE)
+        browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
+        shown = "return [...document.querySelectorAll('.still')].map((e) => e.checkVisibility())"
+        assert browser.run(shown) == [True, False]
+        assert browser.find(".still").size["height"] > 200
+        browser.find("input[type=radio][value='1']").click()
+        assert browser.run(shown) == [False, True]
+        assert not browser.find("[data-part=play]").is_displayed()
