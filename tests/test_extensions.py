@@ -12,7 +12,6 @@ from riemhuman.datasets import check_dataset, load_open_bodies
 from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import Measurements, open_measurements
-from riemhuman.report.make import make_report
 from riemhuman.retrieval import benchmark
 from riemhuman.retrieval.representations import available
 from riemhuman.solvers import check_metric
@@ -86,14 +85,6 @@ def test_commands_take_a_metric_of_another_package(installed, tmp_path, capsys):
     assert "--metric offsets sets all weights" in capsys.readouterr().err
     assert main(["tables", "--reader", "nobody", "20"]) == 2
     assert "readers of other packages are 'crowd'; found 'nobody'" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_the_report_shows_them(installed, tmp_path):
-    page = make_report(tmp_path / "report", bodies=load_open_bodies("coarse")[:40], quick=True)
-    text = page.read_text(encoding="utf-8")
-    assert "offsets" in text
-    assert "extents" in text
 
 
 def test_what_cannot_be_loaded_is_named(installed):

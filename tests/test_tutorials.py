@@ -1,4 +1,7 @@
-"""Tutorials run unedited in fresh processes, show what is stored, and use public names."""
+"""Tutorials run unedited in fresh processes, show what is stored, and use public names.
+
+Every day three of them run, and all where the documentation is built, in `.ci/docs`.
+"""
 
 import ast
 import base64
@@ -12,6 +15,7 @@ import matplotlib.image
 import nbformat
 import numpy as np
 import pytest
+from lengths import sample
 from matplotlib import font_manager
 from nbclient.exceptions import CellExecutionError
 from store_outputs import VIEWER, executed, small
@@ -113,7 +117,7 @@ def test_they_are_numbered():
     assert len(set(numbers)) == len(numbers)
 
 
-@every
+@pytest.mark.parametrize("path", sample(NOTEBOOKS, 5), ids=lambda path: path.stem)
 def test_shows_what_is_stored(path):
     fresh = small(executed(path))
     assert warnings_of(fresh) == ""

@@ -5,18 +5,34 @@ import json
 import h5py
 import numpy as np
 import pytest
+from third_party import Extents, VertexOffsets
 
+from riemhuman import extensions
 from riemhuman.datasets import load_open_bodies
 from riemhuman.surfaces import DeformationBasis
 
 
+@pytest.fixture
+def extended():
+    """Register a metric and a descriptor of another package."""
+    added = (("metrics", "offsets", VertexOffsets), ("descriptors", "extents", Extents))
+    for one in added:
+        extensions.register(*one)
+    yield
+    for kind, name, _ in added:
+        extensions.unregister(kind, name)
+
+
 @pytest.mark.slow
-def test_page_of_a_labelled_folder(run, scans, tmp_path):
+def test_page_of_a_labelled_folder(extended, run, scans, tmp_path):
     finished = run("report", "--quick", "--bodies", scans, "-o", tmp_path / "report")
     assert finished.code == 0, finished.err
     page = tmp_path / "report" / "index.html"
     assert finished.out == f"{page}\n"
-    assert "<html" in page.read_text(encoding="utf-8").lower()
+    text = page.read_text(encoding="utf-8")
+    assert "<html" in text.lower()
+    assert "offsets" in text
+    assert "extents" in text
     provenance = json.loads((page.parent / "provenance.json").read_text(encoding="utf-8"))
     assert provenance["status"] == "finished"
     assert "Karcher mean" in finished.err

@@ -32,9 +32,9 @@ POINTS[5] = POINTS[2] * (1 + 1e-9)
 MEMORY = 60_000
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def client():
-    """Return the client of a cluster of two worker processes, its own for every test."""
+    """Return the client of a cluster of two worker processes."""
     with (
         distributed.LocalCluster(
             n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0"
