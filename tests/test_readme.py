@@ -78,7 +78,8 @@ def test_the_readme_is_short():
 
 
 @pytest.mark.parametrize(
-    ("marker", "job"), [("run", "python -m riemhuman"), ("test", "pytest -n auto")]
+    ("marker", "job"),
+    [("run", "python -m riemhuman"), ("test", "pytest -n auto --dist worksteal")],
 )
 def test_commands_are_marked(marker, job):
     text = text_of(README)
