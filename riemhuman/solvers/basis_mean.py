@@ -176,14 +176,17 @@ class BasisMean:
             return flat
         differences = dispersion.points.reshape(len(dispersion.points), -1) - origin.ravel()
         outside = differences - (differences @ flat.T) @ flat
-        _, sizes, rows = np.linalg.svd(outside, full_matrices=False)
-        return np.concatenate([flat, rows[sizes > 1e-6 * np.abs(origin).max()]])
+        # The few right singular vectors, from the matrix of inner products.
+        squares, axes = np.linalg.eigh(outside @ outside.T)
+        kept = squares > 1e-12 * max(squares.max(), np.abs(origin).max() ** 2)
+        rows = axes[:, kept].T @ outside / np.sqrt(squares[kept, None])
+        return np.concatenate([flat, rows])
 
     def _minimize(self, dispersion: Dispersion, family: _Family) -> Minimum:
         """Return the coefficients β of least variance."""
         start = np.zeros(len(family.directions))
         origin = family.point(start)
-        variance = dispersion.value(origin)
+        variance, _ = dispersion.value_and_gradient(origin)
         floor = rounding_energy(dispersion.metric, origin)
         # Distances of points that coincide to rounding error have no gradient to follow.
         if variance <= floor:
@@ -192,10 +195,9 @@ class BasisMean:
 
         def around(coefficients: ndarray) -> LocalProblem:
             point = family.point(coefficients)
-            unit = dispersion.value(point)
             vectors = family.directions.reshape(len(start), *point.shape)
             gram = dispersion.metric.gram_matrix(vectors, point)
-            factor = CholeskyFactor(2.0 * gram / unit)
+            factor = CholeskyFactor(2.0 * gram / variance)
 
             def position(variables: ndarray) -> ndarray:
                 return coefficients + factor.solve_transposed(variables)
@@ -203,9 +205,9 @@ class BasisMean:
             def objective(variables: ndarray) -> tuple[float, ndarray]:
                 point, pull_back = family.point_and_pull_back(position(variables))
                 value, gradient = dispersion.value_and_gradient(point)
-                return value / unit, factor.solve(pull_back(gradient)) / unit
+                return value / variance, factor.solve(pull_back(gradient)) / variance
 
-            return LocalProblem(objective, position, unit)
+            return LocalProblem(objective, position, variance)
 
         areas = AreaCheck(family.space, dispersion.points)
 

@@ -80,7 +80,7 @@ class Dispersion:
         -------
         int
         """
-        distances = self.metric.dist_pairwise(self.points, precision="double")
+        distances = self.metric.dist_pairwise(self.points, n_jobs=-1, precision="double")
         return int(np.argmin(distances**2 @ self.weights))
 
     def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
