@@ -25,7 +25,7 @@ from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
 from riemhuman.solvers.results import MeanResult, PathResult, Result
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath
 from riemhuman.solvers.solver_checks import check_solver
-from riemhuman.solvers.streaming_mean import StreamingMean
+from riemhuman.solvers.streaming_mean import StreamingMean, StreamingMedian
 
 __all__ = [
     "BasisMean",
@@ -58,6 +58,7 @@ __all__ = [
     "SegmentEnergy",
     "ShapeTransfer",
     "StreamingMean",
+    "StreamingMedian",
     "TransportResult",
     "check_manifold",
     "check_metric",

@@ -19,7 +19,6 @@ from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
-from riemhuman.solvers.rounding import rounding_energy
 from riemhuman.solvers.sound_means import AreaCheck, seeing_lengths
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
@@ -187,7 +186,7 @@ class BasisMean:
         start = np.zeros(len(family.directions))
         origin = family.point(start)
         variance, _ = dispersion.value_and_gradient(origin)
-        floor = rounding_energy(dispersion.metric, origin)
+        floor = dispersion.floor(origin)
         # Distances of points that coincide to rounding error have no gradient to follow.
         if variance <= floor:
             values = np.array([variance])
@@ -197,7 +196,7 @@ class BasisMean:
             point = family.point(coefficients)
             vectors = family.directions.reshape(len(start), *point.shape)
             gram = dispersion.metric.gram_matrix(vectors, point)
-            factor = CholeskyFactor(2.0 * gram / variance)
+            factor = CholeskyFactor(dispersion.curvature(variance) * gram / variance)
 
             def position(variables: ndarray) -> ndarray:
                 return coefficients + factor.solve_transposed(variables)

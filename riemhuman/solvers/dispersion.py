@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.rounding import rounding_energy
 
 # Points whose features are held together.
 _BLOCK = 64
@@ -99,6 +100,34 @@ class Dispersion:
         squared, gradient = self.metric.squared_dists_and_gradient(point, *self._used)
         return float(self._used[1] @ squared), gradient
 
+    def curvature(self, value: float) -> float:
+        """Return by what multiple the metric's matrix is about the Hessian of V.
+
+        Parameters
+        ----------
+        value : float
+            V(x).
+
+        Returns
+        -------
+        float
+        """
+        return 2.0
+
+    def floor(self, point: ndarray) -> float:
+        r"""Return how much of V is no more than rounding errors.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Where the search starts.
+
+        Returns
+        -------
+        float
+        """
+        return rounding_energy(self.metric, point)
+
     @cached_property
     def _used(self) -> tuple[ndarray, ndarray]:
         """The points that have a weight, and their weights."""
@@ -107,8 +136,99 @@ class Dispersion:
         return points, self.weights[used]
 
 
+class MeanDistance(Dispersion):
+    r"""S(x) = Σ_i w_i √(d(x_i, x)² + ε²)/Σ_i w_i, which geometric medians minimise.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        A metric whose distance has a closed form or a solver.
+    points : array, shape (n, \*shape)
+        Points x_i.
+    weights : array, shape (n,), optional
+        Weights w_i ≥ 0, not all 0; by default all are 1.
+    smoothing : float
+        ε > 0, at most so much more than the mean distance is S. Distances have no gradient at 0.
+    """
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        points: ndarray,
+        weights: ndarray | None = None,
+        *,
+        smoothing: float,
+    ) -> None:
+        super().__init__(metric, points, weights)
+        self._smoothing = smoothing
+
+    def value(self, point: ndarray) -> float:
+        r"""Return S(x).
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        float
+        """
+        return float(self.weights @ self._smooth(self.squared_dists(point)))
+
+    def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
+        r"""Return S(x) and its gradient.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+
+        Returns
+        -------
+        value : float
+        gradient : array, shape (\*shape,)
+        """
+        points, weights = self._used
+        distances = self._smooth(self.squared_dists(point)[self.weights > 0])
+        shares = 0.5 * weights / distances
+        _, gradient = self.metric.squared_dists_and_gradient(point, points, shares)
+        return float(weights @ distances), gradient
+
+    def curvature(self, value: float) -> float:
+        """Return 1/S, at most Σ_i w_i/d(x_i, x).
+
+        Parameters
+        ----------
+        value : float
+            S(x).
+
+        Returns
+        -------
+        float
+        """
+        return 1.0 / value
+
+    def floor(self, point: ndarray) -> float:
+        r"""Return how much of S is no more than rounding errors.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Where the search starts.
+
+        Returns
+        -------
+        float
+        """
+        return float(self._smooth(np.array(super().floor(point))))
+
+    def _smooth(self, squared: ndarray) -> ndarray:
+        return np.sqrt(squared + self._smoothing**2)
+
+
 class StreamedDispersion(Dispersion):
-    r"""V(x) of more points than memory holds, read batch by batch for every value.
+    r"""V(x), or S(x), of more points than memory holds, read batch by batch for every value.
 
     Parameters
     ----------
@@ -122,6 +242,8 @@ class StreamedDispersion(Dispersion):
         Points that are read together.
     sample : array, shape (m, \*shape)
         Some of the points, which stand for all where one value a point is enough.
+    of_batch : callable
+        Takes metric, points and weights of a batch to what is averaged over the batches.
     """
 
     def __init__(
@@ -131,9 +253,11 @@ class StreamedDispersion(Dispersion):
         weights: ndarray,
         batch_size: int,
         sample: ndarray,
+        of_batch: Callable[..., Dispersion] = Dispersion,
     ) -> None:
         super().__init__(metric, sample)
         self._all, self._all_weights, self._batch_size = points, weights, batch_size
+        self._of_batch, self._one = of_batch, of_batch(metric, sample[:1])
 
     def value(self, point: ndarray) -> float:
         r"""Return V(x).
@@ -169,13 +293,41 @@ class StreamedDispersion(Dispersion):
             gradient += share * slope
         return value, gradient
 
+    def curvature(self, value: float) -> float:
+        """Return by what multiple the metric's matrix is about the Hessian.
+
+        Parameters
+        ----------
+        value : float
+            Value where the search is.
+
+        Returns
+        -------
+        float
+        """
+        return self._one.curvature(value)
+
+    def floor(self, point: ndarray) -> float:
+        r"""Return how much of the value is no more than rounding errors.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Where the search starts.
+
+        Returns
+        -------
+        float
+        """
+        return self._one.floor(point)
+
     def _batches(self) -> Iterator[tuple[float, Dispersion]]:
         """Yield every batch, with its share of the weights."""
         for first in range(0, len(self._all_weights), self._batch_size):
             some = slice(first, first + self._batch_size)
             weights = self._all_weights[some]
             if weights.any():
-                yield float(weights.sum()), Dispersion(self.metric, self._all[some], weights)
+                yield float(weights.sum()), self._of_batch(self.metric, self._all[some], weights)
 
 
 def check_weights(weights: ndarray | None, n_points: int) -> ndarray:

@@ -16,6 +16,7 @@ from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
 from riemhuman.solvers.results import MeanResult, warn_unless_converged, whole_mean_result
+from riemhuman.solvers.streaming_mean import StreamingMedian
 
 
 class FrechetMean(Estimator):
@@ -104,7 +105,8 @@ class GeometricMedian(FrechetMean):
     space : Manifold
         A manifold equipped with a metric.
     solver : object, optional
-        Strategy for Fréchet means, by default that of `FrechetMean`.
+        Strategy for Fréchet means, by default that of `FrechetMean`; or `StreamingMedian`, for the
+        median itself, with its own tolerance.
     tolerance : float
         Stop when a round lowers the sum of distances by at most this share.
     max_iter : int
@@ -169,6 +171,9 @@ class GeometricMedian(FrechetMean):
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
+        if isinstance(self.solver, StreamingMedian):
+            self._keep(self._mean(X, weights))
+            return self
         dispersion = Dispersion(self.space.metric, X, weights)
         mean = self._mean(X, dispersion.weights)
         point, n_evaluations = mean.point, mean.n_evaluations
