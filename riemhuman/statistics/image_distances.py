@@ -15,8 +15,10 @@ from riemhuman.protocols import PulledBackMetric
 from riemhuman.surfaces.template import Template
 from riemhuman.terms.sum import SumOfTerms
 
-# How often triangles are turned within their planes as on the last surface.
-_N_ROUNDS = 5
+# How often triangles are turned within their planes as on the last surface, at least and at most.
+# Between, rounds go on while each takes a fifth of the value: steps of the search cost more.
+_ROUNDS, _MOST_ROUNDS = 5, 12
+_WORTH_A_ROUND = 0.8
 
 
 class ImageDistances(Protocol):
@@ -107,7 +109,8 @@ class _OfElasticMetric:
             return surface
         frames = triangle_frames(self._targets[0], self._separate.differential_operator)
         operator, assemble = self._template.differential_operator, self._template.interpolator
-        for _ in range(_N_ROUNDS):
+        value = np.inf
+        for k in range(_MOST_ROUNDS):
             there = triangle_frames(surface, operator)[..., :2]
             normals = frames[..., 2]
             # Σ (there · here) and Σ (there · n × here) over both columns: cos and sin of the turn.
@@ -118,6 +121,9 @@ class _OfElasticMetric:
             size = np.where(size > 0.0, size, 1.0)[:, None, None]
             turned = (cosine[:, None, None] * frames[..., :2] + sine[:, None, None] * across) / size
             surface = assemble.surface_of(stacked_derivatives(turned), surface)
+            before, (value, _) = value, self.value_and_gradient(surface)
+            if k + 1 >= _ROUNDS and not value < _WORTH_A_ROUND * before:
+                break
         return surface
 
 

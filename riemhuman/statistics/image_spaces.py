@@ -20,6 +20,9 @@ KINDS = ("auto", "fields", "points")
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
+# Points that are enough to find where the search for a mean starts.
+_SAMPLE = 64
+
 
 class ImageSpace(Protocol):
     """A space with exponential and logarithm that stands for the space of the points."""
@@ -232,10 +235,12 @@ class Fields:
         -------
         array, shape (V, 3)
         """
-        distances = self._pullback.dist_pairwise(points, precision="double")
-        medoid = points[np.argmin(np.sum(distances**2, axis=0))]
+        spaced = np.linspace(0, len(points) - 1, min(_SAMPLE, len(points)))
+        sample = points[spaced.astype(int)]
+        distances = self._pullback.dist_pairwise(sample, n_jobs=-1, precision="double")
+        medoid = sample[np.argmin(np.sum(distances**2, axis=0))]
+        start = self._near_mean(self.embed(sample), medoid)
         images = self.embed(points)
-        start = self._near_mean(images, medoid)
         return uninterrupted(self._nearest.solve(self._pullback, images, start)).point
 
     def _near_mean(self, images: ndarray, medoid: ndarray) -> ndarray:

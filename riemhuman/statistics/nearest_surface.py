@@ -27,6 +27,13 @@ _ROUND, _DAMPED_ROUND, _MEMORY = 20, 5, 20
 _POOR, _GOOD = 0.25, 0.6
 _LEAST_DAMPING = 1e-3
 
+# Shares of a step that are tried before the matrix is factored anew, which costs many of them.
+_LENGTHS = (1.0, 0.4, 0.15)
+
+# A step that promises more than this share of the value is worth making, whatever the tolerance,
+# unless it is below this share of the first value.
+_LITTLE, _ROUNDING = 3e-3, 1e-8
+
 # Share of the start's value below which a guess is one: where it is not, limbs may lie across.
 _NEARBY = 0.25
 
@@ -194,15 +201,19 @@ def _descend(
     while n_evaluations <= max_iter:
         step = -_inverse_hessian_times(half_hessian, memory, gradient)
         promise = -0.5 * float(np.sum(gradient * step))
-        if promise <= tolerance * values[0]:
+        little = max(_LITTLE * values[-1], _ROUNDING * values[0])
+        if promise <= min(tolerance * values[0], little):
             converged, message = True, "a step promises less than the tolerance"
             break
-        n_evaluations += 1
-        new_value, new_gradient = slope(f + step)
-        share = (values[-1] - new_value) / promise
+        for length in _LENGTHS:
+            n_evaluations += 1
+            new_value, new_gradient = slope(f + length * step)
+            share = (values[-1] - new_value) / (length * (2.0 - length) * promise)
+            if share > _POOR:
+                break
         if share > 0.0:
-            memory = [*memory[1 - _MEMORY :], (step, new_gradient - gradient)]
-            f, gradient = f + step, new_gradient
+            memory = [*memory[1 - _MEMORY :], (length * step, new_gradient - gradient)]
+            f, gradient = f + length * step, new_gradient
             values.append(new_value)
         age += 1
         if share < _POOR:
@@ -230,12 +241,12 @@ def _inverse_hessian_times(
     .. [1] Nocedal and Wright, "Numerical Optimization", 2006, algorithm 7.4.
     """
     rest, shares = gradient, []
-    curved = [(s, y, float(np.sum(s * y))) for s, y in memory]
+    curved = [(s, y, float(np.vdot(s, y))) for s, y in memory]
     curved = [pair for pair in curved if pair[2] > 0.0]
     for s, y, curvature in reversed(curved):
-        shares.append(float(np.sum(s * rest)) / curvature)
+        shares.append(float(np.vdot(s, rest)) / curvature)
         rest = rest - shares[-1] * y
     found = 0.5 * half_hessian.inverse(rest.reshape(-1, 1)).reshape(gradient.shape)
     for (s, y, curvature), share in zip(curved, reversed(shares), strict=True):
-        found = found + (share - float(np.sum(y * found)) / curvature) * s
+        found = found + (share - float(np.vdot(y, found)) / curvature) * s
     return found
