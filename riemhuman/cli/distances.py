@@ -8,6 +8,7 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from riemhuman.cli.bases import add_basis_options, chosen_basis
 from riemhuman.cli.inputs import (
     add_template,
     path_argument,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from numpy import ndarray
 
     from riemhuman.geometry.surface_metric import SurfaceMetric
+    from riemhuman.solvers import PathDistances
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -73,10 +75,14 @@ def _add_matrix(verbs: Verbs) -> None:
         _matrix,
         "all distances within a folder of registered meshes",
         "Writes all distances between the meshes of a folder, with their names: the arrays\n"
-        "distances (n, n), names (n,) and metric of an .npz file, and a table on request.",
+        "distances (n, n), names (n,) and metric of an .npz file, and a table on request.\n"
+        "With --paths, a path of least energy is sought for every pair, over a basis: the array\n"
+        "lengths (n, n) comes in too, and the table is of lengths. No path is shorter than the\n"
+        "distance, so that the true distance within the surfaces is between the two.",
         "  riemhuman matrix scans/ -o D.npz\n"
         "  riemhuman matrix scans/ -o D.npz --csv D.csv --pose --align\n"
         "  riemhuman matrix thousands/ -o D.npz --resume work/     # after Ctrl-C, once more\n"
+        "  riemhuman matrix scans/ -o D.npz --paths --basis basis.npz -a 1 -l 1 -c 0.1\n"
         "  riemhuman matrix scans/ --csv - --quiet | column -s, -t\n",
     )
     parser.add_argument("folder", metavar="FOLDER", type=path_argument, help="folder of meshes")
@@ -98,6 +104,11 @@ def _add_matrix(verbs: Verbs) -> None:
         help="keep the work here, and go on with it after an interruption: for matrices that "
         "take hours",
     )
+    parser.add_argument("--paths", action="store_true", help="find paths, and their lengths, too")
+    parser.add_argument(
+        "--n-nodes", type=int, default=11, metavar="N", help="surfaces of a path (default: 11)"
+    )
+    add_basis_options(parser)
     add_template(parser, "the first mesh")
     add_align(parser)
     add_metric_options(parser)
@@ -165,21 +176,28 @@ def _matrix(options: argparse.Namespace) -> None:
     surfaces = surfaces_in(files, options)
     metric = chosen_metric(options, surfaces.template)
     n_pairs = len(files) * (len(files) - 1) // 2
-    with reporter.task(f"{n_pairs:,} distances, {metric_name(metric)}"):
-        distances = _distances(metric, surfaces, options, reporter)
+    found = _path_distances(metric, surfaces, options, reporter) if options.paths else None
+    if found is None:
+        with reporter.task(f"{n_pairs:,} distances, {metric_name(metric)}"):
+            matrices = {"distances": _distances(metric, surfaces, options, reporter)}
+    else:
+        matrices = {"distances": found.bounds, "lengths": found.lengths}
 
     names = [file.name for file in files]
+    shown = matrices["lengths" if options.paths else "distances"]
     if options.output is not None:
-        _save_matrix(options.output, distances, names, metric_name(metric))
+        _save_matrix(options.output, matrices, names, metric_name(metric))
     if table is not None:
         with whole_file(table) as neighbour:
-            neighbour.write_text(_as_table(distances, names), encoding="utf-8")
+            neighbour.write_text(_as_table(shown, names), encoding="utf-8")
     if options.csv == "-":
-        say(_as_table(distances, names).rstrip("\n"))
+        say(_as_table(shown, names).rstrip("\n"))
     elif options.json:
-        say_json({"names": names, "distances": distances, "metric": metric_record(metric)})
+        say_json({"names": names, **matrices, "metric": metric_record(metric)})
     else:
         say(f"{len(names)} meshes, {n_pairs:,} distances, {metric_name(metric)}")
+        if found is not None:
+            say(f"  {_excess(found)}; {found.message}")
         for path in filter(None, (options.output, table)):
             say(f"  {path}")
 
@@ -195,16 +213,54 @@ def _distances(
     try:
         return pairwise_job(metric, surfaces, options.resume, n_jobs=options.jobs, **settings)
     except KeyboardInterrupt:
-        note(f"what is done is kept in {options.resume}; the same command goes on with it")
+        _note_kept(options)
         raise
 
 
-def _save_matrix(path: Path, distances: ndarray, names: list[str], metric: str) -> None:
+def _path_distances(
+    metric: SurfaceMetric, surfaces: Any, options: argparse.Namespace, reporter: Reporter
+) -> PathDistances:
+    from riemhuman.jobs import path_job
+    from riemhuman.solvers import BasisPath, path_distances
+
+    if len(surfaces) < 2:
+        raise ArgumentError(f"{options.folder} holds one mesh; paths are between two")
+    basis = chosen_basis(options, surfaces.template, reporter)
+    solver, points = BasisPath(basis, n_nodes=options.n_nodes), surfaces[:]
+    settings = {"n_jobs": options.jobs, "progress": reporter.bars}
+    with reporter.task(f"Paths, {metric_name(metric)}"):
+        if options.resume is None:
+            return path_distances(solver, metric, points, **settings)
+        try:
+            return path_job(solver, metric, points, options.resume, **settings)
+        except KeyboardInterrupt:
+            _note_kept(options)
+            raise
+
+
+def _note_kept(options: argparse.Namespace) -> None:
+    note(f"what is done is kept in {options.resume}; the same command goes on with it")
+
+
+def _excess(found: PathDistances) -> str:
+    """Return by how much paths are longer than the distances in closed form, in words."""
+    import numpy as np
+
+    excess = found.excess[np.isfinite(found.excess)]
+    if not len(excess):
+        return "all meshes are the same to this metric"
+    return (
+        f"paths are longer than distances by {np.median(excess):.2f} % in the median, "
+        f"{excess.max():.2f} % at most"
+    )
+
+
+def _save_matrix(path: Path, matrices: dict[str, ndarray], names: list[str], metric: str) -> None:
     import numpy as np
 
     from riemhuman.storage.array_files import save_arrays
 
-    arrays = {"distances": distances, "names": np.array(names), "metric": np.array(metric)}
+    arrays = {**matrices, "names": np.array(names), "metric": np.array(metric)}
     save_arrays(path, arrays)
 
 

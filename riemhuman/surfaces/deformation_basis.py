@@ -75,6 +75,9 @@ class DeformationBasis:
     (1202, 3)
     """
 
+    # The vectors that are kept are so already, however they were made: jobs tell bases by this.
+    _orthonormalize = False
+
     def __init__(
         self,
         vectors: ArrayLike,

@@ -10,7 +10,8 @@ import pytest
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.surfaces import Template, procrustes, save_mesh
+from riemhuman.solvers import BasisPath, path_distances
+from riemhuman.surfaces import DeformationBasis, Template, procrustes, save_mesh
 
 NAMES = [f"body_{number}.ply" for number in (0, 1, 2, 20, 21, 22)]
 
@@ -96,6 +97,30 @@ def test_matrix_as_table_and_json(run, scans, tmp_path):
     record = json.loads(run("matrix", scans, "-o", tmp_path / "E.npz", "--json").out)
     assert record["distances"] == distances.tolist()
     assert record["names"] == NAMES
+
+
+def test_matrix_of_lengths_of_paths(run, scans, bodies, tmp_path):
+    output, table = tmp_path / "D.npz", tmp_path / "D.csv"
+    options = ("-a", 1, "-l", 1, "-c", 0.1, "--paths", "--n-nodes", 3, "--n-components", 6)
+    finished = run("matrix", scans, "-o", output, "--csv", table, *options)
+    assert finished.code == 0, finished.err
+    points = bodies.points[[0, 1, 2, 20, 21, 22]]
+    template = Template(points[0], bodies.template.faces)
+    solver = BasisPath(DeformationBasis.from_laplacian(template, 6), n_nodes=3)
+    metric = metric_of(template, 1.0, 1.0, 0.1)
+    expected = path_distances(solver, metric, points)
+    with np.load(output) as saved:
+        np.testing.assert_array_equal(saved["lengths"], expected.lengths)
+        np.testing.assert_allclose(
+            saved["distances"], metric.dist_pairwise(points, precision="double"), rtol=1e-9
+        )
+    rows = [line.split(",")[1:] for line in table.read_text(encoding="utf-8").splitlines()[1:]]
+    np.testing.assert_array_equal(np.array(rows, dtype=float), expected.lengths)
+    assert f"{np.median(expected.excess):.2f} % in the median" in finished.out
+    kept = ("--resume", tmp_path / "work", "-o", tmp_path / "E.npz")
+    assert run("matrix", scans, *kept, *options).code == 0
+    with np.load(tmp_path / "E.npz") as saved:
+        np.testing.assert_array_equal(saved["lengths"], expected.lengths)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="names of files are others there")
