@@ -32,7 +32,6 @@ from riemhuman.cli import (
     viewing,
 )
 from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.outputs import claimed
 from riemhuman.cli.terminal import (
     discard_output,
     flush_output,
@@ -49,6 +48,7 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.optional import import_optional
+from riemhuman.storage.outputs import claimed
 
 _FAILURE = 1
 _BAD_DATA = 2

@@ -6,11 +6,11 @@ import argparse
 from pathlib import Path
 
 from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
-from riemhuman.cli.outputs import check_folder, whole_folder
 from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
+from riemhuman.storage.outputs import check_folder, whole_folder
 
 _PICTURE = "aligned.html"
 _MESHES = (".ply", ".obj", ".off")

@@ -16,11 +16,11 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
-from riemhuman.cli.outputs import check_folder, whole_folder
 from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, as_json, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
+from riemhuman.storage.outputs import check_folder, whole_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray

@@ -23,11 +23,11 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
-from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, note, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
 from riemhuman.storage.cells import cell
+from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
     from numpy import ndarray

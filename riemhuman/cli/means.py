@@ -15,10 +15,10 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
-from riemhuman.cli.outputs import check_file
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.storage.outputs import check_file
 
 
 def add_verbs(verbs: Verbs) -> None:

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import add_units, meshes_named, path_argument
-from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
+from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
     from numpy import ndarray

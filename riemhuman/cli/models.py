@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 
 from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, say
 from riemhuman.cli.verbs import Verbs, add_force, add_verb
+from riemhuman.storage.outputs import check_file
 
 
 def add_verbs(verbs: Verbs) -> None:

@@ -8,16 +8,17 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.outputs import check_file, check_folder, whole_folder
+from riemhuman.cli.inputs import add_units, path_argument
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
+from riemhuman.storage.outputs import check_file, check_folder, whole_folder
 
 if TYPE_CHECKING:
     from riemhuman.motions import DynamicTimeWarping, MotionSpace, RateInvariantMetric
     from riemhuman.motions.frames import Motion
 
+_PAGE = "motion.html"
 _MEASURES = ("warping", "changes", "rate-invariant")
 
 
@@ -115,7 +116,8 @@ def _add_mean(verbs: Verbs) -> None:
         _mean,
         "the mean of several performances",
         "Writes the Karcher mean of motions modulo re-timing: a folder of meshes, or a file with\n"
-        "the ending .glb (an animation) or .npz (the array path).",
+        "the ending .glb (an animation) or .npz (the array path). A folder has a page to look at\n"
+        "the motion, motion.html.",
         "  riemhuman motions mean runs/ -o mean_run/\n"
         "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
     )
@@ -142,6 +144,7 @@ def _add_find(verbs: Verbs) -> None:
     )
     parser.add_argument("a_motion", metavar="QUERY", type=path_argument, help="what to look for")
     parser.add_argument("b_motion", metavar="MOTION", type=path_argument, help="where to look")
+    _add_reading(parser)
     parser.add_argument(
         "-k", type=int, default=5, metavar="K", help="parts to print, at most (default: 5)"
     )
@@ -170,6 +173,17 @@ def _add_table(verbs: Verbs) -> None:
 def _add_two(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("a_motion", metavar="A", type=path_argument, help="folder, or .npz file")
     parser.add_argument("b_motion", metavar="B", type=path_argument, help="folder, or .npz file")
+    _add_reading(parser)
+
+
+def _add_reading(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--template",
+        metavar="MESH",
+        type=path_argument,
+        help="measure over this mesh (default: the first frame)",
+    )
+    add_units(parser)
 
 
 def _add_several(parser: argparse.ArgumentParser) -> None:
@@ -180,6 +194,7 @@ def _add_several(parser: argparse.ArgumentParser) -> None:
         type=path_argument,
         help="folders of meshes, folders of such folders, .npz files",
     )
+    _add_reading(parser)
 
 
 def _add_n_times(parser: argparse.ArgumentParser) -> None:
@@ -199,8 +214,8 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
 
 
 def _dist(options: argparse.Namespace) -> None:
-    names, motions = _read([options.a_motion, options.b_motion], exactly=2)
-    dist = float(_measure(options, _space(motions[0])).dist(*motions))
+    names, motions = _read(options, [options.a_motion, options.b_motion], exactly=2)
+    dist = float(_measure(options, _space(options, motions[0])).dist(*motions))
     if options.json:
         say_json({"a": names[0], "b": names[1], "by": options.by, "distance": dist})
         return
@@ -215,8 +230,8 @@ def _matrix(options: argparse.Namespace) -> None:
 
     check_file(options.output, [".npz", ".csv"], force=options.force)
     reporter = Reporter(options.quiet)
-    names, motions = _read(options.motions)
-    measure = _measure(options, _space(motions[0]), options.components)
+    names, motions = _read(options, options.motions)
+    measure = _measure(options, _space(options, motions[0]), options.components)
     with reporter.task(f"Distances of {len(motions)} motions"):
         distances = measure.dist_pairwise(motions, progress=reporter.bars)
     if options.output.suffix.lower() == ".npz":
@@ -239,8 +254,8 @@ def _align(options: argparse.Namespace) -> None:
 
     check_file(options.output, [".html", ".npz"], force=options.force)
     reporter = Reporter(options.quiet)
-    names, (one, other) = _read([options.a_motion, options.b_motion], exactly=2)
-    space = _space(one, options.n_times)
+    names, (one, other) = _read(options, [options.a_motion, options.b_motion], exactly=2)
+    space = _space(options, one, options.n_times)
     with reporter.task("Alignment"):
         warp = _measure(options, space).warp(one, other)
         first = space.resample(one, name=names[0])
@@ -262,6 +277,7 @@ def _align(options: argparse.Namespace) -> None:
 
 def _mean(options: argparse.Namespace) -> None:
     from riemhuman.motions import MotionMean
+    from riemhuman.plots.viewer import view_path
     from riemhuman.storage.array_files import save_arrays
     from riemhuman.surfaces.gltf_files import save_glb
     from riemhuman.surfaces.mesh_files import save_mesh
@@ -273,8 +289,8 @@ def _mean(options: argparse.Namespace) -> None:
     else:
         check_folder(output, _is_ours, force=options.force)
     reporter = Reporter(options.quiet)
-    names, motions = _read(options.motions)
-    space = _space(motions[0], options.n_times)
+    names, motions = _read(options, options.motions)
+    space = _space(options, motions[0], options.n_times)
     estimator = MotionMean(space, alignment=_measure(options, space), progress=reporter.bars)
     with reporter.task(f"Mean of {len(motions)} motions"):
         mean = estimator.fit(motions)
@@ -287,6 +303,7 @@ def _mean(options: argparse.Namespace) -> None:
         with whole_folder(output, _is_ours) as folder:
             for k, frame in enumerate(mean.estimate_):
                 save_mesh(folder / f"frame_{k:04d}.ply", frame, faces)
+            view_path(mean.estimate_, faces, title="Mean of motions").save(folder / _PAGE)
     if options.json:
         say_json({"motions": names, "variance": mean.variance_, "output": output})
         return
@@ -298,8 +315,8 @@ def _mean(options: argparse.Namespace) -> None:
 def _find(options: argparse.Namespace) -> None:
     from riemhuman.motions import MotionSearch
 
-    _, (query, motion) = _read([options.a_motion, options.b_motion], exactly=2)
-    search = MotionSearch(_space(query).frames.metric, Reporter(options.quiet).bars)
+    _, (query, motion) = _read(options, [options.a_motion, options.b_motion], exactly=2)
+    search = MotionSearch(_space(options, query).frames.metric, Reporter(options.quiet).bars)
     found = search.find(query, motion, options.k)
     if options.json:
         say_json([{"distance": o.dist, "first": o.start, "last": o.stop - 1} for o in found])
@@ -323,10 +340,14 @@ def _table(options: argparse.Namespace) -> None:
     say(format_table("Which motion is it?", rows))
 
 
-def _read(paths: list[Path], exactly: int | None = None) -> tuple[list[str], list[Motion]]:
+def _read(
+    options: argparse.Namespace, paths: list[Path], exactly: int | None = None
+) -> tuple[list[str], list[Motion]]:
     """Return the names of motions, and the motions, whose frames are read when asked for."""
     from riemhuman.datasets.mesh_motions import load_mesh_motions
 
+    if (options.unit or options.up) and not any(path.is_dir() for path in paths):
+        raise ArgumentError("--unit and --up are for folders of meshes; .npz files are in metres")
     names: list[str] = []
     motions: list[Motion] = []
     for path in paths:
@@ -334,7 +355,7 @@ def _read(paths: list[Path], exactly: int | None = None) -> tuple[list[str], lis
             names.append(path.stem)
             motions.append(_StoredMotion(path))
             continue
-        for motion in load_mesh_motions(path):
+        for motion in load_mesh_motions(path, unit=options.unit, up=options.up):
             names.append(motion.sequence)
             motions.append(motion)
     if exactly is not None and len(motions) != exactly:
@@ -366,14 +387,24 @@ class _StoredMotion:
         return self._frames[index]
 
 
-def _space(motion: Any, n_times: int = 40) -> MotionSpace:
-    """Return the space over the first frame of a motion, with the metric of poses."""
+def _space(options: argparse.Namespace, motion: Any, n_times: int = 40) -> MotionSpace:
+    """Return the space over a template, or a motion's first frame, with the metric of poses."""
+    from riemhuman.datasets.registered_meshes import RegisteredMeshes
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.geometry.elastic_metric import ElasticMetric
     from riemhuman.motions import MotionSpace
     from riemhuman.surfaces.template import Template
 
-    space = AlignedSurfaces(Template(motion[0], motion.faces), equip=False)
+    body = motion[0]
+    if options.template is not None:
+        units = {"unit": options.unit, "up": options.up}
+        meshes = RegisteredMeshes([options.template], **units)
+        if meshes.faces.shape != motion.faces.shape or (meshes.faces != motion.faces).any():
+            raise ArgumentError(
+                f"--template {options.template} has other triangles than the motions"
+            )
+        body = meshes[0]
+    space = AlignedSurfaces(Template(body, motion.faces), equip=False)
     space.equip_with_metric(ElasticMetric, a=0.0, lam=0.0, c=1.0)
     return MotionSpace(space, n_times)
 
@@ -395,4 +426,4 @@ def _measure(
 
 
 def _is_ours(name: str) -> bool:
-    return re.fullmatch(r"frame_\d{4,}\.ply", name) is not None
+    return name == _PAGE or re.fullmatch(r"frame_\d{4,}\.ply", name) is not None

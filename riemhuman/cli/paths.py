@@ -20,7 +20,6 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
-from riemhuman.cli.outputs import check_file, check_folder, whole_folder
 from riemhuman.cli.terminal import (
     Reporter,
     as_json,
@@ -29,6 +28,7 @@ from riemhuman.cli.terminal import (
     say_json,
 )
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.storage.outputs import check_file, check_folder, whole_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.outputs import check_file
+from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
     from numpy import ndarray

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, note, say
 from riemhuman.cli.verbs import Verbs, add_force, add_verb
 from riemhuman.errors import ArgumentError, FileError
+from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
     from riemhuman.registration import ScanRegistration

@@ -14,10 +14,10 @@ from riemhuman.cli.inputs import (
     path_argument,
     surfaces_in,
 )
-from riemhuman.cli.outputs import check_file, check_folder, whole_folder
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.storage.outputs import check_file, check_folder, whole_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray

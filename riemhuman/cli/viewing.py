@@ -7,10 +7,10 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.cli.inputs import add_units, meshes_named, path_argument, surfaces_in
-from riemhuman.cli.outputs import check_file
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -104,6 +104,11 @@ def _add_matrix(parser: argparse.ArgumentParser, *, required: bool) -> None:
         type=path_argument,
         help="who and in which pose, a table with the columns file, subject and pose",
     )
+    parser.add_argument(
+        "--allow-missing",
+        action="store_true",
+        help="leave out meshes without labels, and labels without a mesh",
+    )
 
 
 def _view(options: argparse.Namespace) -> None:
@@ -150,8 +155,12 @@ def _plot(options: argparse.Namespace) -> None:
 
     check_file(options.output, _PICTURES, force=options.force)
     import_optional("matplotlib", "plot")
-    distances, names = _matrix(options.matrix)
-    labels = _labels(options, names)[options.by] if options.labels else ["meshes"] * len(names)
+    if options.labels is None:
+        distances, names = _matrix(options.matrix)
+        labels = ["meshes"] * len(names)
+    else:
+        distances, both = _labelled_matrix(options)
+        labels = both[options.by]
     classes, items = np.unique(labels, return_inverse=True)
     positions = embed(distances, options.method)
     is_scaled = options.method == "mds"
@@ -168,7 +177,7 @@ def _plot(options: argparse.Namespace) -> None:
             figure.savefig(
                 neighbour, dpi=200, facecolor="white", format=options.output.suffix[1:].lower()
             )
-    say(f"{len(names)} meshes, {options.method}")
+    say(f"{len(labels)} meshes, {options.method}")
     if is_scaled:
         say(f"stress      {stress(distances, positions):.3f}  (0 keeps all distances)")
     say(f"written to  {options.output}")
@@ -177,10 +186,10 @@ def _plot(options: argparse.Namespace) -> None:
 def _scores(options: argparse.Namespace) -> None:
     from riemhuman.retrieval import scores
 
-    distances, names = _matrix(options.matrix)
+    distances, both = _labelled_matrix(options)
     found = {
         name: scores(distances, labels)
-        for name, labels in _labels(options, names).items()
+        for name, labels in both.items()
         if len(set(labels)) < len(labels)
     }
     if not found:
@@ -207,7 +216,10 @@ def _matrix(path: Path) -> tuple[ndarray, list[str]]:
     return distances, names
 
 
-def _labels(options: argparse.Namespace, names: list[str]) -> dict[str, list[str]]:
+def _labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[str, list[str]]]:
+    """Return the distances of the meshes that have labels, and these labels."""
     from riemhuman.datasets.labelled_folder import read_labels
 
-    return read_labels(options.labels, names)
+    distances, names = _matrix(options.matrix)
+    kept, labels = read_labels(options.labels, names, allow_missing=options.allow_missing)
+    return distances[kept][:, kept], labels

@@ -137,7 +137,9 @@ def load_bodies(
     )
 
 
-def read_labels(table: str | os.PathLike[str], names: Sequence[str]) -> dict[str, list[str]]:
+def read_labels(
+    table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
+) -> tuple[list[int], dict[str, list[str]]]:
     """Read who is shown in files and in which pose, from a table as `load_bodies` takes it.
 
     Parameters
@@ -146,11 +148,15 @@ def read_labels(table: str | os.PathLike[str], names: Sequence[str]) -> dict[str
         The table.
     names : sequence of str
         Names of the files.
+    allow_missing : bool
+        Whether names without a row, and rows without a name, are left out instead of refused.
 
     Returns
     -------
-    dict of str to list of str
-        The columns "subject" and "pose", one entry a name.
+    numbers : list of int
+        Which of the names have labels, ascending.
+    labels : dict of str to list of str
+        The columns "subject" and "pose", one entry for each of these names.
 
     Raises
     ------
@@ -160,8 +166,10 @@ def read_labels(table: str | os.PathLike[str], names: Sequence[str]) -> dict[str
         If it is damaged, or does not match the names.
     """
     path = file_path(table, "labels")
-    rows = _matched([Path(name) for name in names], _read_rows(path), path).values()
-    return {"subject": [row.subject for row in rows], "pose": [row.pose for row in rows]}
+    found = _matched([Path(name) for name in names], _read_rows(path), path, allow_missing)
+    numbers = [number for number, name in enumerate(names) if Path(name) in found]
+    rows = found.values()
+    return numbers, {"subject": [row.subject for row in rows], "pose": [row.pose for row in rows]}
 
 
 class _Row(NamedTuple):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
-from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.representation import constructed
 
 Mesh = tuple[ArrayLike, ArrayLike]
@@ -94,8 +93,7 @@ class Descriptor(ABC):
                 raise type(error)(f"body {index}: {error}") from error
 
         n_threads = thread_count(n_jobs) if self._in_threads else 1
-        with ThreadPoolExecutor(n_threads) as pool:
-            return np.stack(list(pool.map(describe, range(count))))
+        return np.stack(list(mapped(describe, range(count), n_threads)))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
         """Return all distances within a set of vectors.

@@ -22,7 +22,6 @@ from riemhuman.errors import (
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS
 from riemhuman.jobs.cluster import tiles_on_cluster
-from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.tiles import (
     POINTS,
     Tile,
@@ -33,9 +32,11 @@ from riemhuman.jobs.tiles import (
     tiles_of,
 )
 from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 from riemhuman.storage.checksums import are_marks, checksums, mark
 from riemhuman.storage.fingerprint import describe, digest
+from riemhuman.storage.job_folder import JobFolder
 
 RESULT = "D.npy"
 """Name of the file of distances."""
@@ -156,7 +157,7 @@ def pairwise_job(
     with room.locked():
         layout = room.claim(described, layout)
         tiles = list(tiles_of(n_points, layout["tile"]))
-        blocks = list(_slices(n_points, layout["block"]))
+        blocks = list(slices(n_points, layout["block"]))
         arrays = dict(zip(map(feature_file, range(len(features))), features, strict=True))
         if precision == "single":
             # Pairs too close for single precision are computed anew, from the points.
@@ -220,11 +221,6 @@ def _layout(
     wanted = max(_SMALLEST_TILE, -(-n_points // _TILES_A_ROW))
     block = max(1, min(_BLOCK, memory // (_COPIES * n_bytes)))
     return {"block": block, "tile": min(n_points, tile, wanted)}
-
-
-def _slices(n_points: int, size: int) -> Iterator[slice]:
-    for start in range(0, n_points, size):
-        yield slice(start, min(start + size, n_points))
 
 
 def _keep_features(

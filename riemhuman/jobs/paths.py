@@ -14,8 +14,8 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentError, DamagedFileWarning, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.jobs.cluster import tiles_on_cluster
-from riemhuman.jobs.folder import JobFolder
 from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.solvers.many_paths import ManyPaths
@@ -27,6 +27,7 @@ from riemhuman.solvers.path_distances import (
 )
 from riemhuman.storage.checksums import are_marks, mark
 from riemhuman.storage.fingerprint import describe, digest
+from riemhuman.storage.job_folder import JobFolder
 
 PATHS = "paths.npy"
 """Name of the file of paths, where they are kept: one for each pair i < j, row by row."""
@@ -122,7 +123,7 @@ def path_job(
     room = JobFolder(folder)
     with room.locked():
         size = room.claim(described, {"block": _BLOCK})["block"]
-        blocks = [slice(k, min(k + size, n_pairs)) for k in range(0, n_pairs, size)]
+        blocks = list(slices(n_pairs, size))
         tables: dict[str, tuple[tuple[int, ...], Any]] = {
             _ROWS: ((n_pairs, _N_NUMBERS), np.float64),
             _DONE: ((len(blocks),), np.uint64),

@@ -14,6 +14,7 @@ from numpy import ndarray
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
+from riemhuman.kernels.tiles import slices
 from riemhuman.storage.array_files import load_array
 
 POINTS = "points.npy"
@@ -59,7 +60,7 @@ def tiles_of(n_points: int, size: int) -> Iterator[Tile]:
     ------
     Tile
     """
-    sides = [slice(start, min(start + size, n_points)) for start in range(0, n_points, size)]
+    sides = list(slices(n_points, size))
     for i, rows in enumerate(sides):
         for columns in sides[i:]:
             yield Tile(rows, columns)

@@ -101,8 +101,37 @@ def thread_count(n_jobs: int | None) -> int:
     return n_jobs
 
 
+def mapped(
+    task: Callable[[Item], Result], items: Iterable[Item], n_threads: int
+) -> Iterator[Result]:
+    """Yield the results of a task in the order of its items; after a failure no task begins.
+
+    Parameters
+    ----------
+    task : callable
+        Takes an item.
+    items : iterable
+        Items.
+    n_threads : int
+        Number of threads; one is the calling thread.
+
+    Yields
+    ------
+    object
+        What the task returns for an item.
+    """
+    if n_threads == 1:
+        yield from map(task, items)
+        return
+    pool = ThreadPoolExecutor(n_threads)
+    try:
+        yield from pool.map(task, items)
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
 def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int) -> None:
-    """Do a task for every item, in threads of their own if there are several.
+    """Do a task for every item, as `mapped` does.
 
     Parameters
     ----------
@@ -113,13 +142,8 @@ def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int)
     n_threads : int
         Number of threads; one is the calling thread.
     """
-    if n_threads == 1:
-        for item in items:
-            task(item)
-    else:
-        with ThreadPoolExecutor(n_threads) as pool:
-            for _ in pool.map(task, items):
-                pass
+    for _ in mapped(task, items, n_threads):
+        pass
 
 
 @contextmanager

@@ -9,7 +9,7 @@ alone, not on other points, tiles or threads.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -31,6 +31,22 @@ UNDERFLOW = 1e-34
 
 # Pairs times values of one tile: some milliseconds of work, so that features read are used often.
 _TILE_WORK = 20_000_000
+
+
+def slices(n: int, size: int) -> Iterator[slice]:
+    """Yield consecutive parts of range(n), all but the last of one size.
+
+    Parameters
+    ----------
+    n, size : int
+        Length of the whole and of a part.
+
+    Yields
+    ------
+    slice
+    """
+    for start in range(0, n, size):
+        yield slice(start, min(start + size, n))
 
 
 def of_one_kind(array: ndarray) -> ndarray:

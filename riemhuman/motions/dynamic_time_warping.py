@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.threads import single_threaded_libraries, thread_count
+from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.motions.dtw_kernels import accumulate, lower_bound, trace
 from riemhuman.motions.frame_tables import (
     ExactTables,
@@ -323,13 +322,9 @@ def all_pairs(
         return i
 
     bar = ProgressBar(total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs")
-    with (
-        bar,
-        single_threaded_libraries(),
-        ThreadPoolExecutor(thread_count(n_jobs)) as pool,
-    ):
+    with bar, single_threaded_libraries():
         # The longest rows first, so that no thread is left with one at the end.
-        for done in pool.map(fill, range(n - 1, -1, -1)):
+        for done in mapped(fill, range(n - 1, -1, -1), thread_count(n_jobs)):
             bar.update(done)
     return distances
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from riemhuman.bodies.joint_motions import Skeleton
+from riemhuman.kernels.threads import mapped
 from riemhuman.registration.annealing import annealed
 from riemhuman.registration.model_samples import ModelSamples, sample_model
 from riemhuman.registration.posing import Pose, Prior, posed, rotation
@@ -270,8 +270,7 @@ class StartSearch:
             )
             return Candidate(pose, candidate.prior, likelihood, candidate.up)
 
-        with ThreadPoolExecutor(_N_THREADS) as pool:
-            found = list(pool.map(advance, candidates))
+        found = list(mapped(advance, candidates, _N_THREADS))
         found.sort(key=lambda candidate: -candidate.likelihood)
         return _different(found, body)[: each.n_best]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, Self
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.tiles import slices
 from riemhuman.protocols import MetricWithLowerBound
 from riemhuman.retrieval.rows import GrowingRows, Projection
 
@@ -165,8 +166,8 @@ class NeighborIndex:
             Points.
         """
         try:
-            for start, stop in blocks(len(X), _BLOCK):
-                points = self.checked(X, start, stop)
+            for part in slices(len(X), _BLOCK):
+                points = self.checked(X, part.start, part.stop)
                 features = self.metric.features(points, "single")
                 self._points.append(points)
                 for rows, feature in zip(self._features, features, strict=True):
@@ -325,23 +326,6 @@ class NeighborIndex:
     def _full_coordinates(self, points: ndarray) -> ndarray:
         metric: Any = self.metric
         return metric.lower_bound_coordinates(points, self.n_patches)
-
-
-def blocks(n: int, size: int) -> Iterator[tuple[int, int]]:
-    """Cut range(n) into pieces.
-
-    Parameters
-    ----------
-    n, size : int
-        Length of the whole and of all pieces but the last.
-
-    Yields
-    ------
-    start, stop : int
-        First index of a piece, and that behind its last.
-    """
-    for start in range(0, n, size):
-        yield start, min(start + size, n)
 
 
 def _check_tables(arrays: Mapping[str, ndarray]) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.retrieval.neighbor_index import NeighborIndex, blocks
+from riemhuman.kernels.tiles import slices
+from riemhuman.retrieval.neighbor_index import NeighborIndex
 
 # Queries that are answered at a time.
 _BLOCK = 64
@@ -54,9 +55,9 @@ def nearest(
         Number of points that the query was compared with.
     """
     size = max(1, min(_BLOCK, _BOUNDS // len(index)))
-    for start, stop in blocks(len(index) if X is None else len(X), size):
-        points = index.points[start:stop] if X is None else index.checked(X, start, stop)
-        queries = _queries(index, points, start if X is None else None)
+    for part in slices(len(index) if X is None else len(X), size):
+        points = index.points[part] if X is None else index.checked(X, part.start, part.stop)
+        queries = _queries(index, points, part.start if X is None else None)
         found = list(in_order(lambda query: _candidates(index, query, k), queries))
         exact = _exact_distances(index, points, [numbers for numbers, _ in found], in_order)
         for (numbers, n_compared), distances in zip(found, exact, strict=True):
@@ -180,8 +181,8 @@ def _exact_distances(
     own = index.metric.features(points, "double")
     exact = [np.empty(len(numbers)) for numbers in candidates]
     everyone = np.unique(np.concatenate(candidates))
-    for start, stop in blocks(len(everyone), _DOUBLE):
-        some = everyone[start:stop]
+    for part in slices(len(everyone), _DOUBLE):
+        some = everyone[part]
         features = index.metric.features(index.points[some], "double")
 
         def compare(i: int, some: ndarray = some, features: Any = features) -> None:

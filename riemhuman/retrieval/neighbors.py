@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, Self
 
 import numpy as np
@@ -14,7 +14,7 @@ from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 from riemhuman.retrieval.neighbor_search import nearest
 from riemhuman.storage.array_files import load_arrays, save_arrays
@@ -208,10 +208,10 @@ class NearestNeighbors(Estimator):
         distances = np.empty((n_queries, k))
         indices = np.empty((n_queries, k), dtype=np.int64)
         n_exact = 0
-        with ThreadPoolExecutor(thread_count(self.n_jobs)) as pool:
-            for row, answer in enumerate(nearest(index, X, k, pool.map)):
-                distances[row], indices[row], n_compared = answer
-                n_exact += n_compared
+        in_order = partial(mapped, n_threads=thread_count(self.n_jobs))
+        for row, answer in enumerate(nearest(index, X, k, in_order)):
+            distances[row], indices[row], n_compared = answer
+            n_exact += n_compared
         self.n_exact_ = n_exact
         self.exact_share_ = n_exact / max(1, n_queries * len(index))
         return (distances, indices) if return_distance else indices

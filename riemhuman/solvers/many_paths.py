@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Sequence
 from typing import Any
 
 from numpy import ndarray
@@ -12,7 +11,7 @@ from numpy import ndarray
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError, ConvergenceWarning, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.threads import single_threaded_libraries, thread_count
+from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import GeodesicSolver, uninterrupted
 from riemhuman.solvers.results import PathResult, whole_path_result
@@ -66,7 +65,7 @@ class ManyPaths:
         found: list[PathResult] = []
         with warnings.catch_warnings(), single_threaded_libraries(), bar:
             warnings.simplefilter("ignore", ConvergenceWarning)
-            for result in _in_turn(solve, len(pairs), n_threads):
+            for result in mapped(solve, range(len(pairs)), n_threads):
                 found.append(result)
                 bar.update()
         n_unfinished = sum(not result.converged for result in found)
@@ -78,18 +77,6 @@ class ManyPaths:
                 stacklevel=2,
             )
         return found
-
-
-def _in_turn(solve: Any, n_pairs: int, n_threads: int) -> Iterator[PathResult]:
-    """Yield the results in order; where one fails, no others are begun."""
-    if n_threads == 1:
-        yield from map(solve, range(n_pairs))
-        return
-    pool = ThreadPoolExecutor(n_threads, thread_name_prefix="riemhuman-paths")
-    try:
-        yield from pool.map(solve, range(n_pairs))
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _solve_pair(

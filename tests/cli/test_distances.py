@@ -139,7 +139,7 @@ def test_names_that_others_have_chosen(run, scans, tmp_path):
 
 
 def test_matrix_goes_on_after_an_interruption(run, scans, tmp_path, monkeypatch):
-    from riemhuman.jobs.folder import JobFolder
+    from riemhuman.storage.job_folder import JobFolder
 
     def interrupt(*arguments):
         raise KeyboardInterrupt

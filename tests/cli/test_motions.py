@@ -37,6 +37,30 @@ def test_distance(run, people):
     assert json.loads(finished.out)["distance"] == pytest.approx(expected, rel=1e-9)
 
 
+def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, tmp_path):
+    large = tmp_path / "large"
+    large.mkdir()
+    motion = rh.datasets.load_mesh_motions(people[1])[0]
+    for k, frame in enumerate(motion):
+        rh.save_mesh(large / f"frame_{k}.ply", 1000 * frame, motion.faces)
+    rh.save_mesh(tmp_path / "body.ply", motion[2], motion.faces)
+    over = ("--template", tmp_path / "body.ply")
+    known = float(run("motions", "dist", people[1], people[0], *over).out)
+    assert known != float(run("motions", "dist", people[1], people[0]).out)
+    rh.save_mesh(tmp_path / "body.ply", 1000 * motion[2], motion.faces)
+    small = tmp_path / "small"
+    small.mkdir()
+    for k, frame in enumerate(rh.datasets.load_mesh_motions(people[0])[0]):
+        rh.save_mesh(small / f"frame_{k}.ply", 1000 * frame, motion.faces)
+    found = run("motions", "dist", large, small, *over, "--unit", "millimetres")
+    assert float(found.out) == pytest.approx(known, rel=1e-5)
+    rh.save_mesh(tmp_path / "other.ply", motion[0], motion.faces[:, [1, 0, 2]])
+    said = refused("motions", "dist", *people[:2], "--template", tmp_path / "other.ply")
+    assert "other triangles than the motions" in said
+    said = refused("motions", "dist", "a.npz", "b.npz", "--up", "z")
+    assert "--unit and --up are for folders" in said
+
+
 @pytest.mark.parametrize("by", ["changes", "rate-invariant"])
 def test_matrix(run, folder, people, tmp_path, by):
     file = tmp_path / "D.npz"
@@ -72,6 +96,9 @@ def test_mean_and_where_it_occurs(run, folder, people, tmp_path):
     assert finished.code == 0, finished.err
     assert np.load(mean)["path"].shape == (5, 1202, 3)
     assert run("motions", "mean", folder, "-o", mean, "-q").code == 2
+    meshes = tmp_path / "mean"
+    assert run("motions", "mean", folder, "-o", meshes, "--n-times", "5", "-q").code == 0
+    assert '"n_frames":5' in (meshes / "motion.html").read_text(encoding="utf-8")
     found = run("motions", "find", mean, people[1], "-k", "1", "--json", "-q")
     assert json.loads(found.out)[0]["last"] <= 5
 

@@ -1,6 +1,7 @@
 """The verbs view, plot and scores, and the pictures that other verbs make."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
@@ -71,6 +72,20 @@ def test_scores_refuse_labels_of_other_files(refused, matrix, tmp_path):
     table = tmp_path / "labels.csv"
     table.write_text("file,subject,pose\nother.ply,anna,sits\n", encoding="utf-8")
     assert "rows without a mesh: other.ply" in refused("scores", matrix, "--labels", table)
+
+
+def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, matrix, tmp_path):
+    table = tmp_path / "labels.csv"
+    lines = (scans / LABELS).read_text(encoding="utf-8").splitlines()
+    table.write_text("\n".join([*lines[:-1], "gone.ply,cleo,sits"]), encoding="utf-8")
+    given = ("scores", matrix, "--labels", table, "--json")
+    assert "rows without a mesh: gone.ply" in refused(*given)
+    found = json.loads(run(*given, "--allow-missing").out)
+    distances = load_arrays(matrix, ["distances"])["distances"]
+    assert found["subject"] == asdict(scores(distances[:5, :5], [0, 0, 0, 1, 1]))
+    picture = tmp_path / "map.png"
+    finished = run("plot", matrix, "--labels", table, "--allow-missing", "-o", picture)
+    assert finished.out.startswith("5 meshes")
 
 
 @pytest.mark.parametrize("ending", [".png", ".html"])

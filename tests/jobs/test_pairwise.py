@@ -35,9 +35,9 @@ from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import VectorSpace
 from riemhuman.jobs import pairwise_job
-from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.pairwise import _unfinished as unfinished_tiles
 from riemhuman.jobs.tiles import TileReader, tiles_of
+from riemhuman.storage.job_folder import JobFolder
 
 N_POINTS = 23
 # So little that there are many tiles and many blocks of features.
@@ -89,7 +89,7 @@ def test_same_bits_as_in_memory(metric, precision, tmp_path):
     np.testing.assert_array_equal(distances, expected)
     assert isinstance(distances, np.memmap)
     assert not distances.flags.writeable
-    kept = {"D.npy", "digests.npy", "job.lock", "manifest.json"}
+    kept = {"D.npy", "digests.npy", "manifest.json"}
     assert {entry.name for entry in (tmp_path / "job").iterdir()} == kept
     np.testing.assert_array_equal(np.load(tmp_path / "job" / "D.npy"), expected)
 
@@ -217,7 +217,7 @@ import numpy as np
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.jobs import pairwise_job
-from riemhuman.jobs.folder import JobFolder
+from riemhuman.storage.job_folder import JobFolder
 from riemhuman.surfaces.template import Template
 
 def told(room, *arguments):
@@ -278,7 +278,7 @@ def assert_same_bytes(folder, other):
 
 def test_one_process_at_a_time(tmp_path):
     code = (
-        "import sys; from riemhuman.jobs.folder import JobFolder\n"
+        "import sys; from riemhuman.storage.job_folder import JobFolder\n"
         "with JobFolder(sys.argv[1]).locked(): print('locked', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(

@@ -26,10 +26,10 @@ from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import DamagedFileWarning
-from riemhuman.jobs.folder import JobFolder
 from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.storage.array_files import load_arrays
+from riemhuman.storage.job_folder import JobFolder
 from riemhuman.storage.result_store import ResultStore
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 

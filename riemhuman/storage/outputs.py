@@ -9,6 +9,8 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.storage.file_locks import only_one
+from riemhuman.storage.whole_files import keep_mode, new_folder, own_folder
 
 # Numbers of the system call renameat2.
 _CURRENT_FOLDER, _RENAME_EXCHANGE = -100, 2
@@ -105,8 +107,6 @@ def claimed(path: Path) -> Iterator[None]:
     FileError
         If another process is at work on it.
     """
-    from riemhuman.storage.file_locks import only_one
-
     path = Path(os.path.abspath(path))
     lock_file = path.with_name(f".{path.name}.lock")
     with ExitStack() as stack:
@@ -142,8 +142,6 @@ def whole_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
     FileError
         If the folder cannot be written.
     """
-    from riemhuman.storage.whole_files import new_folder, own_folder
-
     path = Path(os.path.abspath(path))
     try:
         with new_folder(path) as temporary, own_folder(temporary.parent):
@@ -162,8 +160,6 @@ def _replace_folder(new: Path, path: Path, is_ours: Callable[[str], bool]) -> No
     if not os.path.lexists(path):
         os.rename(new, path)
         return
-    from riemhuman.storage.whole_files import keep_mode
-
     keep_mode(path, new)
     for file in _ours_in(path, is_ours):
         if (new / file.name).exists():

@@ -5,8 +5,8 @@ import stat
 
 import pytest
 
-from riemhuman.cli.outputs import check_file, check_folder, claimed, whole_folder
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.storage.outputs import check_file, check_folder, claimed, whole_folder
 
 
 def is_ours(name):

@@ -12,7 +12,7 @@ import json
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -21,8 +21,8 @@ import numpy as np
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.storage.array_files import map_array
 from riemhuman.storage.file_content import brief, file_content, file_path
-from riemhuman.storage.file_locks import lock
-from riemhuman.storage.own_files import make_own, open_lock, open_own
+from riemhuman.storage.file_locks import only_one
+from riemhuman.storage.own_files import make_own, open_own
 
 MANIFEST = "manifest.json"
 LOCK = "job.lock"
@@ -84,19 +84,11 @@ class JobFolder:
         FileError
             If another process is at work in the folder.
         """
-        with self._system_errors("cannot be locked"):
-            descriptor = open_lock(self.path / LOCK)
-        try:
+        with ExitStack() as stack:
             with self._system_errors("cannot be locked"):
-                try:
-                    lock(descriptor)
-                except BlockingIOError as error:
-                    raise FileError(
-                        f"{self.path} is in use: another process is at work on the job in it"
-                    ) from error
+                busy = f"{self.path} is in use: another process is at work on the job in it"
+                stack.enter_context(only_one(self.path / LOCK, busy))
             yield
-        finally:
-            os.close(descriptor)
 
     def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
         """Write what the job is and how its tables are cut, or compare with what is written there.
