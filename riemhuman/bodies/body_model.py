@@ -28,7 +28,7 @@ from riemhuman.surfaces.template import Template
 
 
 class BodyModel:
-    """Parametric body: shape coefficients, joint rotations and a translation give a surface.
+    """A parametric body: shape coefficients, joint rotations and a translation make a surface.
 
     The model of Loper, Mahmood, Romero, Pons-Moll and Black, "SMPL: A Skinned Multi-Person
     Linear Model", ACM Trans. Graphics 34(6), 2015, equations 2 to 10: the shaped surface is
@@ -339,7 +339,7 @@ class BodyModel:
         return self._translated(joints, trans)
 
     def fit(self, points: Any, **options: Any) -> ModelFit:
-        """Find the shapes, poses and translations that give these surfaces.
+        """Fit shapes, poses and translations to surfaces.
 
         See `riemhuman.bodies.fit_model`, which describes the method and the options.
 

@@ -1,4 +1,4 @@
-"""Body models rewritten as plain archives, which every program can read safely."""
+"""Conversion of body models to plain archives, which can be read safely."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the points of a surface lie on a body model whose mesh is another."""
+"""Correspondence between a surface and a body model with another mesh."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Shape, pose and translation of registered surfaces: a body model's fit in correspondence.
+"""Fits of a body model to registered surfaces: shape, pose and translation.
 
 The steps are those of Levenberg and Marquardt, written out here rather than left to
 `scipy.optimize.least_squares`: that takes the derivatives of all residuals as one matrix, some

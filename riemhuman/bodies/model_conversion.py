@@ -1,4 +1,4 @@
-"""Fits of one body model turned into fits of another, through a map between their templates."""
+"""Conversion of fits between body models, through a map between their templates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which family a file in SMPL's layout is of, what is read of it, and what is left out."""
+"""Families of body models in SMPL's layout: what is read of a file, and what is ignored."""
 
 from __future__ import annotations
 

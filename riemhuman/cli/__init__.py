@@ -86,7 +86,7 @@ Without a verb, `riemhuman [--faust FOLDER] ...` does the main job, `riemhuman t
 `eval "$(register-python-argcomplete riemhuman)"`.
 
 exit codes: 0 done; 1 failure; 2 wrong usage, or data that cannot be used; 130 interrupted;
-141 nobody reads the output any more
+141 the reader of the output has gone
 """
 
 

@@ -56,7 +56,9 @@ def _align(options: argparse.Namespace) -> None:
     files = meshes_named(options.meshes)
     names = [file.name for file in files]
     if len(set(names)) < len(names):
-        raise ArgumentError("two meshes have one name, and would be one file in the folder")
+        raise ArgumentError(
+            "two meshes have the same name, and would overwrite each other in the folder"
+        )
     check_folder(options.output, _is_ours, force=options.force)
     reporter = Reporter(options.quiet)
     surfaces = surfaces_in(files, options)

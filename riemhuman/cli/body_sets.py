@@ -25,8 +25,8 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         "--open",
         choices=("plain", "natural"),
-        help="which open bodies: little more than a body model (plain, the default), or as "
-        "people are, who hold poses in their own way and touch themselves (natural)",
+        help="which open bodies: made by the body model alone (plain, the default), "
+        "or with individual poses, self-contact and soft tissue (natural)",
     )
     source.add_argument(
         "--faust",
@@ -42,7 +42,7 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
         "--reader",
         nargs=2,
         metavar=("NAME", "PATH"),
-        help="use what a reader of another package reads instead, see riemhuman.extensions",
+        help="use the bodies that a reader of another package loads, see riemhuman.extensions",
     )
     parser.add_argument(
         "--people", metavar="SEED", type=int, help="ten other people among the open bodies"
@@ -50,8 +50,8 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--labels",
         metavar="CSV",
-        help="with --bodies: who and in which pose, a table with the columns file, subject and "
-        "pose (default: labels.csv in the folder)",
+        help="with --bodies: a table with the columns file, subject and pose "
+        "(default: labels.csv in the folder)",
     )
     parser.add_argument(
         "--template",

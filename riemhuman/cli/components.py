@@ -85,8 +85,8 @@ def _components(options: argparse.Namespace) -> None:
     check_metric_options(options)
     if options.metric == "shape":
         raise ArgumentError(
-            "--shape has too small a λ for logarithms of people; leave it out: the default, "
-            "-a 1 -l 1 -c 0, is about how they are built, too"
+            "the λ of --shape is too small for logarithms of people; leave it out: the default, "
+            "-a 1 -l 1 -c 0, describes body shape, too"
         )
     count = whole_number(options.n_components, "-n", minimum=1)
     n_samples = whole_number(options.samples, "--samples", minimum=0)

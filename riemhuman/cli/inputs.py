@@ -71,7 +71,7 @@ def add_template(parser: argparse.ArgumentParser, default: str) -> None:
         "--template",
         metavar="MESH",
         type=path_argument,
-        help=f"measure over this mesh, whose triangles weigh the normals (default: {default})",
+        help=f"template mesh, whose triangle areas weight the metric (default: {default})",
     )
     parser.add_argument(
         "--any-scale",

@@ -61,7 +61,7 @@ def add_metric_options(
         "--metric",
         dest="extension",
         metavar="NAME",
-        help="a metric that another package has made known, see riemhuman.extensions",
+        help="a metric that another package registers, see riemhuman.extensions",
     )
     group.add_argument(
         "-a", type=float, metavar="A", help=f"weight of the change of metric ({a:g})"

@@ -51,8 +51,8 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "--all",
         action="store_true",
-        help="every representation there is, with mean average precision and times; takes some "
-        "minutes in full resolution",
+        help="all representations, with mean average precision and times; takes "
+        "minutes at full resolution",
     )
     add_json(parser)
 

@@ -74,7 +74,10 @@ def add_verbs(verbs: Verbs) -> None:
         help="picture to write: .png, .svg or .pdf",
     )
     parser.add_argument(
-        "--by", choices=tuple(_QUESTIONS), default="subject", help="what colours tell (subject)"
+        "--by",
+        choices=tuple(_QUESTIONS),
+        default="subject",
+        help="what the colours show (default: subject)",
     )
     parser.add_argument("--method", choices=("mds", "t-sne"), default="mds", help="(mds)")
     add_force(parser)
@@ -102,7 +105,7 @@ def _add_matrix(parser: argparse.ArgumentParser, *, required: bool) -> None:
         metavar="CSV",
         required=required,
         type=path_argument,
-        help="who and in which pose, a table with the columns file, subject and pose",
+        help="a table with the columns file, subject and pose",
     )
     parser.add_argument(
         "--allow-missing",

@@ -1,4 +1,4 @@
-"""Registered bodies to compute with: the open set that ships, and readers for others."""
+"""Data sets of registered bodies: the open set that ships, and readers of others."""
 
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies

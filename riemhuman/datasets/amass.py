@@ -1,4 +1,4 @@
-"""Recorded motions of AMASS, given to a body model and computed frame by frame."""
+"""Motions of AMASS, computed frame by frame from a body model."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _LARGEST = 1e50
 
 
 class AmassMotion(Motion):
-    """One file of AMASS, with the body model that it drives.
+    """One motion of AMASS, with the body model that it drives.
 
     Frame i is ``model(betas, pose_vectors[i], translations[i])``, made when it is asked for.
 
@@ -180,7 +180,7 @@ def load_amass(
     frames_per_second: float | None = None,
     up: str = "y",
 ) -> Motions[AmassMotion]:
-    """Load motions of AMASS [1]_ for a body model; frames are made when they are asked for.
+    """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
     The data set is not part of this library; its makers give it out to those who register. Files
     in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are read.

@@ -1,4 +1,4 @@
-"""The record every registered data set is loaded into."""
+"""Registered bodies with labels, the common form of all data sets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Property checks for data sets: what tables, reports and estimators ask of registered bodies."""
+"""Property checks of data sets: what tables, reports and estimators require."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _N_READ = 8
 
 
 def check_dataset(dataset: Dataset) -> PropertyReport:
-    """Try whether a data set has what `riemhuman.protocols.Dataset` asks for.
+    """Check a data set against `riemhuman.protocols.Dataset`.
 
     A few surfaces are read, one by one and as a slice; they must have the template's vertices, and
     finite ones. There must be as many labels of each kind as surfaces, where there are any.

@@ -33,7 +33,7 @@ _SPAN = 64
 
 
 class DynamicFaustMotion(Motion):
-    """One sequence of Dynamic FAUST; its file is open only while frames are read.
+    """One sequence of Dynamic FAUST; frames are read from its file on access.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def load_dfaust(
     sequences: Sequence[str] | str | None = None,
     frames_per_second: float = _FRAMES_PER_SECOND,
 ) -> Motions[DynamicFaustMotion]:
-    """Load registered sequences of Dynamic FAUST [1]_, to be read when frames are asked for.
+    """Load registered sequences of Dynamic FAUST [1]_; frames are read on access.
 
     The data set is not part of this library; its makers give it out to those who register. Needs
     the extra ``data``.

@@ -1,4 +1,4 @@
-"""Any registered meshes of a folder, with a table that says who is shown and in which pose."""
+"""Registered meshes of a folder, with a table of their subjects and poses."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def load_bodies(
 def read_labels(
     table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
 ) -> tuple[list[int], dict[str, list[str]]]:
-    """Read who is shown in files and in which pose, from a table as `load_bodies` takes it.
+    """Read the subjects and poses of files from a table, as for `load_bodies`.
 
     Parameters
     ----------
@@ -252,9 +252,7 @@ def _matched(
             problems.append(f"meshes without a row: {_listed(unlabelled)}")
         if unknown:
             problems.append(f"rows without a mesh: {_listed(unknown)}")
-        raise FileFormatError(
-            f"{table} does not match the meshes of {files[0].parent}: {'; '.join(problems)}"
-        )
+        raise FileFormatError(f"{table} does not match the meshes: {'; '.join(problems)}")
     return {file: found[file] for file in files if file in found}
 
 

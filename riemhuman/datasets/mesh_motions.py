@@ -1,4 +1,4 @@
-"""Motions as folders of registered meshes, one file a frame, read when they are asked for."""
+"""Motions as folders of registered meshes, one file per frame, read on access."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The record of one motion: surfaces in time, computed or read when they are asked for."""
+"""Motions: surfaces in time, computed or read on access."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ class Motion(ABC):
 
 
 class Motions(tuple[M, ...]):
-    """Several motions: a tuple that shows itself in a line.
+    """Several motions: a tuple with a one-line representation.
 
     Examples
     --------

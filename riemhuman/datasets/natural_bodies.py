@@ -1,4 +1,4 @@
-"""What real people have and a body model lacks: habits, touch, and flesh that moves by itself."""
+"""Traits of real people that a body model lacks: habits, self-contact and soft tissue."""
 
 from __future__ import annotations
 

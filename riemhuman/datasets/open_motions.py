@@ -128,7 +128,7 @@ def load_open_motions(
     sequences: Sequence[str] | str | None = None,
     frames_per_second: float = 60,
 ) -> Motions[OpenMotion]:
-    """Return the open body model in motion: ten people, fourteen motions of some seconds each.
+    """Return the open motions: ten people in fourteen motions of some seconds each.
 
     The motions have the names of Dynamic FAUST's and are in their spirit: joint angles written
     down over a cycle (`riemhuman.datasets.open_motion_curves`). Every person performs them a

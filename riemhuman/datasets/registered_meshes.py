@@ -1,4 +1,4 @@
-"""Mesh files that share one triangulation: found in a folder, and read together."""
+"""Mesh files that share one triangulation, found in a folder and read together."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 class RegisteredMeshes:
-    """Registered surfaces in files, read when they are asked for, and none of them kept.
+    """Registered surfaces in files, read on access and not kept.
 
     ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3).
 
@@ -164,7 +164,7 @@ def load_registered(
     up: str | None = None,
     progress: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Read meshes that share number of vertices and triangles.
+    """Read meshes that share one triangulation.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def read_template(
     unit: str | None = None,
     up: str | None = None,
 ) -> Template:
-    """Return the user's template, or the first mesh where there is none.
+    """Return the given template, or else the first mesh.
 
     A template is a body. The mean of the vertices is none where poses differ: its arms shrink, and
     their triangles lose their weight in every integral over the template. Unlike a medoid, the

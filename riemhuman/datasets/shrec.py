@@ -21,7 +21,7 @@ from riemhuman.surfaces.mesh_files import load_mesh
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LabelledMeshes(Record):
-    r"""Meshes with a class each, read from their files one by one when they are asked for.
+    r"""Labelled meshes, read from their files on access.
 
     ``meshes[i]`` is a pair: vertices, shape (V, 3), and faces, shape (F, 3).
 

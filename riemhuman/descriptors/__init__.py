@@ -1,4 +1,4 @@
-"""Descriptors: vectors that stand for a surface, which other work compares bodies by."""
+"""Descriptors: vectors that represent a surface, for comparison with the metrics."""
 
 from riemhuman.descriptors.area_projection import AreaProjectionTransform, ProjectedAreas
 from riemhuman.descriptors.descriptor import Descriptor

@@ -49,7 +49,7 @@ class ProjectedAreas(Record):
 
 @dataclass(frozen=True)
 class AreaProjectionTransform(Descriptor):
-    r"""How much of a surface sees each place inside as the centre of a sphere [1]_.
+    r"""Histograms of the multiscale area projection transform [1]_.
 
     Every point of the surface moves by a radius R along its inner normal. The transform of a
     place is the area of the surface that arrives within a distance σ = cR of it, divided by

@@ -1,4 +1,4 @@
-"""What every descriptor can do: turn a mesh into a vector, and compare vectors."""
+"""The base class of descriptors: a mesh becomes a vector, and vectors are compared."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Mesh = tuple[ArrayLike, ArrayLike]
 
 
 class Descriptor(ABC):
-    """A vector that stands for a surface, with a distance between such vectors.
+    """A vector that represents a surface, with a distance between such vectors.
 
     Subclasses are frozen records of parameters. They define `describe`, and `distances` where the
     Euclidean distance is not theirs.

@@ -1,4 +1,4 @@
-"""The heat kernel signature of a surface, as one vector."""
+"""The heat kernel signature of a surface as a single vector."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LOWER, _UPPER = -0.5, 1.5
 
 @dataclass(frozen=True)
 class HeatKernelSignature(KernelSignature):
-    r"""How much heat stays at a point after times t, gathered over the surface [1]_.
+    r"""The heat kernel signature, pooled over the surface [1]_.
 
     The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, zero
     included. Used here is :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a plane. As
@@ -84,7 +84,7 @@ class HeatKernelSignature(KernelSignature):
         self._check_choices(_POOLINGS)
 
     def of_spectrum(self, found: Spectrum) -> np.ndarray:
-        """Return the gathered signatures of a surface.
+        """Return the pooled signatures of a surface.
 
         Parameters
         ----------

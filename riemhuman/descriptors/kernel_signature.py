@@ -1,4 +1,4 @@
-"""Signatures of the points of a surface by its spectrum, gathered into one vector."""
+"""Spectral signatures of the points of a surface, pooled into one vector."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _NORMALIZATIONS = ("none", "area")
 
 
 class KernelSignature(SpectralDescriptor):
-    """Signatures Σ_k w_k φ_k(x)² of all points x, gathered over the surface.
+    """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface.
 
     Subclasses are frozen records of parameters that define `_of`, the signatures by a spectrum.
     Histograms are compared by the sum of absolute differences, means by the Euclidean distance.

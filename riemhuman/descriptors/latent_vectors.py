@@ -59,7 +59,7 @@ class IdMatch(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatentVectors(Record, Descriptor):
-    """Vectors of bodies that something else computed, such as a trained network.
+    """Vectors of bodies computed elsewhere, for example by a trained network.
 
     Compared by the Euclidean distance.
 
@@ -145,7 +145,7 @@ class LatentVectors(Record, Descriptor):
             raise FileFormatError(f"{file}: {error}") from error
 
     def match(self, ids: Iterable[Any]) -> IdMatch:
-        """Tell which ids of a data set have a vector.
+        """Report which ids of a data set have a vector.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""One vector from a function with a value at every vertex."""
+"""Pooling: one vector from the values of a function at all vertices."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Spectra of the Laplace–Beltrami operator, which bending a surface leaves alone."""
+"""Spectra of the Laplace–Beltrami operator, which do not change when a surface bends."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class SpectralDescriptor(Descriptor):
     def describe_together(
         descriptors: Sequence[SpectralDescriptor], bodies: Any, *, progress: bool = False
     ) -> tuple[list[np.ndarray], list[float]]:
-        """Return the vectors of many surfaces by several descriptors, from one spectrum a surface.
+        """Return the vectors of several descriptors; each surface's spectrum is computed once.
 
         Parameters
         ----------

@@ -20,7 +20,7 @@ _LOWER, _UPPER = 0.0, 4.0
 
 @dataclass(frozen=True)
 class WaveKernelSignature(KernelSignature):
-    r"""How likely a particle of energy e is found at a point, gathered over the surface [1]_.
+    r"""The wave kernel signature, pooled over the surface [1]_.
 
     The signature of a point x is the average of :math:`\varphi_k(x)^2` over the eigenfunctions
     with weights :math:`\exp(-(e - \log\mu_k)^2 / 2\sigma^2)`. Multiplied by the area of the
@@ -93,7 +93,7 @@ class WaveKernelSignature(KernelSignature):
         self._check_choices(_POOLINGS)
 
     def of_spectrum(self, found: Spectrum) -> np.ndarray:
-        """Return the gathered signatures of a surface.
+        """Return the pooled signatures of a surface.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""Distances and paths of more bodies than memory holds, or than one sitting computes."""
+"""Resumable jobs: distances and paths of more bodies than memory holds or one run computes."""
 
 from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.jobs.paths import path_job

@@ -53,7 +53,7 @@ def tiles_on_cluster(
     reader: BlockReader,
     tiles: Sequence[tuple[int, Any]],
 ) -> Iterator[tuple[int, ndarray]]:
-    """Compute tiles on a cluster, each anew if its worker is lost.
+    """Compute tiles on a cluster; tiles of a lost worker are computed again.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""All distances within a set of points, on disk: tile by tile, and whenever there is time."""
+"""All distances within a set of points, computed tile by tile on disk, and resumable."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def pairwise_job(
     progress: bool = False,
     key: str | None = None,
 ) -> np.memmap:
-    r"""Compute all distances within a set of points into a file, or go on where it was left.
+    r"""Compute all distances within a set of points into a file, or resume an earlier run.
 
     The same numbers as `metric.dist_pairwise`, bit for bit, for sets that memory does not hold. A
     job that was interrupted or killed goes on when it is called again with the same arguments;

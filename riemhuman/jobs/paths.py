@@ -1,4 +1,4 @@
-"""Paths between all pairs of a set of points, on disk: some at a time, whenever there is time."""
+"""Paths between all pairs of a set of points, computed block by block on disk, and resumable."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def path_job(
     client: Any | None = None,
     progress: bool = False,
 ) -> PathDistances:
-    r"""Find paths between all points of a set, or go on where it was left.
+    r"""Find paths between all points of a set, or resume an earlier run.
 
     The same numbers as `riemhuman.solvers.path_distances`. A job that was interrupted or killed
     goes on when it is called again with the same arguments; paths that were finished are kept.

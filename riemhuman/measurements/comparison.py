@@ -1,4 +1,4 @@
-"""Two visits of one person: what of the body changed, once the pose is taken out."""
+"""Comparison of two visits of one person, with the pose removed."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SEEN = 2.0 * np.sqrt(2.0)
 
 @dataclass(frozen=True, eq=False)
 class VisitComparison:
-    """What changed between two visits of one person.
+    """Changes of a body between two visits of one person.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
 
 @lru_cache(maxsize=1)
 def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
-    """Return standard deviations between poses of one person, once the pose is taken out.
+    """Return standard deviations between poses of one person, after the pose is removed.
 
     They are medians over the ten people of `load_open_bodies("coarse", "natural", people=1)`.
 

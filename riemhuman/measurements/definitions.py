@@ -1,4 +1,4 @@
-"""What measurements are: small declarative objects, written to JSON and read from it.
+"""Definitions of measurements: small declarative objects that JSON can hold.
 
 A measurement knows landmarks, axes and parts by name; `riemhuman.measurements.MeasurementSet` says
 where they are on a template. A place is a landmark, or an affine combination of landmarks, such as
@@ -33,7 +33,7 @@ a few per cent."""
 
 @dataclass(frozen=True, kw_only=True)
 class Measurement:
-    """What all measurements have.
+    """The base class of measurements.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ class Height(Measurement):
 
 @dataclass(frozen=True, kw_only=True)
 class Length(Measurement):
-    """The length of the way from place to place.
+    """The length of a way from place to place.
 
     Parameters
     ----------

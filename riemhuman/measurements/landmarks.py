@@ -1,4 +1,4 @@
-"""Bodies of one template with their landmarks, axes and parts: what measurements are taken of."""
+"""Bodies of one template with the landmarks, axes and parts that measurements refer to."""
 
 from __future__ import annotations
 

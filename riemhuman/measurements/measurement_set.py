@@ -1,4 +1,4 @@
-"""Measurements with the landmarks and parts of one template, as a JSON file holds them."""
+"""Measurement sets: definitions with the landmarks and parts of one template."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _FORMAT = 1
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MeasurementSet:
-    """Measurements, and where their landmarks and parts are on a template.
+    """Measurements with the landmarks and parts of a template.
 
     Parameters
     ----------

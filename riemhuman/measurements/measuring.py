@@ -1,4 +1,4 @@
-"""Measurements of bodies: values with names and units, and their derivatives."""
+"""Measuring of bodies: values with names and units, and their derivatives."""
 
 from __future__ import annotations
 
@@ -255,7 +255,7 @@ class Measurements:
         return MeasuredBodies(self.names, values.reshape(shape), self.units, slopes)
 
     def tapes(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
-        """Return where every tape runs on one body, as it stands.
+        """Return the tapes of all measurements on one body, in its own pose.
 
         Parameters
         ----------

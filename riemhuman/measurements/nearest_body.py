@@ -1,4 +1,4 @@
-r"""The body nearest to a given one that has other measurements.
+r"""The nearest body with other measurements.
 
 Minimises d²(f₀, f) over all vertices of f subject to m_k(f) = v_k, by steps of sequential quadratic
 programming: with M the matrix of the metric at f, g the gradient of d² and J the derivatives of the
@@ -27,7 +27,7 @@ _MOST_HALVINGS = 12
 
 @dataclass(frozen=True, eq=False)
 class NearestBody:
-    """A body with wanted measurements, and what changed.
+    """A body with the wanted measurements, and its changes.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What is measured of the open body model, in the words of the standards."""
+"""Measurements of the open body model, in the terms of the standards."""
 
 from __future__ import annotations
 

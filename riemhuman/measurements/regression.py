@@ -1,4 +1,4 @@
-"""How bodies change with a measurement or a covariate, and whether chance would do as well."""
+"""Regression of body shape on a measurement or covariate, with a permutation test."""
 
 from __future__ import annotations
 

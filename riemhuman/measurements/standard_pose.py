@@ -1,4 +1,4 @@
-"""Bodies brought to a standard pose: a body model's fit undoes the pose, and detail is kept."""
+"""The standard pose: a body model's fit removes the pose and keeps detail."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
 
 
 def transferred(model: BodyModel, fit: ModelFit, points: ndarray, pose: ndarray) -> ndarray:
-    """Return bodies in another pose: the model's person there, with what the fit left over.
+    """Return bodies in another pose; the residual of the fit is kept.
 
     Parameters
     ----------

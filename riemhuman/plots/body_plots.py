@@ -24,7 +24,7 @@ _OUTLIERS = 0.01
 
 
 def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
-    """Return the axes given, or those of a new figure.
+    """Return the given axes, or the axes of a new figure.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def plot_body(
     ax: Axes | None = None,
     height: int = 480,
 ) -> Axes:
-    """Draw a body, coloured by values of its triangles if there are any.
+    """Draw a body, coloured by the values of its triangles where they are given.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def plot_path(
 
 
 def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
-    """Return values of triangles per square metre, so that large triangles do not stand out.
+    """Divide the values of triangles by their areas, so that large triangles do not stand out.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
 
 
 def colour_limit(values: ndarray) -> float:
-    """Return the value at the end of the colour scale, which 1 % of the values pass.
+    """Return the value at the end of the colour scale; 1 % of the values exceed it.
 
     Parameters
     ----------

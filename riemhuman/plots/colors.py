@@ -1,4 +1,4 @@
-"""Colours that read on a light and on a dark ground."""
+"""Colours that are legible on light and on dark backgrounds."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The look of the report's figures, and their files: SVG in both themes, PNG on white."""
+"""The style of figures, and their files: SVG for light and dark themes, PNG on white."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Picture:
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Draw in the style of the report, and leave that of the session alone.
+    """Draw in the style of the report without changing the style of the session.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure that no window knows of.
+    """Return an empty figure that opens no window.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What stands on a map of bodies: one body of every class with its name, and a bar of length."""
+"""Labels of a map of bodies: one body of every class with its name, and a scale bar."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _NAME, _NAME_MIDDLE = np.array([0.46, 0.13]), np.array([0.0, -0.47])
 
 
 def add_length_bar(ax: Axes, unit: str) -> None:
-    """Draw a bar of a round length, and let the map have one scale in both directions.
+    """Draw a scale bar of a round length, and give both axes the same scale.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def _inches(ax: Axes) -> ndarray:
 
 
 def free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray]:
-    """Return for every class a place near it that covers few items, with a line that meets no name.
+    """Return a place for every label: near its class, over few items, its line clear of names.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A page that shows two motions on one clock: both playing, the re-timing, and matched frames."""
+"""A page that plays two time-aligned motions, with the re-timing and matched frames."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STRIP_HEIGHT = 200
 
 @dataclass(frozen=True)
 class AlignedMotions:
-    """Two motions on the clock of the first.
+    """Two motions, the second aligned in time with the first.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class AlignedMotions:
             )
 
     def page(self) -> str:
-        """Return the page, which needs no other file.
+        """Return the page, which is self-contained.
 
         Returns
         -------

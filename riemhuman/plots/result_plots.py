@@ -37,7 +37,7 @@ def plot_embedding(
     unit: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw items in the plane, coloured by class, with a representative of every class.
+    """Plot items in the plane, coloured by class, with one representative of every class.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def plot_energy(
     lines: Mapping[str, float] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the energy of a path against the iterations that lowered it.
+    """Plot the energy of a path after every iteration.
 
     Parameters
     ----------
@@ -173,7 +173,7 @@ def plot_precision_recall(
     *,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw the precision of retrieval at every level of recall.
+    """Plot precision against recall.
 
     Parameters
     ----------
@@ -283,7 +283,7 @@ def plot_sweep(
     *,
     ax: Axes | None = None,
 ) -> Axes:
-    """Draw a score over λ and over the weights of the two parts of the metric.
+    """Plot a score over λ and the weights of the two parts of the metric.
 
     Parameters
     ----------
@@ -326,7 +326,7 @@ def plot_sweep(
 
 
 def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
-    """Draw a matrix as shades from almost white to blue, on all of which dark text reads.
+    """Draw a matrix in shades from almost white to blue, all light enough for dark text.
 
     Parameters
     ----------

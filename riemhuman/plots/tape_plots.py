@@ -1,4 +1,4 @@
-"""Where every tape runs on a body."""
+"""Pictures of measuring tapes on a body."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def plot_tapes(
     *,
     height: int = 700,
 ) -> Figure:
-    """Draw a body from three sides with every tape on it.
+    """Draw a body from three sides with all its measuring tapes.
 
     Tapes are drawn whole, also where the body hides them.
 

@@ -1,4 +1,4 @@
-"""Bodies to turn and paths to play, in a notebook or as one HTML file that needs nothing else.
+"""Interactive views of bodies and paths, in a notebook or as one self-contained HTML file.
 
 The surfaces travel inside the page, where three.js draws them; where it cannot, pictures stand in.
 """
@@ -33,7 +33,7 @@ _STILL_HEIGHT = 240
 
 @dataclass(frozen=True)
 class Viewer:
-    """Bodies to turn and paths to play; notebooks show it, `save` makes a file of it.
+    """An interactive view of bodies or paths; notebooks show it, and `save` writes it to a file.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ class Viewer:
         return f"Viewer({self.title!r}, choices={list(self.choices)})"
 
     def fragment(self, identifier: str) -> str:
-        """Return the viewer as part of a page that also holds `styles` and `scripts`.
+        """Return the viewer as part of a page that includes `styles` and `scripts`.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class Viewer:
         )
 
     def page(self) -> str:
-        """Return a whole page with the viewer alone.
+        """Return a complete page that holds the viewer alone.
 
         Returns
         -------
@@ -169,7 +169,7 @@ def view_path(
     description: str = "",
     view: View | None = None,
 ) -> Viewer:
-    """Show a path to play, scrub and turn, or several to choose from.
+    """Show a path, or several to choose from, in an interactive view that plays it.
 
     Parameters
     ----------
@@ -228,7 +228,7 @@ def view_bodies(
     description: str = "",
     view: View | None = None,
 ) -> Viewer:
-    """Show bodies side by side, to turn.
+    """Show bodies side by side in an interactive view.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What travels in the page of a viewer: surfaces as 16-bit integers, colours, values."""
+"""The data in a viewer's page: surfaces as 16-bit integers, colours and values."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def payload(
     view: View,
     max_vertices: int | None,
 ) -> dict[str, Any]:
-    """Return the data of a viewer, made of what JSON knows.
+    """Return the data of a viewer as values that JSON can hold.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Folders of scans, registered one after the other; a run that was stopped goes on where it was.
+"""Registration of folders of scans; a run that was stopped resumes.
 
 The output holds ``NAME.ply`` for every scan that is to be trusted, so that it is a folder of
 registered meshes; ``untrusted/NAME.ply`` for the others; and ``registrations/NAME.npz`` with what
@@ -39,7 +39,7 @@ _ARRAYS = ("points", "faces", "up", "matched", "shown", "shown_distances", "beta
 
 @dataclass(frozen=True, eq=False)
 class ScanRecord:
-    """What is known of a scan that was registered.
+    """The record of a registered scan.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
-    """Return what is known of the scans that were registered into a folder, the worst first.
+    """Return the records of the scans registered into a folder, the worst first.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
 
 
 def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
-    """Return records in the order in which they should be looked at.
+    """Sort records so that those to check first come first.
 
     Parameters
     ----------
@@ -231,7 +231,7 @@ def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
 
 
 def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) -> ScanRecord:
-    """Return what is to be kept of a registered scan.
+    """Return the record of a registered scan.
 
     Parameters
     ----------

@@ -12,7 +12,7 @@ from riemhuman.registration.nearest_triangles import SurfacePlaces
 
 @dataclass(frozen=True, eq=False)
 class RegisteredScan:
-    """A scan in the template's triangulation, and whether to believe it.
+    """A registered scan, and whether to trust it.
 
     Attributes
     ----------

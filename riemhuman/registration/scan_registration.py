@@ -58,7 +58,7 @@ _AGREEMENT = 0.85
 
 @dataclass(frozen=True)
 class ScanRegistration:
-    """Brings a body model to scans: meshes or loose points, of any heading, with holes and noise.
+    """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
     Many starts, of headings and poses, are annealed by soft assignment and the likeliest goes on
     (`riemhuman.registration.starts`). Closest points then decide its parameters, and at last the

@@ -1,4 +1,4 @@
-"""Scans as they come, and made ready: in metres, without floor and strays, with normals."""
+"""Preparation of raw scans: metres, normals, and no floor or stray points."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class ReadyScan:
-    """Points of a scan that are spread evenly, with what was noticed on the way.
+    """Evenly spread points of a scan, with notes on its preparation.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Scans of known bodies: what a scanner would have seen of them, for tests and tutorials."""
+"""Simulated scans of known bodies, for tests and tutorials."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Soft assignment of scan points to points of a body: expectation step and likelihood.
+"""Soft assignment of scan points to body points: expectation step and likelihood.
 
 A scan point x with normal m belongs to the body's point v with normal n and share of area A with
 the probability P ∝ A exp(−|v − x|²/2σ² + κ (n·m − 1)); a uniform density stands for points that

@@ -1,4 +1,4 @@
-"""Poses from which a body is brought to a scan, and how far joints go from them."""
+"""Start poses of registration, and how far joints move from them."""
 
 from __future__ import annotations
 

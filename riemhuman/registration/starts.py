@@ -1,4 +1,4 @@
-"""Many starts, of which the likely ones go on: headings, start poses and ways up."""
+"""The search over starts: headings, start poses and up directions; unlikely ones are dropped."""
 
 from __future__ import annotations
 

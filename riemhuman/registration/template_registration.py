@@ -1,4 +1,4 @@
-"""Registration of scans by a template alone, for surfaces that no body model makes."""
+"""Registration of scans by a template, for surfaces without a body model."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _LEAST_MATCHED, _LEAST_NEAR = 0.3, 0.8
 
 @dataclass(frozen=True)
 class TemplateRegistration:
-    """Brings a template to scans from a rough start: rigidly, then as the elastic metric allows.
+    """Registers scans by a template from a rough start: first rigidly, then elastically.
 
     Minimises Σ_i w_i ((n_i·r_i)² + τ ‖r_i‖²) + α d²(f, f₀) over the surfaces f, with the gaps r to
     the closest points of the scan, its normals n, and the elastic distance d of (a, λ, c) =

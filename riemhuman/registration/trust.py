@@ -1,4 +1,4 @@
-"""Whether a registration is to be believed: what tells a body from another, and from none."""
+"""Trust in registrations: evidence for and against a result."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LARGEST_BETA = 3.0
 
 @dataclass(frozen=True)
 class Evidence:
-    """What speaks for and against a registration.
+    """Evidence for and against a registration.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Evidence:
 
 
 def doubts(evidence: Evidence) -> list[str]:
-    """Return the reasons not to believe a registration; none where it is to be believed.
+    """Return the reasons to distrust a registration; none if it is trusted.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Which bodies the experiments on single bodies take, told from the labels and the distances."""
+"""The choice of bodies for the experiments on single bodies, by labels and distances."""
 
 from __future__ import annotations
 

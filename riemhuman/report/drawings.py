@@ -197,7 +197,7 @@ def draw_mean(bodies: Bodies, step: Step) -> Figure:
 
 
 def draw_differences(bodies: Bodies, step: Step) -> Figure:
-    """Draw where pairs of bodies differ: by metric, and by normals.
+    """Draw where pairs of bodies differ: in the metric part and in the normal part.
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def draw_differences(bodies: Bodies, step: Step) -> Figure:
 
 
 def draw_sweep(scores: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:
-    """Draw where people and where poses are found, over λ and c.
+    """Draw the retrieval scores of people and of poses over λ and c.
 
     Parameters
     ----------

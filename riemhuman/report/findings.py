@@ -1,4 +1,4 @@
-"""What the results say in words, sentence by sentence, and only where they say it."""
+"""Findings in words, each sentence only where the results support it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def chance_of_tier(labels: ndarray) -> float:
 
 
 def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray) -> str:
-    """Say that a metric finds fewer of a class than chance would, if it does.
+    """Say so if a metric finds fewer bodies of a class than chance would.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray
 
 
 def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Say which weights of the sweep find most people, and which find most poses.
+    """Say which weights of the sweep score highest on people and on poses.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def neighbours_kept(positions: ndarray, labels: ndarray) -> float:
-    """Return how many nearest neighbours on a map are of the same class, per cent.
+    """Return the percentage of nearest neighbours on a map that share a class.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def neighbours_kept(positions: ndarray, labels: ndarray) -> float:
 
 
 def shares(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Say how much of the squared distance of pairs of bodies is by the normals.
+    """Say which share of the squared distance between bodies comes from the normals.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The report: the paper's experiments redone on a set of bodies, as a folder with a page."""
+"""The report: the paper's experiments repeated on a set of bodies, in a folder with a page."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def make_report(
     progress: Progress | None = None,
     bars: bool = False,
 ) -> Path:
-    """Redo the experiments of the paper's sections 5 and 6, and write a page about them.
+    """Repeat the experiments of the paper's sections 5 and 6, and write a report of them.
 
     The folder holds ``index.html``, which opens in any browser without a connection, the figures as
     SVG and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``. Run again,

@@ -95,7 +95,7 @@ class Materials:
         return [task for task in both if has_pairs(task.labels)]
 
     def name(self, index: int) -> str:
-        """Return who a body is and which pose it holds.
+        """Return the person and the pose of a body, in words.
 
         Parameters
         ----------

@@ -22,7 +22,7 @@ SUBFOLDERS = ("figures", "tables", "results", "results/figures")
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
-    """Refuse a folder that holds something else than a report; nothing is written.
+    """Refuse a folder that holds anything but a report; write nothing.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
         raise FileError(f"{folder} is a file; the report needs a folder of its own")
     if folder.is_dir() and not _is_new(folder) and not _is_report(folder):
         raise FileError(
-            f"{folder} holds something else; the report needs a new or empty folder, or one with "
+            f"{folder} holds other files; the report needs a new or empty folder, or one with "
             "an earlier report"
         )
     return folder
@@ -54,7 +54,7 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
 
 @contextmanager
 def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Make the folder of a report, or take the one that is there, and keep other processes out.
+    """Make or reuse the folder of a report, and lock it against other processes.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def _make_folder(path: Path) -> None:
 
 
 def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
-    """Write what the report is made of, which also marks the folder as a report's.
+    """Write the provenance of the report; the file also marks the folder as a report's.
 
     Parameters
     ----------

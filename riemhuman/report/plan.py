@@ -1,4 +1,4 @@
-"""What a report computes, and from what."""
+"""The plan of a report: sizes of its experiments, metrics and names."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def elastic_metric(space: AlignedSurfaces, weights: tuple[float, float, float]) 
 
 
 def name_of(bodies: Bodies, index: int) -> str:
-    """Return who a body is and which pose it holds.
+    """Return the person and the pose of a body, in words.
 
     Parameters
     ----------

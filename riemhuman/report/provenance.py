@@ -1,4 +1,4 @@
-"""What a report is made of: versions, machine, parameters, seeds, times."""
+"""The provenance of a report: versions, machine, parameters, seeds and times."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def versions() -> dict[str, str]:
 
 @cache
 def identity() -> dict[str, Any]:
-    """Return what all results depend on: versions, and the source of the library itself.
+    """Return what all results depend on: versions and the source code of this library.
 
     Returns
     -------
@@ -66,7 +66,7 @@ def identity() -> dict[str, Any]:
 def describe(
     bodies: Bodies, digest: str, plan: Plan, basis: str, steps: Sequence[Step], started: str
 ) -> dict[str, Any]:
-    """Return what a report is made of.
+    """Return the provenance of a report.
 
     Parameters
     ----------

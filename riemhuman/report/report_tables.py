@@ -142,7 +142,7 @@ def precision_recall_table(task: str, distances: Mapping[str, Step], labels: nda
 
 
 def confusion_table(task: str, distances: ndarray, labels: ndarray, names: Sequence[str]) -> Table:
-    """Return how often the nearest neighbour of one class is of another.
+    """Return the confusion matrix of nearest neighbours.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def mean_table(bodies: Bodies, step: Step) -> Table:
 
 
 def difference_table(step: Step) -> Table:
-    """Return how much of the squared distance of pairs is by metric and by normals.
+    """Return the metric and the normal part of the squared distance of pairs.
 
     Parameters
     ----------
@@ -371,7 +371,7 @@ def sweep_table(step: Step) -> Table:
 
 
 def step_table(steps: Sequence[Step]) -> Table:
-    """Return how long every step took, whenever that was.
+    """Return how long every step took when it was computed.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Tables whose page and file come from one record, so that their numbers are the same."""
+"""Tables for the page and for CSV files, from the same numbers."""
 
 from __future__ import annotations
 

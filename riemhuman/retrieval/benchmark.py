@@ -1,4 +1,4 @@
-"""Every representation on every task: scores, and what they cost."""
+"""A benchmark of all representations on all tasks: scores and computing times."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ def _labels(bodies: Any) -> dict[str, list[Any]]:
 def described_together(
     representations: Mapping[str, Any], bodies: Any, *, progress: bool = False
 ) -> dict[str, Described]:
-    """Return the vectors of those descriptors that share what is costly, such as spectra.
+    """Compute descriptors that share a costly step, such as spectra, together.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def described_together(
 def timed_distances(
     representation: Any, bodies: Any, n_jobs: int | None, described: Described | None = None
 ) -> tuple[np.ndarray, float, float]:
-    """Return all distances of a set of bodies, and what they cost.
+    """Return all distances of a set of bodies, and how long they took.
 
     Parameters
     ----------

@@ -65,7 +65,7 @@ class NeighborIndex:
         n_patches: int | None,
         n_jobs: int | None,
     ) -> Self:
-        r"""Return an index of points.
+        r"""Build the index of a set of points.
 
         Parameters
         ----------

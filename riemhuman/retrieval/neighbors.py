@@ -1,4 +1,4 @@
-"""Exact nearest neighbours without all distances: cheap lower bounds leave few pairs to compare."""
+"""Exact nearest neighbours from few distances: cheap lower bounds rule out most pairs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FIELDS_OF_PROJECTION = ("mean", "components")
 
 
 class NearestNeighbors(Estimator):
-    r"""Nearest neighbours under a Riemannian metric, the same that all distances would give.
+    r"""Exact nearest neighbours under a Riemannian metric, found without all distances.
 
     A query is compared with the points of the least lower bounds first, until no other point can
     be as near as those found. Two bounds are used:
@@ -105,7 +105,7 @@ class NearestNeighbors(Estimator):
         self.n_jobs = n_jobs
 
     def fit(self, X: Sequence[Any] | ndarray) -> Self:
-        r"""Index points; those of before are forgotten.
+        r"""Index points, in place of any indexed before.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""What a distance matrix says beyond its scores: precision at recall, and who is taken for whom."""
+"""Rankings by a distance matrix: precision at recall, and the confusion of nearest neighbours."""
 
 from __future__ import annotations
 

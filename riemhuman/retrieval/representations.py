@@ -1,4 +1,4 @@
-"""Every representation of a body there is, by the name it has in tables."""
+"""All representations of a body, by their names in tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from riemhuman.retrieval.benchmark import table_metrics
 
 
 def available(bodies: Any) -> dict[str, Any]:
-    """Return every representation that applies to a data set, for `riemhuman.retrieval.benchmark`.
+    """Return all representations that apply to a data set, for `riemhuman.retrieval.benchmark`.
 
     The open bodies were made by the model they carry: its vectors are found again almost exactly,
     and rank first on these bodies for that reason.
@@ -52,7 +52,7 @@ def available(bodies: Any) -> dict[str, Any]:
 
 
 def of_extensions(bodies: Any) -> dict[str, Any]:
-    """Return the representations that other packages have made known, see `riemhuman.extensions`.
+    """Return the representations that other packages register, see `riemhuman.extensions`.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def of_extensions(bodies: Any) -> dict[str, Any]:
 
 
 def metrics_of_extensions(bodies: Any) -> dict[str, Any]:
-    """Return the metrics that other packages have made known, see `riemhuman.extensions`.
+    """Return the metrics that other packages register, see `riemhuman.extensions`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Retrieval tables of labelled bodies: who it is, and how they stand."""
+"""Retrieval tables of labelled bodies: identity and pose."""
 
 from __future__ import annotations
 
@@ -109,7 +109,7 @@ def format_table(title: str, rows: list[TableRow]) -> str:
 def format_benchmark(
     records: Sequence[BenchmarkRecord], ours: Mapping[str, str] | None = None
 ) -> str:
-    """Return the tables of a benchmark as text, and say what is better than ours.
+    """Format a benchmark as text tables, and name the representations that score higher than ours.
 
     Parameters
     ----------

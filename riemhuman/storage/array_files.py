@@ -258,7 +258,7 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
 
 
 def room_of(size: int) -> int:
-    """Return how many bytes of memory what is compressed in a file may take.
+    """Return how many bytes the content of a compressed file may take in memory.
 
     Parameters
     ----------
@@ -342,7 +342,7 @@ def check_text(array: np.ndarray) -> None:
 
 
 def read_array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read the header of an .npy file, and see that it says the truth about the size.
+    """Read the header of an .npy file, and check it against the size of the file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Cells of tables in files: each a line of UTF-8, which no spreadsheet takes for code."""
+"""Cells of CSV files that no spreadsheet takes for code."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checksums of what a job has written, by which damage shows before anything is made of it."""
+"""Checksums of what a job has written, which show damage before it is used."""
 
 from __future__ import annotations
 

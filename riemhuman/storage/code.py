@@ -1,4 +1,4 @@
-"""What code reaches, and which code belongs to an installed library."""
+"""The code that a function reaches, and the installed library it belongs to."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file holds, if it is a file: devices and pipes have no end, and may never begin."""
+"""Reading of regular files; devices and pipes, which may never end, are refused."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
     except (OSError, ValueError) as error:
         if isinstance(error, ValueError) or error.errno == errno.ENAMETOOLONG:
             raise FileError(
-                f"no {kind} can be called {str(found)[:_LONGEST]!r}: {brief(error)}"
+                f"{str(found)[:_LONGEST]!r} cannot be the name of a {kind}: {brief(error)}"
             ) from error
     return found
 
@@ -103,7 +103,7 @@ def file_content(file: Path) -> bytes:
 
 
 def brief(error: BaseException) -> str:
-    """Return what an error says, for a message; errors about a file may quote all of it.
+    """Return the message of an error, shortened: errors may quote a whole file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Locks on files and folders, which the system lets go of when their process ends."""
+"""Locks on files and folders, which the system releases when their process ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What makes a metric another metric, in plain words that a file can hold."""
+"""Fingerprints: descriptions of metrics and arrays by which a job recognises its inputs."""
 
 from __future__ import annotations
 

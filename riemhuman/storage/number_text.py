@@ -1,4 +1,4 @@
-"""Numbers and words as files of text have them.
+"""Numbers and words in text files.
 
 Python reads ``1_0`` as ten, digits of every script, and ends lines where Unicode does; the formats
 of this library know ASCII numbers, and the three line ends of text files.

@@ -1,4 +1,4 @@
-"""Outputs of verbs: looked at before the work begins, and written whole or not at all."""
+"""Outputs of commands: checked before the work begins, and written whole or not at all."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of our own among those of others: no link is followed, and nothing of others written to."""
+"""Opening of this library's own files: links are not followed, other files never written to."""
 
 from __future__ import annotations
 

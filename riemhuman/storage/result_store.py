@@ -1,4 +1,4 @@
-"""Results that outlive a run: every step is kept with what it was computed from."""
+"""Results kept between runs, each with a fingerprint of its inputs."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Step:
 
 
 class ResultStore:
-    """Keeps the result of every step in a file, and reads it where nothing has changed.
+    """Keeps the result of every step in a file, and reads it back while its inputs are the same.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class ResultStore:
 
 
 def fingerprint(value: Any) -> str:
-    """Return a short text that differs where the value does.
+    """Return a fingerprint of a value.
 
     Parameters
     ----------

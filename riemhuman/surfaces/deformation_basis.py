@@ -1,4 +1,4 @@
-"""Deformation bases: few directions in which a body surface moves, from motions or a mesh."""
+"""Deformation bases: few directions of movement of a surface, from motions or a mesh."""
 
 from __future__ import annotations
 
@@ -372,7 +372,7 @@ class DeformationBasis:
         return np.reshape(rows, (*coefficients.shape[:-1], self.n_vertices, 3))
 
     def project(self, deformation: Any) -> Any:
-        """Return the combinations of the vectors that are nearest to deformations.
+        """Project deformations onto the span of the vectors.
 
         Parameters
         ----------
@@ -391,7 +391,7 @@ class DeformationBasis:
         return self.combine(self.coefficients(deformation))
 
     def truncated(self, n_components: int) -> DeformationBasis:
-        """Return the basis of the first vectors alone.
+        """Return the basis of the first vectors.
 
         Parameters
         ----------
@@ -419,7 +419,7 @@ class DeformationBasis:
         )
 
     def joined(self, deformations: np.ndarray) -> DeformationBasis:
-        """Return the basis of the same deformations and some more.
+        """Return this basis extended by more deformations.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""A triangle mesh as two arrays: what makes them one, and where two triangulations differ."""
+"""Triangle meshes as two arrays: their checks, and differences of triangulations."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LARGEST = 1e50
 def mesh_arrays(
     vertices: ArrayLike, faces: ArrayLike, *, names: tuple[str, str] = ("vertices", "faces")
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return vertices and faces as arrays that do form a triangle mesh.
+    """Return vertices and faces after checking that they form a triangle mesh.
 
     Open and non-manifold meshes pass, and so do triangles without area and vertices that no
     triangle uses.
@@ -64,7 +64,7 @@ def mesh_arrays(
 
 
 def face_difference(found: np.ndarray, expected: np.ndarray) -> str | None:
-    """Say where a triangulation differs from the one expected.
+    """Describe where a triangulation differs from the expected one.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def _sorted_rows(faces: np.ndarray) -> np.ndarray:
 
 
 def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> None:
-    """Refuse triangles, naming the first and saying how many there are.
+    """Raise an error that names the first of some triangles and counts them.
 
     Parameters
     ----------

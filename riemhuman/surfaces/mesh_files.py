@@ -1,4 +1,4 @@
-"""Mesh files: vertex i of the file is vertex i of the array, for registration lives in that order.
+"""Mesh files: vertices keep their order, on which registration depends.
 
 They are not left to other libraries, which split the vertices of an OBJ file that has texture
 coordinates or normals, sort its faces by material, split polygons by their shape, or

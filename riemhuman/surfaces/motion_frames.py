@@ -1,4 +1,4 @@
-"""Frames of motions, a fixed number of frames apart, with no more than one pair in memory."""
+"""Pairs of frames of motions, a fixed number of frames apart, read one pair at a time."""
 
 from __future__ import annotations
 

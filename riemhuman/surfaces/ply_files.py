@@ -1,4 +1,4 @@
-"""PLY files: the vertices and triangles among whatever else a file holds.
+"""PLY files: their vertices and triangles; other content is skipped.
 
 Elements come in any order, and each may have lists whose length changes from row to row, as colours
 of a vertex or neighbours of a face. What is not read is stepped over by its declared types.

@@ -24,7 +24,7 @@ from riemhuman.surfaces.triangle_heat import adjacent_triangles
 
 
 class PoissonInterpolator:
-    """Interpolates surfaces over one mesh; what depends on the mesh alone is computed once.
+    """Interpolates surfaces over one mesh, whose factors are computed once.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class PoissonInterpolator:
         self._factor = splu(laplacian[self._free][:, self._free])
 
     def weighted(self, weights: ndarray) -> PoissonInterpolator:
-        """Return an interpolator whose least squares trust triangles more or less.
+        """Return an interpolator with other weights of the triangles.
 
         Parameters
         ----------

@@ -32,7 +32,7 @@ _ROUNDING = 4 * np.finfo(np.float64).eps
 
 
 class Template:
-    """A triangle mesh with everything that depends on it alone, computed once and kept.
+    """A triangle mesh, with the quantities that depend on it alone computed once.
 
     Each triangle t carries an orthonormal frame in which its corners are (0, 0), (u2, 0) and
     (u3, v3). A surface f is linear on it, with derivatives

@@ -22,7 +22,7 @@ _SYMMETRIC: dict[str, Any] = {"SymmetricMode": True, "DiagPivotThresh": 0.0}
 
 
 class TriangleHeat:
-    """Heat flow on one mesh; what depends on the mesh, or on the time, is computed once.
+    """Heat flow on one mesh; its factorisations are computed once.
 
     Parameters
     ----------

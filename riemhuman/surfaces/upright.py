@@ -1,4 +1,4 @@
-"""Surfaces of other units and axes, brought to metres with y up."""
+"""Conversion of surfaces to metres with y up."""
 
 from __future__ import annotations
 

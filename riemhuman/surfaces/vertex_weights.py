@@ -82,7 +82,7 @@ def vectors_of_rows(rows: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
 
 
 def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:
-    """Orthonormalise rows one after the other, as Gram and Schmidt do.
+    """Orthonormalise rows by the Gram–Schmidt process.
 
     Parameters
     ----------

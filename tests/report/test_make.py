@@ -312,7 +312,7 @@ def test_on_shuffled_labels_nothing_is_said_that_is_not_so(tmp_path, nine_bodies
 
 def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(FileError, match="holds something else"):
+    with pytest.raises(FileError, match="holds other files"):
         make_report(tmp_path, bodies=nine_bodies)
     fewer = Bodies(
         nine_bodies.points[:2], [0, 1], [0, 0], nine_bodies.template,

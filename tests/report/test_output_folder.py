@@ -79,7 +79,7 @@ def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
         (tmp_path / MARKER).write_text(marker)
     before = sorted(entry.name for entry in tmp_path.iterdir())
     for function in (check_folder, enter):
-        with pytest.raises(FileError, match="holds something else; the report needs a new or"):
+        with pytest.raises(FileError, match="holds other files; the report needs a new or"):
             function(tmp_path)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == before
 

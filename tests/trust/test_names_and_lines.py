@@ -55,7 +55,7 @@ def test_no_name_breaks_a_reader(tmp_path, monkeypatch, prefix, name):
 def test_folders_that_cannot_be(tmp_path, monkeypatch, name):
     monkeypatch.chdir(tmp_path)
     for make in (job_folder, check_folder):
-        with pytest.raises(FileError, match="no folder can be called"):
+        with pytest.raises(FileError, match="cannot be the name of a folder"):
             make(name)
     assert os.listdir() == []
 
