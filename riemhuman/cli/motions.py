@@ -92,9 +92,9 @@ def _add_align(verbs: Verbs) -> None:
         verbs,
         "align",
         _align,
-        "two motions on one clock",
-        "Writes a page that plays both motions on the clock of the first, with the re-timing as a\n"
-        "curve and frames that correspond (.html), or the arrays first, second, first_times and\n"
+        "two motions aligned in time",
+        "Writes a page that plays both motions, the second re-timed to the first, with the\n"
+        "re-timing as a curve and corresponding frames (.html), or the arrays first, second, first_times and\n"
         "second_times (.npz).",
         "  riemhuman motions align anna_runs/ ben_runs/ -o both.html\n"
         "  riemhuman motions align anna_runs/ ben_runs/ -o both.npz --n-times 100\n",

@@ -95,6 +95,7 @@ class Viewer:
             f"{' hidden' if index else ''}>"
             for index, (name, bodies) in enumerate(self.choices.items())
         )
+        shown_first = next(iter(self.choices.values()))
         data = payload(self.choices, self.faces, self.view, self.max_vertices)
         return Template(web_file("viewer.html")).substitute(
             identifier=escape(identifier, quote=True),
@@ -102,6 +103,7 @@ class Viewer:
             legend=escape(self.legend),
             options=options,
             hidden=" hidden" if len(self.choices) == 1 else "",
+            still="" if any(len(body.frames) > 1 for body in shown_first) else " hidden",
             stills=stills,
             payload=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         )

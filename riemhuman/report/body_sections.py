@@ -32,8 +32,8 @@ def retrieval_section(materials: Materials) -> Section | None:
         return None
     parts = [
         paragraph(
-            "Every body is a query for the others of its person, and for those in its pose; all "
-            "other bodies are ranked by their distance."
+            "Every body is a query, once for the other bodies of its person and once for those in "
+            "its pose; all other bodies are ranked by distance."
         ),
         side_by_side(*(_scores(materials, task) for task in tasks)),
     ]
@@ -72,8 +72,8 @@ def _curves(materials: Materials, task: Task) -> str:
         task.labels,
     )
     caption = (
-        f"{task.question} Precision at every level of recall: a curve along the top finds all of "
-        f"the class before anything else. {materials.file(points)}"
+        f"{task.question} Precision at every level of recall; an ideal curve runs along the top: "
+        f"it ranks the whole class first. {materials.file(points)}"
     )
     return figure(picture, caption)
 
@@ -90,8 +90,9 @@ def _mistakes(materials: Materials, task: Task) -> str:
         task.names,
     )
     caption = (
-        f"{task.question} Who is taken for whom under the {task.metric}: rows are bodies, columns "
-        f"their nearest neighbours; off the diagonal are mistakes. {materials.file(counts)}"
+        f"{task.question} Confusion of nearest neighbours under the {task.metric}: rows are "
+        "bodies, columns their nearest neighbours; entries off the diagonal are mistakes. "
+        f"{materials.file(counts)}"
     )
     return figure(picture, caption)
 
@@ -111,9 +112,9 @@ def map_section(materials: Materials) -> Section:
     bodies, positions = materials.bodies, materials.results.maps.arrays
     parts = [
         paragraph(
-            "Each point is a body, its colour a class, and one body stands for each class. t-SNE "
-            "keeps neighbours together, and its positions have no unit; multidimensional scaling "
-            "(MDS) keeps distances, in metres, as far as a plane can."
+            "Each point is a body, its colour shows the class, and one body of each class is "
+            "drawn. t-SNE preserves neighbourhoods, and its positions have no unit; multidimensional "
+            "scaling (MDS) preserves distances, in metres, as far as a plane allows."
         )
     ]
     for method, title in (("t-sne", "t-SNE"), ("mds", "MDS")):
@@ -140,7 +141,7 @@ def map_section(materials: Materials) -> Section:
             )
             if method == "mds":
                 distances = materials.results.distances[name].arrays["distances"]
-                said += f" Stress {stress(distances, placed):.2f}: 0 keeps all distances."
+                said += f" Stress: {stress(distances, placed):.2f}; 0 would preserve all distances."
             figures.append(figure(picture, said))
         parts += [heading(title), side_by_side(*figures)]
     return Section("maps", "Maps of people and of poses", "Maps", parts)
@@ -181,8 +182,8 @@ def sweep_section(materials: Materials) -> Section | None:
     )
     parts = [
         paragraph(
-            f"{findings.best_weights(step.record['rows'])} The last column is the normals alone, "
-            "a = 0 and c = 1."
+            f"{findings.best_weights(step.record['rows'])} The last column shows the normals "
+            "alone, a = 0 and c = 1."
         ),
         figure(
             picture, "Mean average precision (mAP), per cent; the deepest blue is 100 %.", wide=True
@@ -193,7 +194,7 @@ def sweep_section(materials: Materials) -> Section | None:
 
 
 def verdict(table: Table, ours: str) -> str:
-    """Say in words what finds more than ours.
+    """Name the representations that score higher than ours.
 
     Parameters
     ----------
@@ -216,5 +217,5 @@ def verdict(table: Table, ours: str) -> str:
             listed = ", ".join(f"{escape(names[row])} ({table.number(row, key)})" for row in better)
             said.append(f"{title}: {listed}.")
     if not said:
-        return f"Nothing here finds more than the {escape(ours)}."
-    return f"More than the {escape(ours)} find, in {' '.join(said)}"
+        return f"No representation scores higher than the {escape(ours)}."
+    return f"These representations score higher than the {escape(ours)}: {' '.join(said)}"

@@ -72,12 +72,12 @@ def measurement_section(materials: Materials) -> Section | None:
     name = materials.bodies.subject_names[int(step.arrays["people"][0])]
     parts = [
         paragraph(
-            "Every person is brought to one standard pose, by a fit of the body model and what it "
-            f"leaves over, and measured there: means over up to {_MOST_POSES} poses, and below "
-            "them how far one person's values spread from pose to pose."
+            "A fit of the body model brings every person to one standard pose and keeps the "
+            f"residual. The first table shows means over up to {_MOST_POSES} poses, the second "
+            "how far one person's values spread from pose to pose."
         ),
         materials.table(people_table(materials, step)),
-        figure(picture, f"Where the tapes run: {escape(name)}.", wide=True),
+        figure(picture, f"The measuring tapes: {escape(name)}.", wide=True),
         heading("One person in several poses"),
         materials.table(spread_table(step)),
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
@@ -137,15 +138,18 @@ def figure(picture: Picture, caption: str, *, wide: bool = False) -> str:
     str
     """
     data = base64.b64encode(picture.svg.encode("utf-8")).decode("ascii")
+    # Its size is known before it is drawn, so that nothing below it moves.
+    *_, width, height = re.findall(r"[\d.]+", picture.svg.split('viewBox="')[1].split('"')[0])
     image = (
         f'<img alt="{escape(picture.alt, quote=True)}" src="data:image/svg+xml;base64,{data}" '
-        'loading="lazy" decoding="async">'
+        f'width="{float(width):.0f}" height="{float(height):.0f}" loading="lazy" decoding="async">'
     )
     if wide:
         label = escape(picture.alt, quote=True)
         image = f'<div class="scroll" role="region" tabindex="0" aria-label="{label}">{image}</div>'
     links = " ".join(
-        f'<a href="figures/{picture.name}.{ending}" download>{ending.upper()}</a>'
+        f'<a href="figures/{picture.name}.{ending}" download '
+        f'aria-label="{ending.upper()} of the figure {picture.name}">{ending.upper()}</a>'
         for ending in ("svg", "png")
     )
     return f"<figure>{image}<figcaption>{caption} {links}</figcaption></figure>"

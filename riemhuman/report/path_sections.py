@@ -50,13 +50,13 @@ def difference_section(materials: Materials) -> Section | None:
     viewer = Viewer(template.faces, choices, "Pair", "Where two bodies differ")
     parts = [
         paragraph(
-            "The squared distance is a sum over triangles, of a metric part (stretching and "
-            "shearing) and a normal part (turning). Pale triangles add nothing, dark red ones "
-            f"most. {findings.shares(step.record['rows'])}"
+            "The squared distance is a sum over triangles of a metric part (stretching and "
+            "shearing) and a normal part (turning). Pale triangles contribute nothing, dark red "
+            f"ones most. {findings.shares(step.record['rows'])}"
         ),
         viewer_figure(
             viewer.fragment("differences-view"),
-            "Turn the bodies. Each colour scale ends where 1 % of the triangles pass it.",
+            "Turn the bodies. 1 % of the triangles exceed the end of each colour scale.",
         ),
         figure(picture, "The same in print, with the scales.", wide=True),
         materials.table(report_tables.difference_table(step)),
@@ -85,8 +85,9 @@ def geodesic_section(materials: Materials) -> Section | None:
     energies = report_tables.energy_table(every)
     parts = [
         paragraph(
-            "A geodesic is a path of least energy. The metric (1, 1, 0) counts how triangles "
-            "stretch and shear on the way, the normals alone, (0, 0, 1), how they turn. "
+            "A geodesic is a path of least energy. The metric (1, 1, 0) measures how "
+            "triangles stretch and shear along the path, the normals alone, (0, 0, 1), how they "
+            "turn. "
             f"The basis: {results.basis}."
         )
     ]
@@ -105,8 +106,8 @@ def geodesic_section(materials: Materials) -> Section | None:
         caption = (
             f"As figure 4 ({letter}) of the paper, {name}: from {materials.name(start)} to "
             f"{materials.name(end)} under ({weights}). Right: the energy after "
-            "every iteration, begun with the straight path, as in the paper, and with the path "
-            f"that turns every triangle; d² bounds it from below. {materials.file(energies)}"
+            "every iteration, from the straight path, as in the paper, and from the path that "
+            f"turns every triangle; d² is a lower bound. {materials.file(energies)}"
         )
         parts.append(figure(picture, caption, wide=True))
     if results.viewed:
@@ -162,12 +163,12 @@ def comparison_section(materials: Materials) -> Section | None:
     parts = [
         paragraph(
             f"From {materials.name(start)} to {materials.name(end)}, as in figure 5 of the "
-            "paper. Beyond what the ends do, triangles change their areas on the way by "
-            f"{linear} in the mean on the straight path, and by {ours} on ours."
+            "paper. Beyond the change between the ends, the areas of triangles change "
+            f"by {linear} on average along the straight path, and by {ours} along ours."
         ),
         viewer_figure(
             viewer.fragment("comparison-view"),
-            "All paths at the same time. Look at the limbs half way.",
+            "All paths at the same time; compare the limbs half way.",
         ),
         figure(picture, "The same as film strips.", wide=True),
         materials.table(table),
@@ -207,7 +208,7 @@ def mean_section(materials: Materials) -> Section | None:
     viewer = Viewer(bodies.template.faces, {title: shown}, "Bodies", title)
     parts = [
         paragraph(
-            f"The body of least mean squared distance from {len(group)} people in one pose, "
+            f"The body with the least mean squared distance from {len(group)} people in one pose, "
             "under the normals alone, (0, 0, 1), as in figure 6 of the paper."
         ),
         figure(picture, "People, and their mean in yellow.", wide=True),

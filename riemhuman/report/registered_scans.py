@@ -55,7 +55,7 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     trusted = sum(record.trusted for record in records)
     text = page(
         "Registered scans",
-        "Every scan and the body that was brought to it, the worst first.",
+        "Every scan and its registered body, the worst first.",
         [(str(len(records)), "scans"), (str(trusted), "trusted")],
         [scan_section(records)],
         "",
@@ -79,10 +79,10 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     """
     doubtful = [record for record in records if not record.trusted]
     lead = (
-        f"{len(records) - len(doubtful)} of {len(records)} scans are registered and to be trusted. "
+        f"{len(records) - len(doubtful)} of {len(records)} scans are registered and trusted. "
         "From left to right: the scan, the body, and the scan in the colours of its distance from "
         f"the body, up to {1000 * LARGEST_METRES:.0f} mm and more in dark red. Parts of the body "
-        "that found nothing in the scan are blue-grey."
+        "without a counterpart in the scan are blue-grey."
     )
     cards = "".join(_card(record) for record in records)
     return Section(

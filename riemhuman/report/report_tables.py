@@ -289,8 +289,8 @@ def comparison_table(step: Step) -> Table:
     ]
     return Table(
         "comparison",
-        "Changes are those on the way beyond the change between the ends, of the triangles' areas, "
-        "the edges' lengths and the volume.",
+        "Changes of the triangles' areas, the edges' lengths and the volume along the path, beyond "
+        "the change between the ends.",
         columns,
         step.record["rows"],
     )

@@ -96,7 +96,7 @@ class Table:
             cells = [self._cell(index, column, row[column.key], best) for column in columns]
             body.append(f"<tr>{''.join(cells)}</tr>")
         return (
-            f'<div class="table" role="region" tabindex="0" aria-label="{escape(self.caption)}">'
+            f'<div class="table" role="region" tabindex="0" aria-label="Table {self.name}">'
             f"<table><caption>{escape(self.caption)} {self.link()}</caption>"
             f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
         )
@@ -113,7 +113,11 @@ class Table:
         -------
         str
         """
-        return f'<a href="tables/{self.name}.csv" download>{escape(text)}</a>'
+        named = f"{text} of the table {self.name}"
+        return (
+            f'<a href="tables/{self.name}.csv" download aria-label="{escape(named)}">'
+            f"{escape(text)}</a>"
+        )
 
     def number(self, row: int, key: str) -> str:
         """Return one number of the table for running text, tied to its cell.

@@ -47,7 +47,7 @@ def test_units_and_axes_make_other_verbs_measure_the_same(run, turned, scans):
 def test_align_refuses_two_meshes_of_one_name(refused, scans, turned, bodies, tmp_path):
     save_mesh(turned / "body_0.ply", bodies.points[0], bodies.template.faces)
     files = (scans / "body_0.ply", turned / "body_0.ply")
-    assert "one name" in refused("align", *files, "-o", tmp_path / "aligned")
+    assert "the same name" in refused("align", *files, "-o", tmp_path / "aligned")
     assert not (tmp_path / "aligned").exists()
 
 

@@ -75,7 +75,7 @@ def test_failures(refused, standing, tmp_path):
     assert "absent" in refused("components", tmp_path / "absent", *output, "-n", 1)
     assert "holds something else" in refused("components", standing, "-o", standing)
     assert "leave it out" in refused("components", standing, *output, "--pose", "-a", 1)
-    assert "--shape has too small" in refused("components", standing, *output, "--shape")
+    assert "λ of --shape is too small" in refused("components", standing, *output, "--shape")
     same = [standing / "body_0.ply"] * 2
     assert "all coincide" in refused("components", *same, *output, "-n", 1)
     assert list(tmp_path.iterdir()) == []

@@ -75,5 +75,5 @@ def test_failures(refused, scans, tmp_path):
     message = refused("report", "--bodies", scans, "--labels", "absent.csv", "-o", tmp_path / "r")
     assert "no table of labels absent.csv" in message
     assert "neither" in refused("report", "--dfaust", tmp_path, "-o", tmp_path / "r")
-    assert "something else" in refused("report", "--bodies", scans, "-o", scans)
+    assert "other files" in refused("report", "--bodies", scans, "-o", scans)
     assert list(tmp_path.iterdir()) == []

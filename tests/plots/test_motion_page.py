@@ -1,4 +1,4 @@
-"""The page of two motions on one clock."""
+"""The page of two motions aligned in time."""
 
 import re
 
@@ -19,7 +19,7 @@ def aligned():
 def test_page_shows_both_the_curve_and_matched_frames(aligned, tmp_path):
     aligned.save(tmp_path / "both.html")
     page = (tmp_path / "both.html").read_text(encoding="utf-8")
-    assert "<h1>Anna &amp; co and Ben on one clock</h1>" in page
+    assert "<h1>Anna &amp; co and Ben aligned in time</h1>" in page
     assert "re-timing: 0.125" in page
     assert 'points="0.00,100.00 50.00,50.00 100.00,0.00"' in page
     assert re.findall("<figcaption>(.*?)</figcaption>", page) == ["0 %", "50 %", "100 %"]
