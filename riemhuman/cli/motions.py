@@ -94,8 +94,8 @@ def _add_align(verbs: Verbs) -> None:
         _align,
         "two motions aligned in time",
         "Writes a page that plays both motions, the second re-timed to the first, with the\n"
-        "re-timing as a curve and corresponding frames (.html), or the arrays first, second, first_times and\n"
-        "second_times (.npz).",
+        "re-timing as a curve and corresponding frames (.html), or the arrays first, second,\n"
+        "first_times and second_times (.npz).",
         "  riemhuman motions align anna_runs/ ben_runs/ -o both.html\n"
         "  riemhuman motions align anna_runs/ ben_runs/ -o both.npz --n-times 100\n",
     )

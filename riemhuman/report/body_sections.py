@@ -113,8 +113,8 @@ def map_section(materials: Materials) -> Section:
     parts = [
         paragraph(
             "Each point is a body, its colour shows the class, and one body of each class is "
-            "drawn. t-SNE preserves neighbourhoods, and its positions have no unit; multidimensional "
-            "scaling (MDS) preserves distances, in metres, as far as a plane allows."
+            "drawn. t-SNE preserves neighbourhoods, and its positions have no unit; "
+            "multidimensional scaling (MDS) preserves distances, in metres, as far as a plane allows."
         )
     ]
     for method, title in (("t-sne", "t-SNE"), ("mds", "MDS")):
