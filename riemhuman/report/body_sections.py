@@ -114,7 +114,7 @@ def map_section(materials: Materials) -> Section:
         paragraph(
             "Each point is a body, its colour shows the class, and one body of each class is "
             "drawn. t-SNE preserves neighbourhoods, and its positions have no unit; "
-            "multidimensional scaling (MDS) preserves distances, in metres, as far as a plane allows."
+            "multidimensional scaling (MDS) preserves distances, in metres, where it can."
         )
     ]
     for method, title in (("t-sne", "t-SNE"), ("mds", "MDS")):
