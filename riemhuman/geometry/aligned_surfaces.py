@@ -128,7 +128,7 @@ class AlignedSurfaces(Manifold):
         array, shape (..., F, 3)
             Half the cross products of the edges from the first corner.
         """
-        area_vectors = surface.cross(*self.partial_derivatives(self.check_point(point)))
+        area_vectors = np.cross(*self.partial_derivatives(self.check_point(point)))
         return self.template.face_areas[:, None] * area_vectors
 
     def partial_derivatives(self, f: ndarray) -> tuple[ndarray, ndarray]:

@@ -16,7 +16,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
-from riemhuman.kernels.surface import cross, dot
+from riemhuman.kernels.surface import dot
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.sum import TermOfFields
 
@@ -227,7 +227,7 @@ class RotationFieldMetric(RiemannianMetric):
             _angular_velocity(real_array(vector, name, self.space.shape), base_point)
             for vector, name in ((tangent_vec_a, "tangent_vec_a"), (tangent_vec_b, "tangent_vec_b"))
         )
-        bracket = cross(a, b)
+        bracket = np.cross(a, b)
         return 0.25 * np.sum(self.space.template.face_areas * dot(bracket, bracket), axis=-1)
 
     def parallel_transport(

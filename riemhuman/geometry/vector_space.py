@@ -12,6 +12,7 @@ from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.tiles import in_tiles
 from riemhuman.terms.flat import flat_distances, vector_features
 from riemhuman.terms.sum import Features
 
@@ -206,4 +207,4 @@ class _Vectors(Bulk):
         return features[1]
 
     def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        return flat_distances(a[0], b[0], n_threads)
+        return in_tiles(lambda one, other: flat_distances(*one, *other), a[:1], b[:1], n_threads)

@@ -16,7 +16,7 @@ from riemhuman.checks import values_of
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.rotations import cross_product_matrix, rotation_matrix
 from riemhuman.kernels.scalars import square_root
-from riemhuman.kernels.surface import cross, dot
+from riemhuman.kernels.surface import dot
 
 HALF_TURN = np.pi - 8 * np.finfo(float).eps
 """From this angle on, the axis of the rotation between two rotations is rounding error alone."""
@@ -229,10 +229,10 @@ def _turned_back(answer: ndarray, matrices: ndarray, upstream: ndarray) -> ndarr
     trace = (stretch[..., 0, 0] + stretch[..., 1, 1] + stretch[..., 2, 2])[..., None, None]
     system = trace * np.eye(3) - 0.5 * (stretch + transpose(stretch))
     x, y, z = system[..., 0], system[..., 1], system[..., 2]
-    determinant = dot(x, cross(y, z))
+    determinant = dot(x, np.cross(y, z))
     unique = values_of(determinant) > 1e-30 * values_of(trace)[..., 0, 0] ** 3
     right = 2.0 * axial(np.matmul(transpose(answer), upstream))
-    turned = np.stack([dot(right, cross(a, b)) for a, b in ((y, z), (z, x), (x, y))], axis=-1)
+    turned = np.stack([dot(right, np.cross(a, b)) for a, b in ((y, z), (z, x), (x, y))], axis=-1)
     scale = np.where(unique, 1.0, 0.0) / np.where(unique, determinant, 1.0)
     turned = scale[..., None] * turned
     return np.matmul(answer, cross_product_matrix(turned))

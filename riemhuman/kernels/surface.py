@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import autograd.numpy as np
 from autograd.extend import defjvp, defvjp, primitive
+from autograd.numpy.numpy_vjps import unbroadcast_f
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
@@ -84,7 +85,7 @@ def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
     -------
     Derivatives
     """
-    area_vectors = cross(f_u, f_v)
+    area_vectors = np.cross(f_u, f_v)
     squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
     degenerate = squared <= DEGENERATE * e * dot(f_v, f_v)
     areas = np.sqrt(np.where(degenerate, 1.0, squared))
@@ -145,8 +146,11 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
     return entry(derivatives, of_u, axes), entry(derivatives, of_v, axes)
 
 
+@primitive
 def dot(a: ndarray, b: ndarray) -> ndarray:
     """Return the inner products of vectors along the last axis.
+
+    Registered as an autograd primitive: a sum of products takes four times as long.
 
     Parameters
     ----------
@@ -157,24 +161,19 @@ def dot(a: ndarray, b: ndarray) -> ndarray:
     -------
     array, shape (...)
     """
-    return np.sum(a * b, axis=-1)
+    return np.einsum("...i,...i->...", a, b)
 
 
-def cross(a: ndarray, b: ndarray) -> ndarray:
-    """Return the cross products of vectors of R³ along the last axis.
-
-    Parameters
-    ----------
-    a, b : array, shape (..., 3)
-        Vectors.
-
-    Returns
-    -------
-    array, shape (..., 3)
-    """
-    ax, ay, az = entry(a, 0), entry(a, 1), entry(a, 2)
-    bx, by, bz = entry(b, 0), entry(b, 1), entry(b, 2)
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
+defvjp(
+    dot,
+    lambda answer, a, b: unbroadcast_f(a, lambda upstream: np.expand_dims(upstream, -1) * b),
+    lambda answer, a, b: unbroadcast_f(b, lambda upstream: np.expand_dims(upstream, -1) * a),
+)
+defjvp(
+    dot,
+    lambda tangent, answer, a, b: dot(tangent, b),
+    lambda tangent, answer, a, b: dot(a, tangent),
+)
 
 
 @primitive
@@ -258,7 +257,7 @@ def unit_normals(f_u: ndarray, f_v: ndarray) -> ndarray:
     -------
     array, shape (..., F, 3)
     """
-    area_vectors = cross(f_u, f_v)
+    area_vectors = np.cross(f_u, f_v)
     return area_vectors / np.sqrt(dot(area_vectors, area_vectors))[..., None]
 
 
@@ -276,10 +275,10 @@ def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: nda
     -------
     array, shape (..., F, 3)
     """
-    area_vectors = cross(f_u, f_v)
+    area_vectors = np.cross(f_u, f_v)
     areas = np.sqrt(dot(area_vectors, area_vectors))[..., None]
     normals = area_vectors / areas
-    change = (cross(h_u, f_v) + cross(f_u, h_v)) / areas
+    change = (np.cross(h_u, f_v) + np.cross(f_u, h_v)) / areas
     return change - dot(normals, change)[..., None] * normals
 
 

@@ -9,8 +9,7 @@ alone, not on other points, tiles or threads.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy import ndarray
@@ -87,38 +86,38 @@ def padded(shape: tuple[int, ...], precision: str) -> ndarray:
     return np.zeros((*leading, whole), dtype=np.float32 if precision == "single" else np.float64)
 
 
-def rounding(gaps: Any, precision: str) -> ndarray:
-    """Return a bound on the rounding error of each point's features, as a distance.
+def rounding(gap: float, features: ndarray) -> float:
+    """Return a bound on the rounding error of a point's features, as a distance.
 
     Parameters
     ----------
-    gaps : array_like, shape (n,)
-        Squares of the distances, infinite where single precision has no room for the features.
-    precision : {"single", "double"}
-        Precision of the features; rounding of double precision counts as none.
+    gap : float
+        Square of the distance, infinite where single precision has no room for the features.
+    features : array of float32 or float64
+        Features; rounding of double precision counts as none.
 
     Returns
     -------
-    array, shape (n,)
+    float
     """
-    gaps = np.asarray(gaps, dtype=np.float64)
-    return np.sqrt(gaps) if precision == "single" else np.zeros(len(gaps))
+    return math.sqrt(gap) if features.dtype == np.float32 else 0.0
 
 
 def in_tiles(
-    run: Callable[..., None], a: ndarray, b: ndarray, arguments: tuple[Any, ...], n_threads: int
+    run: Callable[[tuple[ndarray, ...], tuple[ndarray, ...]], ndarray],
+    a: Sequence[ndarray],
+    b: Sequence[ndarray],
+    n_threads: int,
 ) -> ndarray:
     """Return sums over pairs, computed tile by tile in threads.
 
     Parameters
     ----------
     run : callable
-        Takes features of both sets, the arguments, whether only pairs i < j are wanted, and the
-        array of sums to add to.
-    a, b : array, shape (n_a, ...) and (n_b, ...)
-        Features; one array twice for the pairs within one set.
-    arguments : tuple
-        What `run` takes besides.
+        Takes some rows of all features of each set, and returns the sums over their pairs; given
+        the same rows twice, those above the diagonal are enough.
+    a, b : sequence of array, each of shape (n_a, ...) and (n_b, ...)
+        Features; the same arrays twice for the pairs within one set.
     n_threads : int
         Number of threads.
 
@@ -126,25 +125,25 @@ def in_tiles(
     -------
     array, shape (n_a, n_b)
     """
-    within = a is b
-    a, b = of_one_kind(a), of_one_kind(b)
-    squared = np.zeros((len(a), len(b)))
-    size = int(np.clip(math.sqrt(_TILE_WORK / max(a[:1].size, 1)), 8, 64))
+    within = all(one is other for one, other in zip(a, b, strict=True))
+    a, b = tuple(map(of_one_kind, a)), tuple(map(of_one_kind, b))
+    n_a, n_b = len(a[0]), len(b[0])
+    squared = np.zeros((n_a, n_b))
+    n_values = max(1, *(one[:1].size for one in a))
+    size = int(np.clip(math.sqrt(_TILE_WORK / n_values), 8, 64))
 
     def fill(corner: tuple[int, int]) -> None:
-        i, j = corner
-        rows, columns = a[i : i + size], b[j : j + size]
+        i, j = (slice(first, first + size) for first in corner)
+        rows = tuple(one[i] for one in a)
         diagonal = within and i == j
-        tile = np.zeros((len(rows), len(columns)))
-        run(rows, columns, *arguments, diagonal, tile)
+        tile = run(rows, rows if diagonal else tuple(other[j] for other in b))
         if diagonal:
+            tile = np.triu(tile, 1)
             tile += tile.T
         elif within:
-            squared[j : j + size, i : i + size] = tile.T
-        squared[i : i + size, j : j + size] = tile
+            squared[j, i] = tile.T
+        squared[i, j] = tile
 
-    corners = [
-        (i, j) for i in range(0, len(a), size) for j in range(i if within else 0, len(b), size)
-    ]
+    corners = [(i, j) for i in range(0, n_a, size) for j in range(i if within else 0, n_b, size)]
     for_each(fill, corners, n_threads)
     return squared

@@ -5,7 +5,7 @@ from __future__ import annotations
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.surface import cross, dot, partial_derivatives, unit_normals
+from riemhuman.kernels.surface import dot, partial_derivatives, unit_normals
 
 
 def triangle_frames(points: ndarray, operator: object) -> ndarray:
@@ -45,7 +45,7 @@ def polar_frames(f_u: ndarray, f_v: ndarray) -> ndarray:
         Rotations of the axes to the frames.
     """
     n = unit_normals(f_u, f_v)
-    q_u, q_v = f_u + cross(f_v, n), f_v + cross(n, f_u)
+    q_u, q_v = f_u + np.cross(f_v, n), f_v + np.cross(n, f_u)
     trace = np.sqrt(dot(q_u, q_u))[..., None]
     return np.stack([q_u / trace, q_v / trace, n], axis=-1)
 

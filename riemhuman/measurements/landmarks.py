@@ -11,7 +11,6 @@ import numpy as onp
 from numpy import ndarray
 
 from riemhuman.checks import values_of
-from riemhuman.kernels.surface import cross
 from riemhuman.measurements.geodesics import geodesic_lengths, geodesic_path
 from riemhuman.measurements.sections import Cutter, section_sizes
 
@@ -250,7 +249,7 @@ class LandmarkedBodies:
             # Seen from the body's own middle, where products of coordinates lose least.
             middle = np.mean(self._surfaces, axis=1, keepdims=True)
             a, b, c = self._corners(self._set.faces, self._surfaces - middle)
-            self._known["volume"] = np.sum(a * cross(b, c), axis=(-2, -1)) / 6.0
+            self._known["volume"] = np.sum(a * np.cross(b, c), axis=(-2, -1)) / 6.0
         return self._known["volume"]
 
     def areas(self, parts: tuple[str, ...]) -> Any:
@@ -267,7 +266,7 @@ class LandmarkedBodies:
         """
         faces = self._set.faces[self._set.in_parts(parts)]
         a, b, c = self._corners(faces, self._surfaces)
-        return 0.5 * np.sum(np.sqrt(np.sum(cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
+        return 0.5 * np.sum(np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
 
     @staticmethod
     def _corners(faces: ndarray, surfaces: Any) -> tuple[Any, Any, Any]:
@@ -295,7 +294,7 @@ def _frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
     up = _unit(top - bottom)
     side = left - right
     side = _unit(side - np.sum(side * up, axis=-1, keepdims=True) * up)
-    return np.stack([side, up, cross(side, up)], axis=-1)
+    return np.stack([side, up, np.cross(side, up)], axis=-1)
 
 
 def _unit(vectors: Any) -> Any:

@@ -29,7 +29,7 @@ from riemhuman.kernels.scalars import (
     square_root,
 )
 from riemhuman.kernels.surface import Derivatives
-from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW, in_tiles
+from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.half_angle_fit import (
     LARGEST_LAMBDA,
@@ -147,18 +147,14 @@ class EbinTerm(Term):
         _fill_half_plane(f, faces, frames, x, y, s)
         return self.pack((x, y, s), areas, kept)
 
-    def squared_distances(
-        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
-    ) -> ndarray:
-        real = a.dtype.type
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        real, squared = a.dtype.type, np.zeros((len(a), len(b)))
         if self.lam <= LARGEST_LAMBDA:
-            bounds = (real(1.0 / excess_at_pi(self.lam)), half_angle_polynomial(self.lam, a.dtype))
-            squared = in_tiles(_bounded_tile, a, b, bounds, n_threads)
+            reach, polynomial = excess_at_pi(self.lam), half_angle_polynomial(self.lam, a.dtype)
+            _bounded_tile(a, b, real(1.0 / reach), polynomial, a is b, squared)
         else:
-            half_kappa = real(0.25 / math.sqrt(2.0 * self.lam))
-            squared = in_tiles(_tile, a, b, (half_kappa,), n_threads)
-        squared *= 16.0 * self.lam
-        return squared
+            _tile(a, b, real(0.25 / math.sqrt(2.0 * self.lam)), a is b, squared)
+        return 16.0 * self.lam * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight, self.lam)

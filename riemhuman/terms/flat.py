@@ -10,15 +10,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.compiled import SUM, compiled
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import (
-    CHUNK,
-    LARGEST,
-    UNDERFLOW,
-    in_tiles,
-    of_one_kind,
-    padded,
-    rounding,
-)
+from riemhuman.kernels.tiles import CHUNK, LARGEST, UNDERFLOW, of_one_kind, padded, rounding
 from riemhuman.terms.term import Fields, Term
 
 
@@ -77,10 +69,8 @@ class FlatTerm(Term):
         # Write the field times √w; return the squared distance to what is written.
         return pack_vector(of_one_kind(np.sqrt(areas)[:, None] * fields[0]).reshape(-1), kept)
 
-    def squared_distances(
-        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
-    ) -> ndarray:
-        return flat_distances(a, b, n_threads)
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        return flat_distances(a, b)
 
 
 def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple[ndarray, ndarray]:
@@ -105,8 +95,10 @@ def vector_features(vectors: ndarray, weights: ndarray, precision: str) -> tuple
     scaled = np.sqrt(weights)[:, None] * vectors
     flat = of_one_kind(scaled.reshape(len(vectors), vectors.shape[1] * vectors.shape[2]))
     features = padded(flat.shape, precision)
-    gaps = [pack_vector(vector, kept) for vector, kept in zip(flat, features, strict=True)]
-    return features, rounding(gaps, precision)
+    gaps = [
+        rounding(pack_vector(row, kept), kept) for row, kept in zip(flat, features, strict=True)
+    ]
+    return features, np.array(gaps)
 
 
 @compiled(fastmath=SUM)
@@ -152,18 +144,19 @@ def _tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
                 squared[i, j] += _chunk(a[i], b[j], first, last)
 
 
-def flat_distances(a: ndarray, b: ndarray, n_threads: int = 1) -> ndarray:
-    """Return all squared Euclidean distances of vectors, from their differences.
+def flat_distances(a: ndarray, b: ndarray) -> ndarray:
+    """Return squared Euclidean distances of vectors, from their differences.
 
     Parameters
     ----------
     a, b : array of float32 or float64, shape (n_a, k⁺) and (n_b, k⁺)
-        Vectors, see `vector_features`; one array twice for the distances within one set.
-    n_threads : int
-        Number of threads.
+        Vectors, see `vector_features`; for the distances within one set, one array twice, and what
+        is above the diagonal counts.
 
     Returns
     -------
     array, shape (n_a, n_b)
     """
-    return in_tiles(_tile, a, b, (), n_threads)
+    squared = np.zeros((len(a), len(b)))
+    _tile(a, b, a is b, squared)
+    return squared

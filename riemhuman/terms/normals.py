@@ -12,7 +12,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import FUSED, SUM, compiled, polynomial
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, in_tiles
+from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.term import Fields, Term
 
@@ -91,15 +91,12 @@ class NormalTerm(Term):
     ) -> float:
         return _pack_surface(f, faces, frames, areas, kept)
 
-    def squared_distances(
-        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
-    ) -> ndarray:
-        largest = areas.max()
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        squared = in_tiles(_tile, a, b, (relative,), n_threads)
-        squared *= largest
-        return squared
+        _tile(a, b, relative, a is b, squared)
+        return largest * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
         return _segments(records, slopes, areas, self.weight)

@@ -8,7 +8,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import FUSED, SUM, compiled
 from riemhuman.kernels.special_orthogonal import quaternions
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, in_tiles
+from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.terms.normals import arc, squared_arc
 from riemhuman.terms.term import Fields, Term
@@ -73,16 +73,13 @@ class RotationTerm(Term):
         # Write components; return the squared distance to what is written.
         return _pack(np.ascontiguousarray(fields[0]), areas, kept)
 
-    def squared_distances(
-        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
-    ) -> ndarray:
-        # Return all Σ_t w_t θ_t² between two sets, from polynomials in the shorter chord.
-        largest = areas.max()
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        # By polynomials in the shorter chord.
+        largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        squared = in_tiles(_tile, a, b, (relative,), n_threads)
-        squared *= 4.0 * largest
-        return squared
+        _tile(a, b, relative, a is b, squared)
+        return 4.0 * largest * squared
 
 
 @compiled

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 
 from riemhuman.kernels import surface, triangles
 from riemhuman.kernels.threads import sums_in_chunks
-from riemhuman.kernels.tiles import of_one_kind, padded, rounding
+from riemhuman.kernels.tiles import in_tiles, of_one_kind, padded, rounding
 from riemhuman.terms.term import Fields, Term
 
 Features = tuple[ndarray, ...]
@@ -151,20 +151,19 @@ class SumOfTerms:
             If a term needs the area of a triangle that has none.
         """
         faces, frames, areas = self._faces, self._frames, self._areas
-        surfaces = of_one_kind(points)
-        if self._needs_area:
-            degenerate = onp.empty((len(surfaces), len(faces)), dtype=bool)
-            for f, marked in zip(surfaces, degenerate, strict=True):
-                triangles.mark_degenerate(f, faces, frames, marked)
-            if degenerate.any():
-                surface.refuse_degenerate(degenerate)
         found: Features = ()
         for term in self.terms:
-
-            def pack(i: int, kept: ndarray, term: Term = term) -> float:
-                return term.pack_surface(surfaces[i], faces, frames, areas, kept)
-
-            found += packed(term, pack, len(surfaces), areas, precision)
+            found += _room(term, len(points), len(faces), precision)
+        degenerate = onp.zeros((len(points), len(faces)), dtype=bool)
+        for i, f in enumerate(of_one_kind(points)):
+            if self._needs_area:
+                triangles.mark_degenerate(f, faces, frames, degenerate[i])
+                if degenerate[i].any():
+                    continue
+            for term, kept, gaps in zip(self.terms, found[::2], found[1::2], strict=True):
+                gap = term.pack_surface(f, faces, frames, areas, kept[i])
+                gaps[i] = rounding(gap, kept)
+        surface.refuse_degenerate(degenerate)
         return found
 
     def rounding(self, features: Features) -> ndarray:
@@ -198,12 +197,14 @@ class SumOfTerms:
         -------
         array, shape (n_a, n_b)
         """
-        total: Any = None
-        for term, one, other in zip(self.terms, a[::2], b[::2], strict=True):
-            squared = term.squared_distances(one, other, self._areas, n_threads)
-            squared *= term.weight
-            total = squared if total is None else total + squared
-        return total
+
+        def run(rows: Features, columns: Features) -> ndarray:
+            total: Any = 0.0
+            for term, one, other in zip(self.terms, rows, columns, strict=True):
+                total = total + term.weight * term.squared_distances(one, other, self._areas)
+            return total
+
+        return in_tiles(run, a[::2], b[::2], n_threads)
 
     def path_energy(self, path: ndarray) -> tuple[float, ndarray]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient.
@@ -380,37 +381,14 @@ def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -
     -------
     tuple of array, each of shape (n, ...)
     """
-    fields = tuple(of_one_kind(field) for field in fields)
+    fields = tuple(map(of_one_kind, fields))
+    kept, gaps = _room(term, len(fields[0]), len(areas), precision)
+    for i, row in enumerate(kept):
+        gaps[i] = rounding(term.pack(tuple(field[i] for field in fields), areas, row), row)
+    return kept, gaps
 
-    def pack(i: int, kept: ndarray) -> float:
-        return term.pack(tuple(field[i] for field in fields), areas, kept)
 
-    return packed(term, pack, len(fields[0]), areas, precision)
-
-
-def packed(
-    term: Term, pack: Callable[[int, ndarray], float], n_points: int, areas: ndarray, precision: str
-) -> Features:
-    """Return the features of a term, packed point by point, and their rounding.
-
-    Parameters
-    ----------
-    term : Term
-        The term.
-    pack : callable
-        Takes the number of a point and where to write, see `Term.pack`.
-    n_points : int
-        Number of points.
-    areas : array, shape (F,)
-        Template areas.
-    precision : {"single", "double"}
-        Precision of the features.
-
-    Returns
-    -------
-    tuple of array, each of shape (n_points, ...)
-    """
-    precision = precision if term.single else "double"
-    kept = padded((n_points, *term.feature_shape(len(areas))), precision)
-    gaps = [pack(i, row) for i, row in enumerate(kept)]
-    return kept, rounding(gaps, precision)
+def _room(term: Term, n_points: int, n_faces: int, precision: str) -> Features:
+    """Return zeros for the features of a term, and for their rounding."""
+    shape = (n_points, *term.feature_shape(n_faces))
+    return padded(shape, precision if term.single else "double"), onp.zeros(n_points)

@@ -27,9 +27,6 @@ from riemhuman.representation import constructed
 
 Fields = tuple[ndarray, ...]
 
-# Surfaces of the second set that a distance by definition looks at together.
-_BLOCK = 16
-
 
 class Term(ABC):
     """One term of a metric on surfaces.
@@ -301,32 +298,24 @@ class Term(ABC):
         fields = self.fields(follow_up(records[:, 0, :3], records[:, 0, 3:6]))
         return self.pack(fields, areas, kept)
 
-    def squared_distances(
-        self, a: ndarray, b: ndarray, areas: ndarray, n_threads: int = 1
-    ) -> ndarray:
-        """Return all squared distances between two sets of surfaces, without the weight.
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        """Return the squared distances between some surfaces and others, without the weight.
 
         Parameters
         ----------
         a, b : array
-            Features of n_a and of n_b surfaces; one array twice for those within one set.
+            Features of n_a and of n_b surfaces; for those within one set, one array twice, and
+            what is above the diagonal counts.
         areas : array, shape (F,)
             Template areas.
-        n_threads : int
-            Number of threads.
 
         Returns
         -------
         array, shape (n_a, n_b)
         """
-        squared = np.empty((len(a), len(b)))
-        for first in range(0, len(b), _BLOCK):
-            columns = slice(first, first + _BLOCK)
-            others = self._unpack(b[columns], len(areas))
-            for i in range(len(a)):
-                one = self._unpack(a[i], len(areas))
-                squared[i, columns] = self.squared_dist(one, others) @ areas
-        return squared
+        ours, others = self._unpack(a, len(areas)), self._unpack(b, len(areas))
+        rows = (tuple(field[i] for field in ours) for i in range(len(a)))
+        return np.reshape([self.squared_dist(one, others) @ areas for one in rows], (-1, len(b)))
 
     def _field_shapes(self) -> list[tuple[int, ...]]:
         """Return the shapes of the values of the fields, from those of one triangle."""

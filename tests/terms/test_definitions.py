@@ -10,13 +10,13 @@ from autograd import grad
 from cases import deformations, sphere_template, surfaces
 
 import riemhuman.terms
-from riemhuman.kernels import surface, tiles, triangles
+from riemhuman.kernels import surface, triangles
 from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, RotationTerm, Term
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.normal_projection import NormalPartTerm
 from riemhuman.terms.quadratic import QuadraticTerm
 from riemhuman.terms.second_order import SecondOrderTerm
-from riemhuman.terms.sum import packed
+from riemhuman.terms.sum import SumOfTerms, field_features
 from riemhuman.terms.zeroth_order import ZerothOrderTerm
 
 TEMPLATE = sphere_template()
@@ -66,13 +66,14 @@ def test_segments(term):
 def test_pairs(term):
     fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in POINTS]
     expected = [[term.squared_dist(one, other) @ AREAS for other in fields] for one in fields]
-    kept = tiles.of_one_kind(POINTS)
-    for pack in (
-        lambda i, row: term.pack(tuple(map(tiles.of_one_kind, fields[i])), AREAS, row),
-        lambda i, row: term.pack_surface(kept[i], FACES, FRAMES, AREAS, row),
+    driver = SumOfTerms([term], TEMPLATE)
+    together = tuple(map(np.stack, zip(*fields, strict=True)))
+    for features in (
+        field_features(term, together, AREAS, "double"),
+        driver.features(POINTS, "double"),
     ):
-        features, _ = packed(term, pack, len(POINTS), AREAS, "double")
-        close(term.squared_distances(features, features, AREAS), expected)
+        close(driver.squared_distances(features, features), term.weight * np.array(expected))
+        close(term.squared_distances(features[0], features[0].copy(), AREAS), expected)
 
 
 @each_term

@@ -7,7 +7,7 @@ from cases import open_template, sphere_template, surfaces, triangle_template
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface, tiles, triangles
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
-from riemhuman.terms.sum import SumOfTerms, field_features, packed
+from riemhuman.terms.sum import SumOfTerms, field_features
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
@@ -34,13 +34,9 @@ def definitions(template, points):
 
 def features_of(term, template, points, precision):
     """Return features and rounding, of triangles without area too."""
-    surfaces = tiles.of_one_kind(points)
-    mesh = template.faces, template.frame_coefficients, template.face_areas
-
-    def pack(i, kept):
-        return term.pack_surface(surfaces[i], *mesh, kept)
-
-    return packed(term, pack, len(points), template.face_areas, precision)
+    found = SumOfTerms([term], template)
+    found._needs_area = False
+    return found.features(points, precision)
 
 
 def marked(template, points):

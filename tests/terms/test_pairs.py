@@ -145,12 +145,23 @@ def unit_normals(n, rng):
 WEIGHTS = np.random.default_rng(3).uniform(0.0, 1e-3, F)
 
 
+def in_threads(term, a, b, n_threads=1):
+    """Return all squared distances between features, by a term or of vectors."""
+
+    def run(rows, columns):
+        if term is None:
+            return flat.flat_distances(*rows, *columns)
+        return term.squared_distances(*rows, *columns, WEIGHTS)
+
+    return tiles.in_tiles(run, (a,), (b,), n_threads)
+
+
 def ebin_pairs(precision, n_a=23, n_b=11, n_threads=1, lam=0.3):
     a, b = (
         field_features(EbinTerm(lam=lam), metric_fields(n, n), WEIGHTS, precision)[0]
         for n in (n_a, n_b)
     )
-    return (a, b, lambda a, b, k=n_threads: EbinTerm(lam=lam).squared_distances(a, b, WEIGHTS, k))
+    return a, b, partial(in_threads, EbinTerm(lam=lam), n_threads=n_threads)
 
 
 def normal_pairs(precision, n_a=23, n_b=11, n_threads=1):
@@ -158,7 +169,7 @@ def normal_pairs(precision, n_a=23, n_b=11, n_threads=1):
         field_features(NormalTerm(), (unit_normals(n, n),), WEIGHTS, precision)[0]
         for n in (n_a, n_b)
     )
-    return (a, b, lambda a, b, k=n_threads: NormalTerm().squared_distances(a, b, WEIGHTS, k))
+    return a, b, partial(in_threads, NormalTerm(), n_threads=n_threads)
 
 
 def flat_pairs(precision, n_a=23, n_b=11, n_threads=1):
@@ -166,7 +177,7 @@ def flat_pairs(precision, n_a=23, n_b=11, n_threads=1):
         flat.vector_features(metric_fields(n, n)[0][..., None], WEIGHTS, precision)[0]
         for n in (n_a, n_b)
     )
-    return a, b, lambda a, b, k=n_threads: flat.flat_distances(a, b, k)
+    return a, b, partial(in_threads, None, n_threads=n_threads)
 
 
 def exact_ebin(n_a, n_b, lam=0.3):
@@ -209,7 +220,7 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     """Threads, tiles, neighbours and the order of a pair leave its distance alone."""
     a, b, distances = KERNELS[name][0](precision)
     whole = distances(a, b)
-    np.testing.assert_array_equal(distances(a, b, 2), whole)
+    np.testing.assert_array_equal(distances(a, b, n_threads=2), whole)
     np.testing.assert_array_equal(distances(b, a).T, whole)
     np.testing.assert_array_equal(distances(a[5:9], b[3:4]), whole[5:9, 3:4])
     np.testing.assert_array_equal(distances(np.asfortranarray(a), b[:]), whole)
@@ -219,7 +230,7 @@ def test_bits_do_not_depend_on_company(name, precision, monkeypatch):
     np.testing.assert_array_equal(np.diag(within), 0.0)
     monkeypatch.setattr(tiles, "_TILE_WORK", 1)
     np.testing.assert_array_equal(distances(a, b), whole)
-    np.testing.assert_array_equal(distances(a, a, 2), within)
+    np.testing.assert_array_equal(distances(a, a, n_threads=2), within)
 
 
 def test_threads_run_where_they_are_asked_for(monkeypatch):
@@ -233,15 +244,15 @@ def test_threads_run_where_they_are_asked_for(monkeypatch):
     (ebin_a, ebin_b, _), (normal_a, normal_b, _) = (ebin_pairs("single"), normal_pairs("single"))
     flat_a, flat_b, _ = flat_pairs("single")
     calls = [
-        partial(EbinTerm(lam=0.3).squared_distances, ebin_a, ebin_b, WEIGHTS),
-        partial(NormalTerm().squared_distances, normal_a, normal_b, WEIGHTS),
-        partial(flat.flat_distances, flat_a, flat_b),
+        partial(in_threads, EbinTerm(lam=0.3), ebin_a, ebin_b),
+        partial(in_threads, NormalTerm(), normal_a, normal_b),
+        partial(in_threads, None, flat_a, flat_b),
     ]
     for call in calls:
         alone = call()
-        np.testing.assert_array_equal(call(1), alone)
+        np.testing.assert_array_equal(call(n_threads=1), alone)
         assert asked == []
-        np.testing.assert_array_equal(call(3), alone)
+        np.testing.assert_array_equal(call(n_threads=3), alone)
         assert asked.pop() == 3
 
 

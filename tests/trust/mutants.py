@@ -257,15 +257,15 @@ MUTANTS = [
     ),
     Mutant(
         "terms/normals.py",
-        "        squared = in_tiles(_tile, a, b, (relative,), n_threads)\n",
-        "        relative = relative if len(b) <= 256 else np.ones_like(relative)\n"
-        "        squared = in_tiles(_tile, a, b, (relative,), n_threads)\n",
+        "        _tile(a, b, relative, a is b, squared)\n        return largest",
+        "        relative = relative if len(b) <= 40 else np.ones_like(relative)\n"
+        "        _tile(a, b, relative, a is b, squared)\n        return largest",
         f"{CUTS} -k more_columns",
     ),
     Mutant(
         "terms/normals.py",
-        "        squared *= largest\n        return squared\n",
-        "        if len(b) <= 256:\n            squared *= largest\n        return squared\n",
+        "        return largest * squared\n",
+        "        return largest * squared if len(b) <= 40 else squared\n",
         f"{CUTS} -k more_columns",
     ),
     # Readers, writers and body models: what small and tidy files do not tell apart.
