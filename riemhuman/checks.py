@@ -94,7 +94,7 @@ def real_array(
     ArgumentError
         If its shape is wrong or it holds NaN or infinite entries.
     """
-    values = values_of(array, name)
+    values = array if type(array) is np.ndarray else values_of(array, name)
     if values.dtype.kind not in "fiub":
         raise ArgumentTypeError(
             f"{name} must be an array of real numbers; found {_describe(array, values)}"
@@ -138,9 +138,10 @@ def point_array(array: Any, name: str, shape: Sequence[int], *, batched: bool = 
     ArgumentError
         If its shape is another, or entries are NaN or infinite.
     """
-    points = unflattened(real_array(array, name, finite=False), shape)
     expected: Sequence[int | str] = tuple(shape) if batched else ("n_points", *shape)
-    return real_array(points, name, expected, batched=batched)
+    if getattr(array, "shape", ())[-len(shape) :] != tuple(shape):
+        array = unflattened(real_array(array, name, finite=False), shape)
+    return real_array(array, name, expected, batched=batched)
 
 
 def unflattened(array: Any, shape: Sequence[int]) -> Any:

@@ -50,8 +50,10 @@ def body_units(extent: float) -> list[str]:
     return [name for name, size in UNITS.items() if low * size <= extent <= high * size]
 
 
-def moderate_lengths(surfaces: Any, name: str) -> Any:
+def moderate_lengths(surfaces: Any, name: str, template_vertices: ndarray | None = None) -> Any:
     """Return surfaces, unless their areas would leave the range of double precision.
+
+    Given the vertices of their template, refuse other units than the template's, too.
 
     Parameters
     ----------
@@ -59,6 +61,8 @@ def moderate_lengths(surfaces: Any, name: str) -> Any:
         Vertices; an autograd box is returned as it is.
     name : str
         Name of the argument, for messages.
+    template_vertices : array, shape (V, 3), optional
+        Vertices of the template.
 
     Returns
     -------
@@ -67,9 +71,11 @@ def moderate_lengths(surfaces: Any, name: str) -> Any:
     Raises
     ------
     ArgumentError
-        If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0.
+        If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0, or if a
+        surface is more than eight times as large or as small as the template.
     """
-    largest = np.abs(values_of(surfaces)).max(axis=(-2, -1), initial=0.0)
+    values = values_of(surfaces)
+    largest = np.abs(values).max(axis=(-2, -1), initial=0.0)
     wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
     if wrong.any():
         raise ArgumentError(
@@ -77,6 +83,8 @@ def moderate_lengths(surfaces: Any, name: str) -> Any:
             f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
             "another unit"
         )
+    if template_vertices is not None:
+        refuse_other_scale(values, template_vertices, name, "the template")
     return surfaces
 
 

@@ -267,9 +267,8 @@ class AlignedSurfaces(Manifold):
             leave the range of double precision, or a surface must be in another unit than the
             template.
         """
-        point = moderate_lengths(point_array(point, name, self.shape), name)
-        self.check_scale(point, name)
-        return point
+        point = point_array(point, name, self.shape)
+        return moderate_lengths(point, name, self._reference if self.scale else None)
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
         """Return deformations as float64 arrays, or say what is wrong with them.

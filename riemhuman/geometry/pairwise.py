@@ -125,32 +125,35 @@ def distances(
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)
     within = points_b is None
-    rows = _PointSet(metric, points_a, "points" if within else "points_a", precision)
-    columns = rows if points_b is None else _PointSet(metric, points_b, "points_b", precision)
-    result = np.zeros((len(rows.points), len(columns.points)))
+    names = ("points", "points") if within else ("points_a", "points_b")
+    rows = _sliceable(metric, points_a, names[0])
+    columns = rows if within else _sliceable(metric, points_b, names[1])
+    result = np.zeros((len(rows), len(columns)))
     if not result.size:
         return result
+
+    def features(points: Any, first: int, last: int) -> list[tuple[slice, Features]]:
+        name = names[0] if points is rows else names[1]
+        return _features(metric, points, name, precision, slice(first, last), n_jobs)
+
     n_points = len(result) if within else sum(result.shape)
-    a_point = max(rows.n_bytes(), columns.n_bytes())
+    _, of_one = features(rows, 0, 1)[0]
+    a_point = sum(array.nbytes for array in of_one)
     # Without room for the features of all, there is for those of as many rows as columns.
     n_held = n_points if n_points * a_point <= memory else max(1, memory // (2 * a_point))
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
-        for first in range(0, len(rows.points), n_held):
-            kept_rows = rows.features(first, first + n_held, n_jobs)
-            for start in range(first if within else 0, len(columns.points), n_held):
+        for first in range(0, len(rows), n_held):
+            kept_rows = features(rows, first, first + n_held)
+            for start in range(first if within else 0, len(columns), n_held):
                 same = within and start == first
-                kept_columns = (
-                    kept_rows if same else columns.features(start, start + n_held, n_jobs)
-                )
+                kept_columns = kept_rows if same else features(columns, start, start + n_held)
                 for i, one in kept_rows:
                     for j, other in kept_columns:
                         if same and j.start < i.start:
                             continue
                         block = np.sqrt(
-                            squared_dist_rectangle(
-                                metric, one, other, rows.points[i], columns.points[j], n_jobs
-                            )
+                            squared_dist_rectangle(metric, one, other, rows[i], columns[j], n_jobs)
                         )
                         result[i, j] = block
                         if within:
@@ -163,52 +166,42 @@ def distances(
     return result
 
 
-class _PointSet:
-    """Points, and the features of some of them."""
+def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
+    """Return points whose parts can be looked at one by one, by `RiemannianMetric.features`."""
+    if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
+        points = metric.check_points(points, name)
+    if isinstance(points, np.ndarray):
+        points = unflattened(points, metric.space.shape)
+        check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
+    return points
 
-    def __init__(self, metric: RiemannianMetric, points: Any, name: str, precision: str) -> None:
-        self.metric, self.name, self.precision = metric, name, precision
-        if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
-            points = metric.check_points(points, name)
-        if isinstance(points, np.ndarray):
-            points = unflattened(points, metric.space.shape)
-            check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
-        self.points = points
 
-    def n_bytes(self) -> int:
-        """Return how much memory the features of a point take."""
-        total = 0
-        for array in self._features(slice(0, 1)):
-            total += array.nbytes
-        return total
+def _features(
+    metric: RiemannianMetric, points: Any, name: str, precision: str, held: slice, n_threads: int
+) -> list[tuple[slice, Features]]:
+    """Return the features of the points in a slice, block by block, in threads."""
+    first, last, _ = held.indices(len(points))
+    if not isinstance(points, np.ndarray):
+        # Whether other objects may be read from in several threads is not known.
+        n_threads = 1
+    size = min(_BLOCK, math.ceil((last - first) / n_threads))
+    parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
+    found: list[Any] = [None] * len(parts)
 
-    def features(self, first: int, last: int, n_threads: int) -> list[tuple[slice, Features]]:
-        """Return the features of points from `first` to `last`, block by block, in threads."""
-        last = min(last, len(self.points))
-        if not isinstance(self.points, np.ndarray):
-            # Whether other objects may be read from in several threads is not known.
-            n_threads = 1
-        size = min(_BLOCK, math.ceil((last - first) / n_threads))
-        parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
-        found: list[Any] = [None] * len(parts)
-
-        def fill(k: int) -> None:
-            found[k] = (parts[k], self._features(parts[k]))
-
-        for_each(fill, range(len(parts)), min(n_threads, len(parts)))
-        return found
-
-    def _features(self, part: slice) -> Features:
-        points = self.points[part]
-        whole = len(points) == len(self.points)
+    def fill(k: int) -> None:
+        part = parts[k]
+        whole = part == slice(0, len(points))
         # Errors count from the start of what was looked at together.
-        where = self.name if whole else f"{self.name}[{part.start}:{part.stop}]"
+        where = name if whole else f"{name}[{part.start}:{part.stop}]"
         try:
-            return self.metric.features(points, self.precision, where)
+            found[k] = (part, metric.features(points[part], precision, where))
         except ArgumentError as error:
             if whole or where in str(error):
                 raise
             raise type(error)(f"{where}: {error}") from error
+
+    for_each(fill, range(len(parts)), min(n_threads, len(parts)))
+    return found
 
 
 def _blocks_of(close: ndarray) -> Iterator[tuple[ndarray, ndarray]]:

@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import autograd.numpy as np
-from autograd.tracer import isbox
 from numpy import ndarray
-from scipy import sparse
 
 from riemhuman.checks import check_shape
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric_of_terms import MetricOfTerms
 from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.term_fields import TermFields
 from riemhuman.kernels import surface
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.known_gradient import with_known_gradient
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
-from riemhuman.kernels.threads import quadratic_form
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.sum import SumOfTerms
-from riemhuman.terms.term import Term
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    pass
 
 
-class SurfaceMetric(RiemannianMetric):
+class SurfaceMetric(MetricOfTerms):
     r"""A sum of terms, each a metric on fields of a surface, pulled back and weighted.
 
     .. math:: d(f_1, f_2)^2 = \sum_k w_k \int_T d_k(\varphi_k(f_1), \varphi_k(f_2))^2\, dx
@@ -65,30 +58,9 @@ class SurfaceMetric(RiemannianMetric):
     True
     """
 
-    space: AlignedSurfaces
+    driver = SumOfTerms
+    _sum: SumOfTerms
     sees_translations = False
-
-    def __init__(
-        self,
-        space: AlignedSurfaces,
-        terms: Sequence[Term],
-        geodesic_solver: GeodesicSolver | None = None,
-        *,
-        exp_solver: ExpSolver | None = None,
-        log_solver: LogSolver | None = None,
-        transport_solver: TransportSolver | None = None,
-    ) -> None:
-        super().__init__(
-            space,
-            geodesic_solver,
-            exp_solver=exp_solver,
-            log_solver=log_solver,
-            transport_solver=transport_solver,
-        )
-        self.terms = tuple(terms)
-        if not self.terms:
-            raise ArgumentError("terms must hold at least one term; found none")
-        self._sum = SumOfTerms(self.terms, space.template)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5).
@@ -101,63 +73,6 @@ class SurfaceMetric(RiemannianMetric):
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         return self._sum.squared_dist(self._sum.fields(point_a), self._sum.fields(point_b))
-
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        """Return the inner product of the derivatives of the fields along h and k.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
-        base_point = self.space.check_tangent_vec(base_point, "base_point")
-        h = self.space.check_tangent_vec(tangent_vec_a, "tangent_vec_a")
-        k = h
-        if tangent_vec_b is not tangent_vec_a:
-            k = self.space.check_tangent_vec(tangent_vec_b, "tangent_vec_b")
-        return self._sum.inner_product(h, k, base_point)
-
-    def energy(self, path: ndarray) -> ndarray:
-        """Return the closed-form energy n Σ d²(f_i, f_{i+1}) of paths with n segments.
-
-        One path runs in compiled loops, which autograd knows with their gradient; several run by
-        the definition.
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a term needs the area of a triangle that has none.
-        """
-        path = self._check_path(path)
-        if path.ndim == 3:
-            traced = isbox(path)
-            energy: Any = self._compiled_energy(path) if traced else self._sum.path_energy(path)[0]
-            if np.isfinite(energy):
-                return energy
-        return super().energy(path)
-
-    @cached_property
-    def _compiled_energy(self) -> Callable[[Any], Any]:
-        # Once: autograd keeps every primitive for good.
-        return with_known_gradient(self._sum.path_energy, super().energy)
-
-    def __getstate__(self) -> dict[str, Any]:
-        # The primitive is made anew by whoever gets the copy: it knows the metric it was made of.
-        return {key: value for key, value in vars(self).items() if key != "_compiled_energy"}
-
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        """Return the closed-form energy of one path and its gradient, in compiled loops.
-
-        Returns
-        -------
-        energy : float
-            Infinite where a term needs the area of a triangle that has none.
-        gradient : array, shape (n_times, V, 3)
-            Derivatives with respect to all vertices.
-        """
-        return self._sum.path_energy(self._check_path(path, batched=False))
 
     def squared_dists_and_gradient(
         self, point: ndarray, others: ndarray, weights: ndarray
@@ -203,41 +118,6 @@ class SurfaceMetric(RiemannianMetric):
         path = self.check_points(path, "path")
         sees_rotations = any(term.sees_rotations for term in self.terms)
         return still_path(path, self.space.template.vertex_areas, rotations=not sees_rotations)
-
-    def metric_matrix(self, base_point: ndarray) -> sparse.csr_array:
-        """Return the sparse matrix M of the metric: ⟨h, k⟩_f = h·(M k), vertices flattened.
-
-        Parameters
-        ----------
-        base_point : array, shape (V, 3) or (n, V, 3)
-            One surface f, or several to average over.
-
-        Returns
-        -------
-        csr_array, shape (3V, 3V)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle of a surface has no area.
-        """
-        surfaces = self.space.check_tangent_vec(base_point, "base_point")
-        return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
-
-    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Lower the index of tangent vectors."""
-        vectors = self.space.check_tangent_vec(tangent_vec)
-        surfaces = self.space.check_tangent_vec(base_point, "base_point")
-        if surfaces.ndim == 2:
-            columns = vectors.reshape(-1, self.space.dim).T
-            return (self.metric_matrix(surfaces) @ columns).T.reshape(vectors.shape)
-        return self._one_by_one(lambda f, h: self.covector(h, f), surfaces, vectors)
-
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        """Return the inner products of all pairs of deformations, averaged over surfaces."""
-        flat = self.check_points(vectors, "vectors").reshape(len(vectors), self.space.dim)
-        gram = quadratic_form(self.metric_matrix(base_point), flat)
-        return 0.5 * (gram + gram.T)
 
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy import ndarray
 from scipy.sparse import csr_array
 
+from riemhuman.checks import values_of
 from riemhuman.docstrings import inherit_sections
+from riemhuman.kernels import surface
+from riemhuman.kernels.moving_frames import by_vertex
 
 Slopes = tuple[float, ndarray, ndarray]
 
@@ -74,3 +79,101 @@ class QuadraticTerm(ABC):
         vector_slopes, surface_slopes : array, shape (V, n, 3)
             Slopes in the deformations and in the surfaces.
         """
+
+
+class SumOfQuadraticTerms:
+    """The driver of a sum of terms that are given by their inner products.
+
+    Parameters
+    ----------
+    terms : sequence of QuadraticTerm
+        The terms.
+    template : Template
+        The template.
+    """
+
+    def __init__(self, terms: Sequence[QuadraticTerm], template: Any) -> None:
+        self.terms, self.template = tuple(terms), template
+
+    def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
+        """Return the inner product of deformations.
+
+        Parameters
+        ----------
+        h, k : array, shape (..., V, 3)
+            Deformations.
+        f : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle of a surface has no area.
+        """
+        self._refuse_degenerate(f)
+        total: Any = 0.0
+        for term in self.terms:
+            total = total + term.inner_product(h, k, f)
+        return total
+
+    def matrix(self, surfaces: ndarray) -> csr_array:
+        """Return the matrix of the inner product, the mean over surfaces.
+
+        Parameters
+        ----------
+        surfaces : array, shape (n, V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        csr_array, shape (3V, 3V)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle of a surface has no area.
+        """
+        self._refuse_degenerate(surfaces)
+        size = surfaces[0].size
+        total = csr_array((size, size))
+        for f in surfaces:
+            for term in self.terms:
+                total = total + term.matrix(f)
+        return total / len(surfaces)
+
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
+        r"""Return n Σ G at the midpoints of the n segments of a path, and its gradient.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, V, 3)
+            Surfaces.
+        gradient : bool
+            Whether the gradient is wanted.
+
+        Returns
+        -------
+        energy : float
+            Infinite where a triangle halfway between two surfaces has no area.
+        gradient : array, shape (n_times, V, 3), or None
+            Gradient with respect to all surfaces.
+        """
+        n_segments = len(path) - 1
+        surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
+        parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
+        values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
+        energy = n_segments * float(values)
+        if not gradient:
+            return energy, None
+        slopes = np.zeros(path.shape)
+        slopes[:-1] = by_vertex(0.5 * in_surfaces - in_steps)
+        slopes[1:] += by_vertex(0.5 * in_surfaces + in_steps)
+        return energy, n_segments * slopes
+
+    def _refuse_degenerate(self, f: ndarray) -> None:
+        first = surface.derivatives(values_of(f), self.template.differential_operator)
+        surface.refuse_degenerate(first.degenerate, "base_point")

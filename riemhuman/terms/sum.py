@@ -163,7 +163,8 @@ class SumOfTerms:
             for term, kept, gaps in zip(self.terms, found[::2], found[1::2], strict=True):
                 gap = term.pack_surface(f, faces, frames, areas, kept[i])
                 gaps[i] = rounding(gap, kept)
-        surface.refuse_degenerate(degenerate)
+        if degenerate.any():
+            surface.refuse_degenerate(degenerate)
         return found
 
     def rounding(self, features: Features) -> ndarray:
@@ -206,19 +207,21 @@ class SumOfTerms:
 
         return in_tiles(run, a[::2], b[::2], n_threads)
 
-    def path_energy(self, path: ndarray) -> tuple[float, ndarray]:
+    def path_energy(self, path: ndarray, *, gradient: bool = True) -> tuple[float, Any]:
         """Return the closed-form path energy n Σ d²(f_i, f_{i+1}) and its gradient.
 
         Parameters
         ----------
         path : array, shape (n_times, V, 3)
             Surfaces f_i.
+        gradient : bool
+            Whether the gradient is wanted.
 
         Returns
         -------
         energy : float
             Infinite where a surface has no fields.
-        gradient : array, shape (n_times, V, 3)
+        gradient : array, shape (n_times, V, 3), or None
             Gradient with respect to all surfaces, 0 in triangles without area.
         """
         faces, frames, areas = self._faces, self._frames, self._areas
@@ -226,8 +229,8 @@ class SumOfTerms:
         by_vertex = onp.ascontiguousarray(onp.swapaxes(path, 0, 1))
         n_times = len(path)
 
-        def run(first: int, last: int) -> tuple[float, ndarray]:
-            total, gradient = 0.0, onp.zeros(by_vertex.shape)
+        def run(first: int, last: int) -> tuple[Any, ...]:
+            total, found = 0.0, onp.zeros(by_vertex.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
             records = onp.empty((size, n_times, triangles.LENGTH))
             slopes = onp.empty_like(records)
@@ -238,13 +241,16 @@ class SumOfTerms:
                 their_slopes[:] = 0.0
                 for term in self.terms:
                     total += term.add_segments(some, their_slopes, areas[start:end])
-                triangles.add_gradient(some, their_slopes, faces, frames, start, end, gradient)
-            return total, gradient
+                if gradient:
+                    triangles.add_gradient(some, their_slopes, faces, frames, start, end, found)
+            return total, found
 
         threaded = len(faces) * n_times > _WORTH_THREADS
-        energy, gradient = sums_in_chunks(run, len(faces), threaded=threaded)
-        gradient *= n_times - 1
-        return energy * (n_times - 1), onp.ascontiguousarray(onp.swapaxes(gradient, 0, 1))
+        energy, slope = sums_in_chunks(run, len(faces), threaded=threaded)
+        if not gradient:
+            return energy * (n_times - 1), None
+        slope *= n_times - 1
+        return energy * (n_times - 1), onp.ascontiguousarray(onp.swapaxes(slope, 0, 1))
 
     def squared_dists(
         self,

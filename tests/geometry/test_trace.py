@@ -54,9 +54,9 @@ def floor(place):
 @pytest.mark.parametrize(
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
-        ("dist", (POINTS[0], POINTS[1]), 11, 32, 0),
-        ("dist_pairwise", (POINTS,), 12, 49, 2),
-        ("energy", (POINTS,), 8, 15, 1),
+        ("dist", (POINTS[0], POINTS[1]), 11, 29, 0),
+        ("dist_pairwise", (POINTS,), 12, 47, 2),
+        ("energy", (POINTS,), 8, 13, 1),
     ],
 )
 def test_files_functions_and_climbs(name, arguments, n_files, n_functions, n_climbs):

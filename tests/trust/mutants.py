@@ -233,8 +233,8 @@ MUTANTS = [
     # Tables of distances: where they are cut.
     Mutant(
         "geometry/pairwise.py",
-        "rows.points[i], columns.points[j]",
-        "rows.points[i], columns.points[i]",
+        "rows[i], columns[j]",
+        "rows[i], columns[i]",
         CUTS,
     ),
     Mutant(
