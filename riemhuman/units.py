@@ -74,7 +74,7 @@ def moderate_lengths(surfaces: Any, name: str, template_vertices: ndarray | None
         If the largest coordinate of a surface is above 1e60, or below 1e-60 and not 0, or if a
         surface is more than eight times as large or as small as the template.
     """
-    values = values_of(surfaces)
+    values = surfaces if type(surfaces) is np.ndarray else values_of(surfaces)
     largest = np.abs(values).max(axis=(-2, -1), initial=0.0)
     wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
     if wrong.any():

@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import check_shape, one_of, unflattened, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import for_each, thread_count
+from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.terms.sum import Features
 
@@ -186,22 +186,19 @@ def _features(
         n_threads = 1
     size = min(_BLOCK, math.ceil((last - first) / n_threads))
     parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
-    found: list[Any] = [None] * len(parts)
 
-    def fill(k: int) -> None:
-        part = parts[k]
+    def of_part(part: slice) -> tuple[slice, Features]:
         whole = part == slice(0, len(points))
         # Errors count from the start of what was looked at together.
         where = name if whole else f"{name}[{part.start}:{part.stop}]"
         try:
-            found[k] = (part, metric.features(points[part], precision, where))
+            return part, metric.features(points[part], precision, where)
         except ArgumentError as error:
             if whole or where in str(error):
                 raise
             raise type(error)(f"{where}: {error}") from error
 
-    for_each(fill, range(len(parts)), min(n_threads, len(parts)))
-    return found
+    return list(mapped(of_part, parts, min(n_threads, len(parts))))
 
 
 def _blocks_of(close: ndarray) -> Iterator[tuple[ndarray, ndarray]]:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.kernels.threads import for_each
+from riemhuman.kernels.threads import mapped
 
 LANES = 64
 """Rows of features are as long as a multiple of this."""
@@ -132,18 +132,20 @@ def in_tiles(
     n_values = max(1, *(one[:1].size for one in a))
     size = int(np.clip(math.sqrt(_TILE_WORK / n_values), 8, 64))
 
-    def fill(corner: tuple[int, int]) -> None:
-        i, j = (slice(first, first + size) for first in corner)
-        rows = tuple(one[i] for one in a)
-        diagonal = within and i == j
-        tile = run(rows, rows if diagonal else tuple(other[j] for other in b))
-        if diagonal:
+    places = [(i, j) for i in slices(n_a, size) for j in slices(n_b, size)]
+    if within:
+        places = [(i, j) for i, j in places if i.start <= j.start]
+
+    def sums(place: tuple[slice, slice]) -> ndarray:
+        rows = tuple(one[place[0]] for one in a)
+        diagonal = within and place[0] == place[1]
+        return run(rows, rows if diagonal else tuple(other[place[1]] for other in b))
+
+    for (i, j), tile in zip(places, mapped(sums, places, n_threads), strict=True):
+        if within and i == j:
             tile = np.triu(tile, 1)
             tile += tile.T
         elif within:
             squared[j, i] = tile.T
         squared[i, j] = tile
-
-    corners = [(i, j) for i in range(0, n_a, size) for j in range(i if within else 0, n_b, size)]
-    for_each(fill, corners, n_threads)
     return squared

@@ -251,8 +251,8 @@ MUTANTS = [
     ),
     Mutant(
         "kernels/tiles.py",
-        "    for_each(fill, corners, n_threads)\n",
-        "    for_each(fill, corners[:40], n_threads)\n",
+        "zip(places, mapped(sums, places, n_threads), strict=True):\n",
+        "zip(places[:40], mapped(sums, places[:40], n_threads), strict=True):\n",
         CUTS,
     ),
     Mutant(
