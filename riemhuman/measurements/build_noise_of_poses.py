@@ -22,10 +22,12 @@ from numpy import ndarray
 from riemhuman.datasets import Bodies, load_open_bodies, load_open_model
 from riemhuman.errors import FileError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.measurements.definitions import Breadth, Girth, Height, Measurement
+from riemhuman.measurements.length_measurements import Height
+from riemhuman.measurements.measurement import Measurement
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements
 from riemhuman.measurements.open_body import FOLDER
+from riemhuman.measurements.section_measurements import Breadth, Girth
 from riemhuman.measurements.standard_pose import in_standard_pose
 
 _HELD_OUT = 1

@@ -23,8 +23,7 @@ from riemhuman.datasets import load_open_model
 from riemhuman.datasets.open_poses import joint_turns, pose_vectors
 from riemhuman.errors import FileError
 from riemhuman.measurements.closest_points import closest_points
-from riemhuman.measurements.definitions import Girth, Place
-from riemhuman.measurements.landmarks import LandmarkedBodies
+from riemhuman.measurements.landmarks import LandmarkedBodies, Place
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.open_body import FOLDER, RESOLUTIONS
 from riemhuman.measurements.open_definitions import (
@@ -34,6 +33,7 @@ from riemhuman.measurements.open_definitions import (
     TRUNK,
     open_definitions,
 )
+from riemhuman.measurements.section_measurements import Girth
 
 _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
 _UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]

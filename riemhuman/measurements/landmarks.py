@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import autograd.numpy as np
 import numpy as onp
@@ -14,11 +14,40 @@ from riemhuman.checks import values_of
 from riemhuman.measurements.geodesics import geodesic_lengths, geodesic_path
 from riemhuman.measurements.sections import Cutter, section_sizes
 
-if TYPE_CHECKING:
-    from riemhuman.measurements.definitions import Place
-    from riemhuman.measurements.measurement_set import MeasurementSet
+Place = str | Mapping[str, float]
+"""A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
 
 _AXES = {"left": 0, "up": 1, "forward": 2}
+
+
+class _Description(Protocol):
+    """What is asked of a `MeasurementSet`."""
+
+    @property
+    def landmarks(self) -> Mapping[str, tuple[ndarray, ndarray]]: ...
+
+    @property
+    def axes(self) -> Any: ...
+
+    @property
+    def frame(self) -> Any: ...
+
+    @property
+    def axes_in_frame(self) -> ndarray: ...
+
+    @property
+    def faces(self) -> ndarray: ...
+
+    @property
+    def mesh(self) -> Any: ...
+
+    def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...] = ()) -> Cutter: ...
+
+    def in_parts(self, parts: tuple[str, ...]) -> ndarray: ...
+
+    def bones(self, first: str, last: str) -> tuple[str, ...]: ...
+
+    def on_surface(self, place: Place) -> Any: ...
 
 
 class LandmarkedBodies:
@@ -36,7 +65,7 @@ class LandmarkedBodies:
         Whether level is perpendicular to the trunk of each body, or to the template's own axis.
     """
 
-    def __init__(self, description: MeasurementSet, surfaces: Any, axes: str) -> None:
+    def __init__(self, description: _Description, surfaces: Any, axes: str) -> None:
         self._set, self._surfaces, self._frames = description, surfaces, axes
         self._known: dict[Any, Any] = {}
 

@@ -18,14 +18,10 @@ from riemhuman.bodies import BodyModel
 from riemhuman.bodies.correspondence import combination_of_vertices
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.measurements.closest_points import closest_points
-from riemhuman.measurements.definitions import (
-    Measurement,
-    Place,
-    measurement_from_dict,
-    nearest_name,
-)
+from riemhuman.measurements.definitions import measurement_from_dict, nearest_name
 from riemhuman.measurements.geodesics import Mesh, SurfacePoint
-from riemhuman.measurements.landmarks import axes_in_frame
+from riemhuman.measurements.landmarks import Place, axes_in_frame
+from riemhuman.measurements.measurement import Measurement
 from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
 from riemhuman.storage.file_content import file_content, file_path
 from riemhuman.storage.whole_files import whole_file

@@ -16,18 +16,15 @@ from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
 from riemhuman.kernels.threads import in_chunks
-from riemhuman.measurements.definitions import (
-    Mass,
-    Measurement,
-    PlaneSection,
-    Volume,
-    nearest_name,
-)
+from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.landmarks import LandmarkedBodies
+from riemhuman.measurements.measurement import Measurement
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.open_body import open_measurements
+from riemhuman.measurements.section_measurements import PlaneSection
 from riemhuman.measurements.sections import MEETS_OTHER_PART, MISSES
 from riemhuman.measurements.standard_pose import in_standard_pose
+from riemhuman.measurements.volume_measurements import Mass, Volume
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.template import Template
 from riemhuman.units import body_units

@@ -5,18 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from riemhuman.measurements.definitions import (
-    DENSITY,
-    Area,
-    Breadth,
-    Depth,
-    Girth,
-    Height,
-    Length,
-    Mass,
-    Measurement,
-    Volume,
-)
+from riemhuman.measurements.length_measurements import Height, Length
+from riemhuman.measurements.measurement import Measurement
+from riemhuman.measurements.section_measurements import Breadth, Depth, Girth
+from riemhuman.measurements.volume_measurements import DENSITY, Area, Mass, Volume
 
 STANDARD_POSE = {"shoulder": ("z", -50), "hip": ("z", 3)}
 """Joint angles of the standard pose, as `riemhuman.datasets.open_poses` writes them."""

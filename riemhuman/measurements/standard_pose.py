@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.bodies import BodyModel, ModelFit
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.solvers import ShapeTransfer
-
-if TYPE_CHECKING:
-    from riemhuman.measurements.measurement_set import MeasurementSet
 
 
 def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
