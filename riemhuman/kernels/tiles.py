@@ -130,7 +130,8 @@ def in_tiles(
     n_a, n_b = len(a[0]), len(b[0])
     squared = np.zeros((n_a, n_b))
     n_values = max(1, *(one[:1].size for one in a))
-    size = int(np.clip(math.sqrt(_TILE_WORK / n_values), 8, 64))
+    # Whole blocks of four, by which some loops go.
+    size = 4 * int(np.clip(0.25 * math.sqrt(_TILE_WORK / n_values) + 0.5, 2, 16))
 
     places = [(i, j) for i in slices(n_a, size) for j in slices(n_b, size)]
     if within:

@@ -13,6 +13,9 @@ from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, LARGEST, UNDERFLOW, of_one_kind, padded, rounding
 from riemhuman.terms.term import Fields, Term
 
+# Numbers summed in the precision of the features before they join the sum over all.
+_CHUNK = 2 * CHUNK
+
 
 class FlatTerm(Term):
     r"""A term with the L² distance :math:`\int_T \|\varphi(f_1) - \varphi(f_2)\|^2 dx`.
@@ -125,23 +128,44 @@ def pack_vector(vector: ndarray, kept: ndarray) -> float:
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _chunk(a: ndarray, b: ndarray, first: int, last: int) -> float:
-    u, v = a[first:last], b[first:last]
-    total = a.dtype.type(0.0)
+def _block(
+    a: ndarray, b: ndarray, i: tuple[int, ...], j: tuple[int, ...], first: int, last: int
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the squared differences of two vectors from four, summed from `first` to `last`.
+
+    Of what is read, each number serves two or four sums: matrix products are as fast by this.
+    """
+    u, v = a[i[0], first:last], a[i[1], first:last]
+    p, q, r, s = b[j[0], first:last], b[j[1], first:last], b[j[2], first:last], b[j[3], first:last]
+    zero = a.dtype.type(0.0)
+    up = uq = ur = us = vp = vq = vr = vs = zero
     for t in range(last - first):
-        difference = u[t] - v[t]
-        total += difference * difference
-    return total
+        up += (u[t] - p[t]) * (u[t] - p[t])
+        uq += (u[t] - q[t]) * (u[t] - q[t])
+        ur += (u[t] - r[t]) * (u[t] - r[t])
+        us += (u[t] - s[t]) * (u[t] - s[t])
+        vp += (v[t] - p[t]) * (v[t] - p[t])
+        vq += (v[t] - q[t]) * (v[t] - q[t])
+        vr += (v[t] - r[t]) * (v[t] - r[t])
+        vs += (v[t] - s[t]) * (v[t] - s[t])
+    return (up, uq, ur, us), (vp, vq, vr, vs)
 
 
 @compiled
 def _tile(a: ndarray, b: ndarray, within: bool, squared: ndarray) -> None:
-    n_values = a.shape[1]
-    for first in range(0, n_values, CHUNK):
-        last = min(first + CHUNK, n_values)
-        for i in range(len(a)):
-            for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], first, last)
+    n_values, n_rows, n_columns = a.shape[1], len(a), len(b)
+    for first in range(0, n_values, _CHUNK):
+        last = min(first + _CHUNK, n_values)
+        for j in range(0, n_columns, 4):
+            # Blocks are whole, and all summed alike: at the edge, the last vector comes again.
+            end = n_columns - 1
+            columns = (j, min(j + 1, end), min(j + 2, end), min(j + 3, end))
+            for i in range(0, min(j + 4, n_rows) if within else n_rows, 2):
+                rows = (i, min(i + 1, n_rows - 1))
+                sums = _block(a, b, rows, columns, first, last)
+                for k in range(min(2, n_rows - i)):
+                    for m in range(min(4, n_columns - j)):
+                        squared[i + k, j + m] += sums[k][m]
 
 
 def flat_distances(a: ndarray, b: ndarray) -> ndarray:
