@@ -13,6 +13,8 @@ from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, st
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
+from riemhuman.kernels.tiles import of_one_kind
+from riemhuman.kernels.triangles import degenerate_triangles
 from riemhuman.terms.root_normals import RootNormalTerm
 from riemhuman.units import SCALES, moderate_lengths, refuse_other_scale
 
@@ -72,7 +74,14 @@ class AlignedSurfaces(Manifold):
             Not used: degenerate triangles are told by their angles.
         """
         point, finite = self._candidates(point, "point")
-        return finite & ~np.any(self._is_degenerate(*self.partial_derivatives(point)), axis=-1)
+        if point.ndim == 3 and len(point) > 2:
+            # A path: solvers ask for every step, and have the compiled loops loaded.
+            template = self.template
+            frames = template.frame_coefficients
+            degenerate = degenerate_triangles(of_one_kind(point), template.faces, frames)
+        else:
+            degenerate = self._is_degenerate(*self.partial_derivatives(point))
+        return finite & ~np.any(degenerate, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Return the vector itself: every deformation is tangent."""

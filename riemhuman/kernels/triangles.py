@@ -105,6 +105,28 @@ def triangle(
     )
 
 
+def degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
+    """Tell the triangles without area of many surfaces.
+
+    Parameters
+    ----------
+    surfaces : array, shape (n, V, 3)
+        Surfaces, C-contiguous.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    frames : array, shape (F, 3)
+        Template frames.
+
+    Returns
+    -------
+    array of bool, shape (n, F)
+    """
+    degenerate = np.empty((len(surfaces), len(faces)), dtype=bool)
+    for f, marked in zip(surfaces, degenerate, strict=True):
+        mark_degenerate(f, faces, frames, marked)
+    return degenerate
+
+
 @compiled
 def mark_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray) -> None:
     """Mark the triangles of a surface that have no area.

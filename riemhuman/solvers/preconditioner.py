@@ -88,6 +88,7 @@ class PathPreconditioner:
     def __init__(self, gram: CholeskyFactor, n_segments: int) -> None:
         steps = np.diff(np.eye(n_segments), axis=0)
         self._time = CholeskyFactor(steps @ steps.T)
+        self._inverse_time = self._time.inverse(np.eye(n_segments - 1))
         self._gram = gram
         self._scale = 1.0 / np.sqrt(2.0 * n_segments)
 
@@ -131,4 +132,4 @@ class PathPreconditioner:
         -------
         array, shape (n_segments − 1, K)
         """
-        return self._scale**2 * self._time.inverse(self._gram.inverse(gradient.T).T)
+        return self._scale**2 * self._inverse_time @ self._gram.inverse(gradient.T).T

@@ -72,21 +72,11 @@ def find_root(
         return Root(start, np.inf, 0, n_evaluations)
     value, dual = found if isinstance(found, tuple) else (found, found)
     best = Root(x, _length(value, dual), 0, n_evaluations)
-    steps: list[ndarray] = []
-    changes: list[ndarray] = []
-    duals: list[ndarray] = []
+    memory = _Memory(euclidean=dual is value)
     for iteration in range(1, max_iter + 1):
         if best.residual <= tolerance:
             break
-        direction = -value
-        if changes:
-            known = np.stack(changes, axis=1)
-            if dual is value:
-                weights = np.linalg.lstsq(known, value, rcond=None)[0]
-            else:
-                products = known.T @ np.stack([*duals, dual], axis=1)
-                weights = np.linalg.lstsq(products[:, :-1], products[:, -1], rcond=None)[0]
-            direction = direction - (np.stack(steps, axis=1) - known) @ weights
+        direction = memory.direction(value, dual)
         for _ in range(_MOST_HALVINGS):
             found = function(x + direction)
             n_evaluations += 1
@@ -98,13 +88,52 @@ def find_root(
             direction = 0.5 * direction
         if found is None:
             break
-        steps, changes = [*steps, direction][-_MEMORY:], [*changes, new_value - value][-_MEMORY:]
-        if new_dual is not new_value:
-            duals = [*duals, new_dual - dual][-_MEMORY:]
+        memory.add(direction, new_value - value, new_dual - dual)
         x, value, dual = x + direction, new_value, new_dual
         if residual < best.residual:
             best = Root(x, residual, iteration, n_evaluations)
     return best._replace(n_evaluations=n_evaluations)
+
+
+class _Memory:
+    """The last steps, with what they changed in F and in A F."""
+
+    def __init__(self, euclidean: bool) -> None:
+        self._euclidean = euclidean
+        self._steps: list[ndarray] = []
+        self._changes: list[ndarray] = []
+        self._duals: list[ndarray] = []
+        # Of changes in F with changes in A F.
+        self._products = np.empty((0, 0))
+
+    def add(self, step: ndarray, change: ndarray, dual: ndarray) -> None:
+        """Remember a step, and forget the oldest of too many."""
+        if len(self._steps) == _MEMORY:
+            for kept in (self._steps, self._changes, self._duals):
+                del kept[0]
+            self._products = self._products[1:, 1:]
+        self._steps.append(step)
+        self._changes.append(change)
+        self._duals.append(dual)
+        if not self._euclidean:
+            column = np.array([other @ dual for other in self._changes])
+            row = np.array([change @ other for other in self._duals[:-1]])
+            self._products = np.vstack([self._products, row])
+            self._products = np.column_stack([self._products, column])
+
+    def direction(self, value: ndarray, dual: ndarray) -> ndarray:
+        """Return the next step from where the function is F, with A F."""
+        direction = -value
+        if not self._steps:
+            return direction
+        if self._euclidean:
+            weights = np.linalg.lstsq(np.stack(self._changes, axis=1), value, rcond=None)[0]
+        else:
+            shares = np.array([change @ dual for change in self._changes])
+            weights = np.linalg.lstsq(self._products, shares, rcond=None)[0]
+        for weight, step, change in zip(weights, self._steps, self._changes, strict=True):
+            direction -= weight * (step - change)
+        return direction
 
 
 def _length(value: ndarray, dual: ndarray) -> float:

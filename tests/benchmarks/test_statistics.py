@@ -190,18 +190,66 @@ def test_weights_fitted_to_labels(benchmark, what):
 
 @each_set
 def test_surfaces_of_coordinates_at_full_resolution(benchmark, name):
-    """Processor seconds a body of what the first three components leave of ten bodies."""
+    """Processor seconds a body of what three components leave of ten bodies, and of drawn ones."""
     resolution, count = ("coarse", 2) if benchmark.disabled else ("full", 10)
     known = bodies(resolution)
     points = known.points[SETS[name]]
     space = AlignedSurfaces(known.template, equip=False)
     space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
     pca = TangentPCA(space, n_components=3, mean=points[0]).fit(points)
-    coordinates = pca.transform(points[:count])
-    pca.inverse_transform(coordinates[:1])
+    noise = np.random.default_rng(0).standard_normal((count, 3))
+    drawn = noise * np.sqrt(pca.explained_variance_)
+    pca.inverse_transform(drawn[:1])
+
+    def run():
+        for what, coordinates in (("known", pca.transform(points[:count])), ("drawn", drawn)):
+            seconds = []
+            for one in coordinates:
+                begin = time.process_time()
+                pca.inverse_transform(one[None])
+                seconds.append(time.process_time() - begin)
+            print(
+                f"\n{name}, {what} bodies: {np.median(seconds):.2f} s of the processor a body in "
+                f"the median, {max(seconds):.2f} s at most"
+            )
+
+    benchmark.pedantic(run, rounds=1, iterations=1)
+
+
+@each_set
+def test_mean_over_all_vertices(benchmark, name):
+    """Processor seconds of the Karcher mean of ten bodies with no basis."""
+    known = bodies("coarse" if benchmark.disabled else "full")
+    points = known.points[SETS[name]]
+    space = AlignedSurfaces(known.template, equip=False)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=1.0)
+    space.metric.dist_pairwise(points[:2])
     begin = time.process_time()
-    benchmark.pedantic(lambda: pca.inverse_transform(coordinates), rounds=1, iterations=1)
-    print(f"\n{name}: {(time.process_time() - begin) / count:.2f} s of the processor a body")
+    pca = TangentPCA(space, n_components=1)
+    benchmark.pedantic(lambda: pca.fit(points), rounds=1, iterations=1)
+    print(
+        f"\n{name}: mean over all vertices, and one component, in "
+        f"{time.process_time() - begin:.1f} s of the processor; mean squared distance "
+        f"{space.metric.squared_dist(points, pca.mean_).mean():.6g}"
+    )
+
+
+def test_components_of_a_thousand_people(benchmark):
+    known = bodies("coarse")
+    n_people = 20 if benchmark.disabled else 1000
+    betas = np.zeros((n_people, known.model.n_betas))
+    betas[:, :8] = np.random.default_rng(5).standard_normal((n_people, 8))
+    points, space = known.model(betas), equipped(1.0, 1.0, 1.0)
+    TangentPCA(space, n_components=2).fit(points[:5])
+    begin = time.process_time()
+    pca = TangentPCA(space, n_components=10)
+    benchmark.pedantic(lambda: pca.fit(points), rounds=1, iterations=1)
+    print(
+        f"\n{n_people} coarse bodies: mean and ten components in "
+        f"{time.process_time() - begin:.1f} s of the processor; the first eight explain "
+        f"{100 * pca.explained_variance_ratio_[:8].sum():.2f} %"
+    )
+    assert pca.explained_variance_ratio_[:8].sum() > 0.95
 
 
 @pytest.mark.parametrize("name", ["24 people in one pose", "24 bodies in five poses"])
