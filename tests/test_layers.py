@@ -13,15 +13,16 @@ ROOMS = "A room imports only from the floors below"
 ABSTRACT = "The abstract classes know nothing of the spaces built on them"
 
 
-def lint_imports(folder):
+def lint_imports(folder, config=ROOT / "setup.cfg", *options):
     """Check the package found in `folder` against the contracts of setup.cfg."""
     return subprocess.run(
         [
             sys.executable,
             "-c",
             "from importlinter.cli import lint_imports_command; lint_imports_command()",
-            f"--config={ROOT / 'setup.cfg'}",
+            f"--config={config}",
             "--no-cache",
+            *options,
         ],
         cwd=folder,
         capture_output=True,
@@ -44,6 +45,24 @@ def append(path, line):
 def test_contracts_are_kept():
     result = lint_imports(ROOT)
     assert result.returncode == 0, result.stdout + result.stderr
+
+
+@pytest.mark.parametrize("line", ["", "if TYPE_CHECKING:\n    import riemhuman.solvers"])
+def test_imports_for_types_reach_up_from_no_room(twin, line):
+    append(twin / "geometry/metric.py", line)
+    text = (ROOT / "setup.cfg").read_text(encoding="utf-8")
+    for old, new in (
+        ("exclude_type_checking_imports = true", "exclude_type_checking_imports = false"),
+        # For types alone, spaces know the template; protocols are types of every room's objects.
+        ("    (geometry) | (surfaces)\n", "    (geometry)\n    (surfaces)\n"),
+        ("ignore_imports =\n", "ignore_imports =\n    riemhuman.protocols -> riemhuman.**\n"),
+    ):
+        assert old in text
+        text = text.replace(old, new, 1)
+    config = twin.parent / "setup.cfg"
+    config.write_text(text, encoding="utf-8")
+    result = lint_imports(twin.parent, config, "--contract", "rooms")
+    assert f"{ROOMS} {'BROKEN' if line else 'KEPT'}" in result.stdout, result.stdout
 
 
 @pytest.mark.parametrize(
