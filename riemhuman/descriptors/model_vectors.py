@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +15,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.checks import one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.mesh_arrays import face_difference
 
 
@@ -70,9 +73,52 @@ class _ModelVectors(Descriptor):
         ArgumentError
             If a surface is not registered to the model.
         """
+        return self._vectors(self._fitted(bodies))
+
+    @staticmethod
+    def describe_together(
+        descriptors: Sequence[_ModelVectors], bodies: Any, *, progress: bool = False
+    ) -> tuple[list[np.ndarray], list[float]]:
+        """Return the vectors of several descriptors; each model is fitted once.
+
+        Parameters
+        ----------
+        descriptors : sequence of ModelShapeVectors and ModelPoseVectors
+            The descriptors.
+        bodies : object or iterable of (vertices, faces)
+            Surfaces, as for `describe_all`.
+        progress : bool
+            Whether to show a progress bar over the models.
+
+        Returns
+        -------
+        vectors : list of array, each of shape (n, d)
+            By descriptor.
+        seconds : list of float
+            Time of each descriptor alone on the clock: of the fit, and of its vectors.
+
+        Raises
+        ------
+        ArgumentError
+            If a surface is not registered to a model.
+        """
+        fits = {}
+        models = {id(one.model): one for one in descriptors}
+        for key, one in ProgressBar(models.items(), disable=not progress, unit="fit"):
+            began = time.perf_counter()
+            fits[key] = one._fitted(bodies), time.perf_counter() - began
+        vectors, seconds = [], []
+        for one in descriptors:
+            fit, shared = fits[id(one.model)]
+            began = time.perf_counter()
+            vectors.append(one._vectors(fit))
+            seconds.append(shared + time.perf_counter() - began)
+        return vectors, seconds
+
+    def _fitted(self, bodies: Any) -> Any:
         count, mesh = meshes_of(bodies)
         points = np.stack([self._registered(*mesh(i), f" of body {i}") for i in range(count)])
-        return self._vectors(self.model.fit(points))
+        return self.model.fit(points)
 
     def _registered(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> np.ndarray:
         points = real_array(vertices, f"vertices{where}", ("n_vertices", 3), batched=False)

@@ -60,17 +60,16 @@ def distance_steps(
     steps = {}
 
     @cache
-    def together() -> dict[str, Described]:
+    def together(kind: Any) -> dict[str, Described]:
         # When the first of them is wanted: a report that has them all computes no spectrum.
-        return described_together(representations, bodies, progress=bars)
+        sharing = {name: each for name, each in representations.items() if _kind(each) is kind}
+        return described_together(sharing, bodies, progress=bars)
 
     for name, representation in representations.items():
-        shares = hasattr(representation, "describe_together")
 
-        def compute(
-            name: str = name, representation: Any = representation, shares: bool = shares
-        ) -> Computed:
-            described = together().get(name) if shares else None
+        def compute(name: str = name, representation: Any = representation) -> Computed:
+            kind = _kind(representation)
+            described = None if kind is None else together(kind).get(name)
             try:
                 return _measured_distances(representation, bodies, described)
             except RiemhumanError as error:
@@ -81,6 +80,11 @@ def distance_steps(
         inputs = {"bodies": digest, "representation": name, "kind": kind}
         steps[name] = store.step(f"distances-{slug}", inputs, compute, f"Distances, {name}")
     return steps
+
+
+def _kind(representation: Any) -> Any:
+    """Return what descriptors of one kind are computed by together, nothing of others."""
+    return getattr(representation, "describe_together", None)
 
 
 def _measured_distances(

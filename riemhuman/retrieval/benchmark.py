@@ -217,7 +217,8 @@ def described_together(
     Parameters
     ----------
     representations : mapping of str to object
-        By name, metrics and descriptors; those with the method ``describe_together`` share.
+        By name, metrics and descriptors; those with the same static method ``describe_together``
+        share.
     bodies : Bodies or LabelledMeshes
         Surfaces.
     progress : bool
@@ -226,20 +227,23 @@ def described_together(
     Returns
     -------
     dict of str to (array, float)
-        Vectors of the bodies by one descriptor, and the seconds it would take alone. Nothing if
-        there are fewer than two such descriptors, or they refuse the bodies: each says why then.
+        Vectors of the bodies by one descriptor, and the seconds it would take alone. Nothing of
+        descriptors that share with no other, or refuse the bodies: each says why then.
     """
-    sharing = {
-        name: each for name, each in representations.items() if hasattr(each, "describe_together")
-    }
-    if len(sharing) < 2:
-        return {}
-    together = next(iter(sharing.values())).describe_together
-    try:
-        vectors, seconds = together(list(sharing.values()), bodies, progress=progress)
-    except RiemhumanError:
-        return {}
-    return dict(zip(sharing, zip(vectors, seconds, strict=True), strict=True))
+    kinds: dict[Any, dict[str, Any]] = {}
+    for name, each in representations.items():
+        if hasattr(each, "describe_together"):
+            kinds.setdefault(each.describe_together, {})[name] = each
+    found: dict[str, Described] = {}
+    for together, sharing in kinds.items():
+        if len(sharing) < 2:
+            continue
+        try:
+            vectors, seconds = together(list(sharing.values()), bodies, progress=progress)
+        except RiemhumanError:
+            continue
+        found.update(zip(sharing, zip(vectors, seconds, strict=True), strict=True))
+    return found
 
 
 def timed_distances(

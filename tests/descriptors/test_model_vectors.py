@@ -32,6 +32,32 @@ def surfaces(numbers):
     return points
 
 
+def test_descriptors_of_one_model_share_its_fit():
+    fitted = []
+
+    class Counting(Model):
+        def fit(self, points):
+            fitted.append(len(points))
+            return super().fit(points)
+
+    meshes = [(points, FACES) for points in surfaces([0.5, 2.0])]
+    one, other = Counting(), Counting()
+    sharing = [
+        ModelShapeVectors(one),
+        ModelPoseVectors(one),
+        ModelPoseVectors(one, "rotation", root=False),
+        ModelShapeVectors(other),
+    ]
+    vectors, seconds = ModelShapeVectors.describe_together(sharing, meshes)
+    assert fitted == [2, 2]
+    assert min(seconds) > 0
+    for descriptor, found in zip(sharing, vectors, strict=True):
+        np.testing.assert_array_equal(found, descriptor.describe_all(meshes))
+    wrong = [(np.zeros((3, 3)), FACES)]
+    with pytest.raises(ArgumentError, match="of body 0 must be registered to the model"):
+        ModelShapeVectors.describe_together(sharing, wrong)
+
+
 def test_vectors_are_those_of_the_fit():
     meshes = [(points, FACES) for points in surfaces([0.5, 2.0])]
     shape = ModelShapeVectors(Model())
