@@ -40,7 +40,11 @@ def main(target: Path) -> int:
             with_viewers(path)
         (source / "reference.md").write_text(reference(), encoding="utf-8")
         options = ["-W", "--keep-going", "-q", "-j", "auto", "-d", str(Path(folder) / "doctrees")]
-        return sphinx([*options, "-b", "html", str(source), str(target)])
+        built = Path(folder) / "site"  # notebooks leave pictures beside it, which nothing needs
+        code = sphinx([*options, "-b", "html", str(source), str(built)])
+        if code == 0:
+            shutil.copytree(built, target, dirs_exist_ok=True)
+        return code
 
 
 def with_viewers(path: Path) -> None:

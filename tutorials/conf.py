@@ -36,6 +36,22 @@ html_js_files = [("three.min.js", {"defer": "defer"}), ("viewer.js", {"defer": "
 html_show_sourcelink = False
 html_copy_source = False
 html_theme_options = {"navbar_end": ["theme-switcher"], "show_prev_next": False}
+# Pages without pages below them have nothing to list beside their text.
+_ALONE = (
+    "choose_a_metric",
+    "template_and_alignment",
+    "bring_your_data",
+    "geodesics_and_statistics",
+    "command_line",
+    "differences_from_geomstats",
+    "speed_and_reliability",
+    "citing",
+    "changelog",
+    "extending",
+    "house",
+    "index",
+)
+html_sidebars: dict[str, list[str]] = {page: [] for page in _ALONE}
 html_math_renderer = "mathml"
 
 
