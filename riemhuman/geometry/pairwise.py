@@ -35,6 +35,149 @@ _BLOCK = 256
 _CLOSE_BLOCK = 16
 
 
+class ManyDistances:
+    """Distances of many pairs of points.
+
+    A part of `RiemannianMetric`, whose other methods it uses.
+    """
+
+    def dist_pairwise(
+        self,
+        points: Points,
+        n_jobs: int | None = None,
+        *,
+        precision: str = "single",
+        memory: int = MEMORY,
+        progress: bool = False,
+    ) -> ndarray:
+        r"""Return all distances within a set of points.
+
+        Parameters
+        ----------
+        points : array or sequence, shape (n, \*shape)
+            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one. It does not change a bit of the
+            result.
+        precision : {"single", "double"}
+            In what precision metrics with compiled loops keep and compare features of the points:
+            relative errors stay below 1e-5, or at rounding errors of double precision. Pairs too
+            close for single precision are noticed and computed in double.
+        memory : int
+            Bytes of features held at once. Where those of all points are more, they are computed
+            anew for every block of rows.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+
+        Raises
+        ------
+        ArgumentError
+            If a point has another shape or an entry that is not finite, or an option is not legal.
+        DegenerateSurfaceError
+            If the metric needs a normal of a triangle without area.
+        """
+        metric: Any = self
+        return distances(metric, points, None, n_jobs, precision, memory, progress)
+
+    def cdist(
+        self,
+        points_a: Points,
+        points_b: Points,
+        n_jobs: int | None = None,
+        *,
+        precision: str = "single",
+        memory: int = MEMORY,
+        progress: bool = False,
+    ) -> ndarray:
+        r"""Return all distances between two sets of points, see `dist_pairwise`.
+
+        Parameters
+        ----------
+        points_a : array or sequence, shape (n_a, \*shape)
+            Points of the first set.
+        points_b : array or sequence, shape (n_b, \*shape)
+            Points of the second set.
+        n_jobs : int, optional
+            Number of threads, -1 for one a core; by default one.
+        precision : {"single", "double"}
+            In what precision metrics with compiled loops work.
+        memory : int
+            Bytes of features held at once.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+        metric: Any = self
+        return distances(metric, points_a, points_b, n_jobs, precision, memory, progress)
+
+    def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
+        r"""Return which of some points is nearest; of several equally near, the first.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Points.
+        neighbors : array, shape (n, \*shape)
+            Points to choose from, at least one.
+
+        Returns
+        -------
+        array of int, shape (...)
+            Indices into `neighbors`.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no point to choose from.
+        """
+        metric: Any = self
+        point = metric.space.check_point(point)
+        if len(neighbors) == 0:
+            raise ArgumentError("neighbors must hold at least one point; found none")
+        leading = point.shape[: -metric.space.point_ndim]
+        to_neighbors = self.cdist(point.reshape(-1, *metric.space.shape), neighbors)
+        return np.argmin(to_neighbors, axis=1).reshape(leading)
+
+    def features(
+        self, points: Points, precision: str = "double", name: str = "points"
+    ) -> tuple[ndarray, ...]:
+        r"""Return what a distance needs to know of each point, computed once a point.
+
+        Distances of features are the work of `bulk`. The first axis of every array is that of the
+        points, so features may be sliced, stored and mapped from memory.
+
+        Parameters
+        ----------
+        points : array or sequence, shape (n, \*shape)
+            Points.
+        precision : {"single", "double"}
+            Precision to keep them in, where there are compiled loops for both.
+        name : str
+            Name of the points, for messages.
+
+        Returns
+        -------
+        tuple of array, each of shape (n, ...)
+            C-contiguous.
+        """
+        one_of(precision, "precision", PRECISIONS)
+        metric: Any = self
+        return metric.bulk.features(self._members(points, name), precision)
+
+    def _members(self, points: Points, name: str) -> ndarray:
+        """Return a set of points that `bulk` takes."""
+        metric: Any = self
+        return metric.check_points(points, name)
+
+
 def squared_dist_rectangle(
     metric: RiemannianMetric,
     features_a: Features,

@@ -55,7 +55,7 @@ def floor(place):
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
         ("dist", (POINTS[0], POINTS[1]), 11, 28, 0),
-        ("dist_pairwise", (POINTS,), 12, 47, 2),
+        ("dist_pairwise", (POINTS,), 11, 47, 2),
         ("energy", (POINTS,), 8, 13, 1),
     ],
 )

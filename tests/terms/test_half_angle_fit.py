@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 from mpmath import mp
 
-from riemhuman.terms.ebin import bounded_half_angle
-from riemhuman.terms.half_angle_fit import LARGEST_LAMBDA, excess_at_pi, half_angle_polynomial
+from riemhuman.terms.half_angle_fit import (
+    LARGEST_LAMBDA,
+    bounded_half_angle,
+    excess_at_pi,
+    half_angle_polynomial,
+)
 
 
 @mp.workdps(40)

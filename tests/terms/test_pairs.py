@@ -9,7 +9,7 @@ import pytest
 from mpmath import mp
 
 from riemhuman.kernels import threads, tiles
-from riemhuman.terms import EbinTerm, NormalTerm, ebin, flat, normals
+from riemhuman.terms import EbinTerm, NormalTerm, flat, half_angle_fit, normals
 from riemhuman.terms.normals import squared_angle
 from riemhuman.terms.sum import field_features
 
@@ -48,7 +48,7 @@ def test_arc_polynomial(precision):
 
 @each_precision
 def test_sine_polynomial(precision):
-    sine = polynomial(ebin._sine)
+    sine = polynomial(half_angle_fit._sine)
     squares = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, np.pi**2 / 4, 2000)])
     errors = relative_errors(
         sine, lambda t: mp.sin(mp.sqrt(t)) ** 2 / t, squares, PRECISIONS[precision]
@@ -59,7 +59,7 @@ def test_sine_polynomial(precision):
 
 @each_precision
 def test_logarithm_polynomial(precision):
-    logarithm = polynomial(ebin._logarithm)
+    logarithm = polynomial(half_angle_fit._logarithm)
     fractions = np.linspace(np.sqrt(0.5) - 1, np.sqrt(2) - 1, 2001)
     errors = relative_errors(
         logarithm, lambda f: mp.log(1 + f) / f, fractions, PRECISIONS[precision]
@@ -79,14 +79,16 @@ def test_half_angle_over_its_whole_range(precision, lam):
         half = mp.mpf(float(half_kappa)) * 2 * mp.asinh(mp.sqrt(m / 2))
         return mp.sin(min(half, mp.pi / 2)) ** 2
 
-    errors = relative_errors(lambda m: ebin.half_angle(m, half_kappa), exact, excesses, real)
+    errors = relative_errors(
+        lambda m: half_angle_fit.half_angle(m, half_kappa), exact, excesses, real
+    )
     assert errors.max() < 16 * ROUNDING[precision]
-    assert ebin.half_angle(real(0.0), half_kappa) == 0.0
+    assert half_angle_fit.half_angle(real(0.0), half_kappa) == 0.0
 
 
 def test_half_angle_beyond_the_largest_number_is_told():
-    assert np.isnan(ebin.half_angle(np.float32(1e25), np.float32(0.1)))
-    assert ebin.half_angle(1e25, 0.001) < 1.0
+    assert np.isnan(half_angle_fit.half_angle(np.float32(1e25), np.float32(0.1)))
+    assert half_angle_fit.half_angle(1e25, 0.001) < 1.0
 
 
 def pairs_of_unit_vectors(real):
