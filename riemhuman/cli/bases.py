@@ -55,10 +55,10 @@ def add_verbs(verbs: Verbs) -> None:
         help="with --open: 13,348 or 1,202 vertices (default: full)",
     )
     parser.add_argument(
-        "--subjects", nargs="+", metavar="NAME", help="with --open or HDF5: these people only"
+        "--subjects", nargs="+", metavar="NAME", help="with --open or HDF5: only these people"
     )
     parser.add_argument(
-        "--sequences", nargs="+", metavar="NAME", help="with --open or HDF5: these motions only"
+        "--sequences", nargs="+", metavar="NAME", help="with --open or HDF5: only these motions"
     )
     parser.add_argument(
         "-o", "--output", required=True, metavar="NPZ", type=path_argument, help="file to write"

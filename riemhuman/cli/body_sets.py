@@ -57,12 +57,12 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
         "--template",
         metavar="MESH",
         type=path_argument,
-        help="with --faust or --bodies: measure over this mesh (default: the first)",
+        help="with --faust or --bodies: template mesh (default: the first mesh)",
     )
     parser.add_argument(
         "--allow-missing",
         action="store_true",
-        help="with --faust or --bodies: take what is there when files or labels are missing",
+        help="with --faust or --bodies: leave out what lacks a file or a label",
     )
     add_units(parser)
 

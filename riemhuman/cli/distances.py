@@ -101,7 +101,7 @@ def _add_matrix(verbs: Verbs) -> None:
         "--resume",
         metavar="FOLDER",
         type=path_argument,
-        help="keep the work here, and go on with it after an interruption: for matrices that "
+        help="keep the work here, and resume it after an interruption: for matrices that "
         "take hours",
     )
     parser.add_argument("--paths", action="store_true", help="find paths, and their lengths, too")
@@ -123,7 +123,7 @@ def _add_retrieve(verbs: Verbs) -> None:
         _retrieve,
         "the meshes of a folder that are nearest to one",
         "Prints the meshes of a folder that are nearest to a query, nearest first: rank,\n"
-        "distance and file. The query itself is passed over, should it be in the folder.",
+        "distance and file. If the query is in the folder, it is skipped.",
         "  riemhuman retrieve anna_1.ply scans/            # the same person\n"
         "  riemhuman retrieve anna_1.ply scans/ --pose -k 10\n"
         "  riemhuman retrieve anna_1.ply scans/ -k 1 --json\n",

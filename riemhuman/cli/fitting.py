@@ -29,8 +29,8 @@ def add_verbs(verbs: Verbs) -> None:
         "fit",
         _fit,
         "shape and pose of a body model for registered meshes",
-        "Finds the shape coefficients, pose and translation that bring a body model nearest to\n"
-        "each mesh of its triangulation, and writes them: the arrays betas, pose, trans,\n"
+        "Fits the shape coefficients, pose and translation of a body model to each mesh of its\n"
+        "triangulation, and writes them: the arrays betas, pose, trans,\n"
         "distances and names of an .npz file.",
         "  riemhuman fit scans/ -o fits.npz                       # the open model\n"
         "  riemhuman fit anna.ply ben.ply -o fits.npz --model SMPL.npz\n"

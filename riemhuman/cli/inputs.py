@@ -76,7 +76,7 @@ def add_template(parser: argparse.ArgumentParser, default: str) -> None:
     parser.add_argument(
         "--any-scale",
         action="store_true",
-        help="take meshes of any size; otherwise those in another unit are refused",
+        help="accept meshes of any size; by default, meshes in another unit are refused",
     )
     add_units(parser)
 

@@ -34,8 +34,8 @@ def add_verbs(verbs: Verbs) -> None:
         "mean",
         _mean,
         "the Karcher mean of registered meshes",
-        "Writes the body of least mean squared distance to the meshes, found over a basis of\n"
-        "deformations and the differences of the meshes.",
+        "Writes the body with the least mean squared distance to the meshes, found over a\n"
+        "basis of deformations and the differences of the meshes.",
         "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
         "  riemhuman mean scans/ -o mean.obj --pose\n"
         "  riemhuman mean scans/ -o mean.ply --basis basis.npz -a 1 -l 1 -c 0.1 --json\n",

@@ -38,8 +38,8 @@ def add_verbs(verbs: Verbs) -> None:
         _measure,
         "girths, lengths, heights and volumes of registered meshes",
         "Measures bodies registered to the open body model, or to a model and definitions of your\n"
-        "own, in metres, square and cubic metres and kilograms. The pose is taken out first:\n"
-        "every body is brought to the standard pose, and measured there.",
+        "own, in metres, square and cubic metres and kilograms. Every body is\n"
+        "brought to the standard pose and measured there.",
         "  riemhuman measure anna.ply\n"
         "  riemhuman measure scans/ -o table.csv\n"
         "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
@@ -50,7 +50,7 @@ def add_verbs(verbs: Verbs) -> None:
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
     parser.add_argument(
-        "-o", "--output", metavar="CSV", type=path_argument, help="table to write, a row a body"
+        "-o", "--output", metavar="CSV", type=path_argument, help="table to write, one row per body"
     )
     parser.add_argument(
         "--picture",
@@ -59,9 +59,7 @@ def add_verbs(verbs: Verbs) -> None:
         help="draw every tape on the first body (.png, .svg or .pdf)",
     )
     _add_definitions(parser)
-    parser.add_argument(
-        "--as-is", action="store_true", help="measure bodies as they stand, in any pose"
-    )
+    parser.add_argument("--as-is", action="store_true", help="measure bodies in their own pose")
     add_json(parser)
     add_force(parser)
 
@@ -72,7 +70,7 @@ def add_verbs(verbs: Verbs) -> None:
         "what changed of one person between two visits",
         "Brings two registered meshes of one person to the standard pose and says which\n"
         "measurements changed. A change is marked where it exceeds twice the standard deviation\n"
-        "that the pose alone leads to.",
+        "between poses of one person.",
         "  riemhuman compare visit1.ply visit2.ply\n"
         "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     )

@@ -33,7 +33,7 @@ def add_metric_options(
     name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
     group = parser.add_argument_group(
         "metric",
-        f"a · Ebin(λ) + c · normals; by default {name}; a weight that is given changes that alone",
+        f"a · Ebin(λ) + c · normals; by default {name}; each weight changes only itself",
     )
     presets = group.add_mutually_exclusive_group()
     presets.add_argument(
@@ -90,7 +90,7 @@ def add_align(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--align",
         action="store_true",
-        help="take rigid motions out first: Procrustes alignment with the template",
+        help="remove rigid motions first, by Procrustes alignment with the template",
     )
 
 

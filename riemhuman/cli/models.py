@@ -24,8 +24,8 @@ def add_verbs(verbs: Verbs) -> None:
         _convert,
         "a body model's pickle as plain arrays",
         "Writes a model of the SMPL family as an .npz file of plain arrays, which loads without\n"
-        "running code. A pickle is code: nothing in it is run but what is known to be harmless,\n"
-        "and everything else is refused by name.",
+        "running code. A pickle is code: only what is known to be harmless is run, and anything\n"
+        "else is refused by name.",
         "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
         "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
     )

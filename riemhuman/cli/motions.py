@@ -181,7 +181,7 @@ def _add_reading(parser: argparse.ArgumentParser) -> None:
         "--template",
         metavar="MESH",
         type=path_argument,
-        help="measure over this mesh (default: the first frame)",
+        help="template mesh (default: the first frame)",
     )
     add_units(parser)
 

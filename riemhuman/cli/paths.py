@@ -56,10 +56,10 @@ def add_verbs(verbs: Verbs) -> None:
         _geodesic,
         "a path of least energy between two registered meshes",
         "Finds a path of least energy between two meshes over a basis of deformations.\n"
-        "Into a folder come the meshes time_00.ply, time_01.ply, ..., path.glb (an animation\n"
+        "A folder receives the meshes time_00.ply, time_01.ply, ..., path.glb (an animation\n"
         "with morph targets, for Blender and web viewers), path.png (a filmstrip), path.html\n"
-        "(a page to turn and scrub) and summary.json. An output with one of the endings\n"
-        ".glb, .png, .html or .npz (the array path) is that file alone.",
+        "(an interactive page) and summary.json. An output that ends in .glb, .png, .html\n"
+        "or .npz (the array path) is written as that file alone.",
         "  riemhuman geodesic sit.ply stand.ply -o path/\n"
         "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
         "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",

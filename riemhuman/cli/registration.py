@@ -36,8 +36,8 @@ def add_verbs(verbs: Verbs) -> None:
         "Brings a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
         "without landmarks, and writes the body in the model's triangulation. Of a folder, every\n"
         "scan becomes a body, and index.html shows scan, body and distances, the worst first.\n"
-        "A body that is not to be trusted is not written, or in a folder goes to untrusted/.\n"
-        "A folder that was begun is gone on with.",
+        "A body that is not trusted is not written; in a folder it goes to untrusted/.\n"
+        "A folder that was begun is resumed.",
         "  riemhuman register scan.ply -o body.ply\n"
         "  riemhuman register scans/ -o bodies/\n"
         "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
@@ -66,7 +66,7 @@ def add_verbs(verbs: Verbs) -> None:
         help="the scans of the folder show one person in motion; each starts from the last",
     )
     parser.add_argument(
-        "--untrusted", action="store_true", help="write a body even if it is not to be trusted"
+        "--untrusted", action="store_true", help="write a body even if it is not trusted"
     )
     add_force(parser)
 

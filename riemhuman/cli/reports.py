@@ -30,10 +30,10 @@ def add_verbs(verbs: Verbs) -> None:
         "report",
         _report,
         "the paper's experiments as a page with pictures",
-        "Does the paper's experiments and writes them into a folder: index.html, which opens\n"
-        "without a network, figures, tables, matrices and where they come from. Without --faust\n"
-        "or --bodies, on the open bodies that ship with the package. What has been computed\n"
-        "before is used again.",
+        "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
+        "opens without a network, figures, tables, matrices and their provenance. Without --faust\n"
+        "or --bodies, it takes the open bodies that ship with the package. Results of an earlier\n"
+        "run are reused.",
         "  riemhuman report\n"
         "  riemhuman report --quick -o quick-report\n"
         "  riemhuman report --open natural -o natural-report\n"
@@ -56,9 +56,9 @@ def add_verbs(verbs: Verbs) -> None:
         "--scans",
         metavar="FOLDER",
         type=path_argument,
-        help="show the scans that riemhuman register made into the bodies of this folder",
+        help="show the scans that riemhuman register brought to the bodies of this folder",
     )
-    parser.add_argument("--quick", action="store_true", help="everything smaller, in half a minute")
+    parser.add_argument("--quick", action="store_true", help="a smaller report, in half a minute")
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -40,10 +40,10 @@ def add_verbs(verbs: Verbs) -> None:
         _transfer,
         "a motion of one body replayed on another",
         "Replays a motion, a sequence of registered meshes, on another body of the same\n"
-        "triangulation. Changes of pose are for a body that stands as the first mesh does;\n"
-        "--transfer pose is for any. Into a folder come the meshes frame_0000.ply, ... and\n"
-        "motion.html, a page to play them; an output with the ending .glb (an animation) or .npz\n"
-        "(the array path) is that file alone.",
+        "triangulation. By default the body must stand as the first mesh does; with\n"
+        "--transfer pose it may stand in any way. A folder receives the meshes frame_0000.ply,\n"
+        "... and motion.html, a page that plays them; an output that ends in .glb (an animation)\n"
+        "or .npz (the array path) is written as that file alone.",
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
         "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"

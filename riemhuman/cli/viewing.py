@@ -46,7 +46,9 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "-o", "--output", required=True, metavar="HTML", type=path_argument, help="file to write"
     )
-    parser.add_argument("--motion", action="store_true", help="the meshes are times of one body")
+    parser.add_argument(
+        "--motion", action="store_true", help="the meshes are the frames of one motion"
+    )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
     parser.add_argument("--any-scale", action="store_true", help="take meshes of any size")
     add_units(parser)
