@@ -218,4 +218,4 @@ def verdict(table: Table, ours: str) -> str:
             said.append(f"{title}: {listed}.")
     if not said:
         return f"No representation scores higher than the {escape(ours)}."
-    return f"These representations score higher than the {escape(ours)}: {' '.join(said)}"
+    return f"These representations score higher than the {escape(ours)}. {' '.join(said)}"
