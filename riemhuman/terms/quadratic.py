@@ -63,6 +63,20 @@ class QuadraticTerm(ABC):
         csr_array, shape (3V, 3V)
         """
 
+    def squared_norms(self, vectors: ndarray, surfaces: ndarray) -> float:
+        """Return the sum of the squared norms of deformations, see `squared_norms_and_slopes`.
+
+        Parameters
+        ----------
+        vectors, surfaces : array, shape (V, n, 3)
+            Deformations and surfaces, vertex by vertex.
+
+        Returns
+        -------
+        float
+        """
+        return self.squared_norms_and_slopes(vectors, surfaces)[0]
+
     @abstractmethod
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
         """Return the sum of the squared norms of deformations, each at its surface, and its slopes.
@@ -164,15 +178,16 @@ class SumOfQuadraticTerms:
         """
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
+        if not gradient:
+            return n_segments * sum(
+                term.squared_norms(steps, surfaces) for term in self.terms
+            ), None
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
         values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
-        energy = n_segments * float(values)
-        if not gradient:
-            return energy, None
         slopes = np.zeros(path.shape)
         slopes[:-1] = by_vertex(0.5 * in_surfaces - in_steps)
         slopes[1:] += by_vertex(0.5 * in_surfaces + in_steps)
-        return energy, n_segments * slopes
+        return n_segments * float(values), n_segments * slopes
 
     def _refuse_degenerate(self, f: ndarray) -> None:
         first = surface.derivatives(values_of(f), self.template.differential_operator)

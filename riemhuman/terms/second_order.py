@@ -115,27 +115,38 @@ class SecondOrderTerm(QuadraticTerm):
         shares = self._shares(vertex_areas(f, self.template, self._averages))
         return csr_array(kron(laplacian @ diags_array(shares) @ laplacian, eye_array(3)))
 
+    def squared_norms(self, vectors: ndarray, surfaces: ndarray) -> float:
+        return self._laplacians(vectors, surfaces)[0]
+
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:
         faces = self.template.faces
-        threaded = is_worth_threads(surfaces, faces)
-
-        def apply(first: int, last: int) -> tuple[float, ndarray, ndarray]:
-            images, masses = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape[:2])
-            value = _add_laplacians(vectors, surfaces, faces, first, last, images, masses)
-            return value, images, masses
-
-        value, images, masses = sums_in_chunks(apply, len(faces), threaded=threaded)
-        if value > 0.0:
+        value, ratios = self._laplacians(vectors, surfaces)
+        if value == math.inf:
             return value, onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
-        ratios = self._shares(masses.T).T[..., None] * images
 
         def slopes(first: int, last: int) -> tuple[ndarray, ndarray]:
             both = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape)
             _add_slopes(vectors, surfaces, ratios, faces, self.weight, first, last, *both)
             return both
 
-        value = float(onp.sum(ratios * images))
+        threaded = is_worth_threads(surfaces, faces)
         return value, *sums_in_chunks(slopes, len(faces), threaded=threaded)
+
+    def _laplacians(self, vectors: ndarray, surfaces: ndarray) -> tuple[float, ndarray]:
+        """Return the sum of the squared norms, infinite without areas, and w/A L h."""
+        faces = self.template.faces
+
+        def apply(first: int, last: int) -> tuple[float, ndarray, ndarray]:
+            images, masses = onp.zeros(surfaces.shape), onp.zeros(surfaces.shape[:2])
+            value = _add_laplacians(vectors, surfaces, faces, first, last, images, masses)
+            return value, images, masses
+
+        threaded = is_worth_threads(surfaces, faces)
+        value, images, masses = sums_in_chunks(apply, len(faces), threaded=threaded)
+        if value > 0.0:
+            return math.inf, images
+        ratios = self._shares(masses.T).T[..., None] * images
+        return float(onp.sum(ratios * images)), ratios
 
     def _shares(self, masses: ndarray) -> ndarray:
         """Return w/A at the vertices surrounded, 0 at the others."""

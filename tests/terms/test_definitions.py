@@ -93,6 +93,7 @@ def test_squared_norms(term):
     by_vertex = [np.ascontiguousarray(np.swapaxes(one, 0, 1)) for one in (vectors, POINTS)]
     value, *slopes = term.squared_norms_and_slopes(*by_vertex)
     assert value == pytest.approx(definition(vectors, POINTS), rel=1e-11)
+    assert term.squared_norms(*by_vertex) == pytest.approx(value, rel=1e-14)
     for k, slope in enumerate(slopes):
         close(np.swapaxes(slope, 0, 1), grad(definition, k)(vectors, POINTS), 1e-10)
 
