@@ -30,7 +30,6 @@ from trust.fuzzed_readers import (
 from trust.fuzzing import archive, array_file, array_header
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.safe_pickle import load_pickled_arrays
 from riemhuman.checks import integer_array, real_number
 from riemhuman.datasets import load_amass, load_bodies, load_dfaust
 from riemhuman.datasets.shrec import load_shrec14, read_classes
@@ -46,6 +45,7 @@ from riemhuman.errors import (
 from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.storage.array_files import load_array, load_arrays
+from riemhuman.storage.safe_pickle import load_pickled_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.mesh_files import load_mesh
 

@@ -11,8 +11,8 @@ import pytest
 from model_pickles import Call, Ch, Raw, Select, pickled, smpl_fields, smpl_pickle
 
 from riemhuman.bodies import BodyModel
-from riemhuman.bodies.safe_pickle import load_pickled_arrays
 from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.storage.safe_pickle import load_pickled_arrays
 
 FIELDS = smpl_fields(n_vertices=20)
 CANARY = "canary"

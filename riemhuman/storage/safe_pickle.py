@@ -4,7 +4,7 @@ A pickle is a programme: it may name any function there is and have it called. P
 even one that is told which names to allow, also writes attributes of what it found, and sets
 memory aside for sizes and numbers the file merely claims. So these files are read by a small
 machine that knows the opcodes of plain data and the names of
-`riemhuman.bodies.pickle_allow_list`, and nothing else.
+`riemhuman.storage.pickle_allow_list`, and nothing else.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from riemhuman.bodies.pickle_allow_list import Global
-from riemhuman.bodies.pickled_objects import Budget, Record, plain_value, shortened
 from riemhuman.errors import FileFormatError
 from riemhuman.storage.file_content import file_content, file_path
+from riemhuman.storage.pickle_allow_list import Global
+from riemhuman.storage.pickled_objects import Budget, Record, plain_value, shortened
 
 # A body model takes some hundreds of opcodes.
 _MOST_OPCODES = 50_000

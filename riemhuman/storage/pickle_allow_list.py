@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from riemhuman.bodies.pickled_objects import (
+from riemhuman.errors import FileFormatError
+from riemhuman.storage.pickled_objects import (
     ArrayRecord,
     Budget,
     ChumpyRecord,
@@ -16,7 +17,6 @@ from riemhuman.bodies.pickled_objects import (
     bytes_of,
     shortened,
 )
-from riemhuman.errors import FileFormatError
 
 
 class Global:
