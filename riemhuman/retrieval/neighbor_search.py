@@ -30,7 +30,11 @@ Map = Callable[..., Iterable[Any]]
 
 
 def nearest(
-    index: NeighborIndex, X: Any | None, k: int, in_order: Map = map
+    index: NeighborIndex,
+    X: Any | None,
+    k: int,
+    in_order: Map = map,
+    candidates: ndarray | None = None,
 ) -> Iterator[tuple[ndarray, ndarray, int]]:
     r"""Find the nearest points to queries.
 
@@ -44,6 +48,8 @@ def nearest(
         How many, at most as many as there are points other than the query.
     in_order : callable
         A `map`, perhaps one that runs in threads.
+    candidates : array of int, shape (n_queries, m), optional
+        Points that each query is compared with first; by default those of the least bounds.
 
     Yields
     ------
@@ -58,7 +64,13 @@ def nearest(
     for part in slices(len(index) if X is None else len(X), size):
         points = index.points[part] if X is None else index.checked(X, part.start, part.stop)
         queries = _queries(index, points, part.start if X is None else None)
-        found = list(in_order(lambda query: _candidates(index, query, k), queries))
+        guesses = [None] * len(queries) if candidates is None else candidates[part]
+        found = list(
+            in_order(
+                lambda pair: _candidates(index, pair[0], k, pair[1]),
+                zip(queries, guesses, strict=True),
+            )
+        )
         exact = _exact_distances(index, points, [numbers for numbers, _ in found], in_order)
         for (numbers, n_compared), distances in zip(found, exact, strict=True):
             order = np.lexsort((numbers, distances))[:k]
@@ -126,7 +138,9 @@ def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:
     return squared, _SLACK * float(squares.max() + other_squares.max())
 
 
-def _candidates(index: NeighborIndex, query: _Query, k: int) -> tuple[ndarray, int]:
+def _candidates(
+    index: NeighborIndex, query: _Query, k: int, first: ndarray | None
+) -> tuple[ndarray, int]:
     """Return the points that may be among the nearest, and how many were compared."""
     bounds = query.squared_bounds
     # Distances from the pivots are known by now; they limit the search from the start.
@@ -147,7 +161,8 @@ def _candidates(index: NeighborIndex, query: _Query, k: int) -> tuple[ndarray, i
 
     n_first = min(max(k, _FIRST), int(np.count_nonzero(bounds < np.inf)))
     if n_first:
-        batch = np.argpartition(bounds, n_first - 1)[:n_first]
+        batch = np.argpartition(bounds, n_first - 1)[:n_first] if first is None else first
+        batch = np.unique(batch[bounds[batch] < np.inf])
         compare(batch)
         bounds[batch] = np.inf
     left = np.flatnonzero(bounds <= _kth(high, k) ** 2 + query.slack)

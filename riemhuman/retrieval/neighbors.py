@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import whole_number
+from riemhuman.checks import integer_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.metric import RiemannianMetric
@@ -172,6 +172,8 @@ class NearestNeighbors(Estimator):
         X: Sequence[Any] | ndarray | None = None,
         n_neighbors: int | None = None,
         return_distance: bool = True,
+        *,
+        candidates: ndarray | None = None,
     ) -> tuple[ndarray, ndarray] | ndarray:
         r"""Return the nearest points of the index.
 
@@ -183,6 +185,10 @@ class NearestNeighbors(Estimator):
             Number of neighbours; by default that of the estimator.
         return_distance : bool
             Whether to return the distances, too.
+        candidates : array of int, shape (n_queries, m), optional
+            Points of the index that each query is compared with first, such as those that
+            `riemhuman.learned.MetricCodes` takes for the nearest. Good ones leave fewer others to
+            compare; the answer is the same, whatever they are.
 
         Returns
         -------
@@ -205,11 +211,18 @@ class NearestNeighbors(Estimator):
                 f"be found; found {k}"
             )
         n_queries = len(index) if X is None else _length(X)
+        if candidates is not None:
+            candidates = integer_array(candidates, "candidates", (n_queries, "m"))
+            if candidates.size and not 0 <= candidates.min() <= candidates.max() < len(index):
+                raise ArgumentError(
+                    f"candidates must number points of the index, from 0 to {len(index) - 1}; "
+                    f"found {candidates.min()} to {candidates.max()}"
+                )
         distances = np.empty((n_queries, k))
         indices = np.empty((n_queries, k), dtype=np.int64)
         n_exact = 0
         in_order = partial(mapped, n_threads=thread_count(self.n_jobs))
-        for row, answer in enumerate(nearest(index, X, k, in_order)):
+        for row, answer in enumerate(nearest(index, X, k, in_order, candidates)):
             distances[row], indices[row], n_compared = answer
             n_exact += n_compared
         self.n_exact_ = n_exact

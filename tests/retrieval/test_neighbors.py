@@ -272,3 +272,22 @@ def test_wrong_calls(tmp_path):
     with pytest.raises(ArgumentError, match="at most 8, .* found 9"):
         neighbors.kneighbors(points, n_neighbors=9)
     assert neighbors.kneighbors(points[:0])[0].shape == (0, 5)
+
+
+@pytest.mark.parametrize("n_jobs", [None, 2])
+def test_candidates_change_the_work_and_not_the_answer(n_jobs):
+    points, queries = groups(sphere_template()), groups(sphere_template(), rng=1)[:7]
+    expected = by_all_distances(POSE, queries, points, 4)
+    neighbors = NearestNeighbors(POSE, n_neighbors=4, n_jobs=n_jobs).fit(points)
+    rng = np.random.default_rng(0)
+    for candidates in (expected[1], rng.integers(len(points), size=(7, 3)), np.zeros((7, 0), int)):
+        assert_same(neighbors.kneighbors(queries, candidates=candidates), expected)
+    neighbors.kneighbors(queries, candidates=np.tile(np.arange(len(points)), (7, 1)))
+    assert neighbors.n_exact_ == 7 * len(points)
+    with pytest.raises(ArgumentError, match="candidates must number points of the index"):
+        neighbors.kneighbors(queries, candidates=np.full((7, 1), len(points)))
+    with pytest.raises(ArgumentError, match="candidates must have shape"):
+        neighbors.kneighbors(queries, candidates=np.zeros((6, 1), int))
+    own = np.zeros((len(points), 1), dtype=int)
+    everyone = by_all_distances(POSE, None, points, 4)
+    assert_same(neighbors.kneighbors(candidates=own), everyone)
