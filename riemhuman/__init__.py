@@ -63,6 +63,7 @@ _ROOMS = (
     "geometry",
     "jobs",
     "kernels",
+    "learned",
     "measurements",
     "motions",
     "plots",

@@ -14,6 +14,7 @@ ROOMS = (
     "datasets",
     "descriptors",
     "jobs",
+    "learned",
     "plots",
     "report",
     "retrieval",

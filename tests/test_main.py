@@ -125,6 +125,8 @@ def test_all_representations(monkeypatch, capsys):
     for name in ("shape metric", "SRNF", "model shape vector", "APT", "ShapeDNA", "HKS", "WKS"):
         assert re.search(rf"^{name}.* \d+\.\d", who, re.MULTILINE), name
     assert re.search(r"^(Better|Nothing is better) than pose metric \(0, 0, 1\)", how, re.MULTILINE)
+    assert re.search(r"^shape code, trained here.* \d+\.\d", who, re.MULTILINE)
+    assert "GDVAE intrinsic 27.0, 24.8, 46.2 (shape)" in how
     assert "failed" not in printed
 
     assert main(["--all", "--resolution", "coarse", "--json"]) == 0

@@ -1,4 +1,4 @@
-"""Correspondence between a surface and a body model with another mesh."""
+"""Correspondence between a surface and a body model, or a template, with another mesh."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from riemhuman.errors import ArgumentError
 
 if TYPE_CHECKING:
     from riemhuman.bodies.body_model import BodyModel
+    from riemhuman.surfaces.template import Template
 
 _SUM_TOLERANCE = 1e-6
 
 
-def combination_of_vertices(model: BodyModel, correspondence: Any) -> sparse.csr_array:
+def combination_of_vertices(model: BodyModel | Template, correspondence: Any) -> sparse.csr_array:
     """Return the points of a correspondence as combinations of a model's vertices.
 
     Parameters
     ----------
-    model : BodyModel
-        The model.
+    model : BodyModel or Template
+        The model, or any mesh.
     correspondence : array_like of int, pair, or sparse matrix, optional
         Numbers of vertices, shape (n_points,); or a pair of numbers of triangles, shape
         (n_points,), and barycentric coordinates, shape (n_points, 3); or a matrix, shape

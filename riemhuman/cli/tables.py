@@ -110,6 +110,7 @@ def _run(options: argparse.Namespace) -> None:
 
 def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
     from riemhuman import retrieval
+    from riemhuman.learned.code_descriptor import LEARNED
     from riemhuman.retrieval.representations import available
 
     reporter = Reporter(options.quiet)
@@ -122,6 +123,25 @@ def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
     say(
         "\nPer cent, every body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
+    )
+    if any(record.representation.endswith(LEARNED) for record in records):
+        say(f"\n{_about_codes()}")
+
+
+def _about_codes() -> str:
+    """Return whose networks found the codes, and what the paper prints for the originals."""
+    from riemhuman.report.paper import PAPER_TABLES
+
+    printed = [
+        f"{row[0]} {', '.join(f'{score:.1f}' for score in row[1:])} ({task})"
+        for task, rows in PAPER_TABLES.items()
+        for row in rows
+        if row[0].startswith(("GDVAE", "Zhou"))
+    ]
+    return (
+        "Codes: networks after GDVAE and after Zhou et al., trained here on open bodies of other "
+        "people in other\nposes; the paper prints for the originals, on FAUST (NN, FT, ST):\n"
+        + "\n".join(f"  {line}" for line in printed)
     )
 
 

@@ -337,7 +337,7 @@ class MeasurementSet:
             If the correspondence does not fit the templates.
         """
         other = template.template if isinstance(template, BodyModel) else template
-        matrix = combination_of_vertices(other, correspondence)  # type: ignore[arg-type]
+        matrix = combination_of_vertices(other, correspondence)
         if matrix.shape[0] != self.n_vertices:
             raise ArgumentError(
                 f"correspondence must say where {self.n_vertices} vertices lie; found "

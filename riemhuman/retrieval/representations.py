@@ -14,6 +14,7 @@ from riemhuman.descriptors import (
 )
 from riemhuman.extensions import extensions
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.learned.code_descriptor import shipped_descriptors
 from riemhuman.retrieval.benchmark import table_metrics
 
 
@@ -27,7 +28,8 @@ def available(bodies: Any) -> dict[str, Any]:
     ----------
     bodies : Bodies or LabelledMeshes
         Registered surfaces have all of them, those by model vectors if the data set has a model
-        that can fit; other meshes have the descriptors that need no template.
+        that can fit, and the codes of networks that were trained on the open model; other meshes
+        have the descriptors that need no template.
 
     Returns
     -------
@@ -41,6 +43,8 @@ def available(bodies: Any) -> dict[str, Any]:
         found["model shape vector"] = ModelShapeVectors(model)
         found["model pose vector"] = ModelPoseVectors(model)
         found["model pose, by rotation"] = ModelPoseVectors(model, "rotation", root=False)
+    if registered:
+        found |= shipped_descriptors(bodies.template)
     found["APT"] = AreaProjectionTransform()
     found["ShapeDNA"] = ShapeDNA()
     found["HKS"] = HeatKernelSignature()

@@ -1,0 +1,12 @@
+"""Codes that networks learn: what a body is in a few numbers, and bodies from such numbers."""
+
+from riemhuman.learned.code_descriptor import CodeDescriptor
+from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
+from riemhuman.learned.metric_codes import MetricCodes
+from riemhuman.learned.shape_pose_codes import ShapePoseCodes
+
+__all__ = ["CodeDescriptor", "IntrinsicExtrinsicCodes", "MetricCodes", "ShapePoseCodes"]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

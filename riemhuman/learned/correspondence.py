@@ -1,0 +1,159 @@
+"""Surfaces over one template carried to another in correspondence with it, and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from riemhuman.bodies.correspondence import combination_of_vertices
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.kernels.triangle_frames import (
+    deformation_gradients,
+    stacked_derivatives,
+    triangle_frames,
+)
+from riemhuman.surfaces.template import Template
+
+# Vertices that are the same may differ by the rounding of a file, as a share of the height.
+_SAME = 1e-5
+# Vertices that a triangle is carried by, and how much their normals count, in metres: both sides
+# of a hand are near each other.
+_CARRIERS, _NORMALS = 6, 0.05
+
+
+class Correspondence:
+    """The way from surfaces over a template to those over the template of a network, and back.
+
+    Forth, the network's vertices are combinations of the template's. Back, every triangle of the
+    template takes the deformation gradient of the network's triangles about it, and a Poisson
+    equation puts them together; what then is missing to the network's vertices is spread to the
+    vertices about them.
+
+    Parameters
+    ----------
+    home : Template
+        Template of the network.
+    template : Template
+        The other one: any mesh, of any person in any pose.
+    correspondence : array_like of int, pair, or sparse matrix, optional
+        Where the vertices of `home` lie on `template`: numbers of vertices, shape (V,); a pair of
+        numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or a matrix,
+        whose rows sum to one. By default the vertices of `template` at the same places.
+
+    Raises
+    ------
+    ArgumentError
+        If it does not fit the templates, or by default where a vertex of `home` is not one of
+        `template`.
+    DegenerateSurfaceError
+        If a triangle of `home` has no area where the correspondence puts it.
+    """
+
+    def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:
+        self.home, self.template = home, template
+        if correspondence is None:
+            correspondence = _same_vertices(home, template)
+        self._forth = combination_of_vertices(template, correspondence)
+        if self._forth.shape[0] != home.n_vertices:
+            raise ArgumentError(
+                f"correspondence must have a row for each of the {home.n_vertices} vertices of the "
+                f"network's template; found {self._forth.shape[0]}"
+            )
+        start = self._forth @ template.vertices
+        AlignedSurfaces(home, equip=False).check_immersed(start, "correspondence")
+        self._start = triangle_frames(start, home.differential_operator)
+        frames = triangle_frames(template.vertices, template.differential_operator)
+        self._frames = frames
+        average = _vertex_average(start, home)
+        normals = average @ self._start[..., 2]
+        places = template.vertices[template.faces].mean(axis=1)
+        self._carriers = _neighbors(start, normals, places, frames[..., 2]) @ average
+        # Small corrections need not tell the sides of a hand apart.
+        nothing = np.zeros_like(template.vertices)
+        self._spread = _neighbors(start, np.zeros_like(start), template.vertices, nothing)
+
+    def forth(self, points: ndarray) -> ndarray:
+        """Return surfaces over the network's template.
+
+        Parameters
+        ----------
+        points : array, shape (n, V', 3)
+            Surfaces over the other template.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+        """
+        n_bodies, n_vertices, _ = points.shape
+        flat = points.transpose(1, 0, 2).reshape(n_vertices, -1)
+        return (self._forth @ flat).reshape(-1, n_bodies, 3).transpose(1, 0, 2)
+
+    def back(self, points: ndarray) -> ndarray:
+        """Return surfaces over the other template.
+
+        Parameters
+        ----------
+        points : array, shape (n, V, 3)
+            Surfaces over the network's template.
+
+        Returns
+        -------
+        array, shape (n, V', 3)
+        """
+        nowhere = np.zeros((self.template.n_vertices, 3))
+        found = np.empty((len(points), *nowhere.shape))
+        for number, surface in enumerate(points):
+            after = triangle_frames(surface, self.home.differential_operator)
+            moved = deformation_gradients(self._start, after).reshape(self.home.n_faces, 9)
+            carried = (self._carriers @ moved).reshape(-1, 3, 3) @ self._frames
+            found[number] = self.template.interpolator.surface_of(
+                stacked_derivatives(carried), nowhere
+            )
+            found[number] += self._spread @ (surface - self._forth @ found[number])
+        return found
+
+
+def _same_vertices(home: Template, template: Template) -> ndarray:
+    gaps, numbers = cKDTree(template.vertices).query(home.vertices)
+    allowed = _SAME * np.ptp(home.vertices, axis=0).max()
+    if gaps.max() > allowed:
+        raise ArgumentError(
+            f"the template is not the network's own, nor a refinement of it: a vertex of the "
+            f"network's is {gaps.max():.3g} from the nearest. Where it lies must be given as "
+            "correspondence: numbers of vertices, triangles with barycentric coordinates, or a "
+            "matrix"
+        )
+    return np.asarray(numbers)
+
+
+def _vertex_average(points: ndarray, mesh: Template) -> sparse.csr_array:
+    """Return what takes values of triangles to their means about the vertices of a surface."""
+    edges = points[mesh.faces[:, 1:]] - points[mesh.faces[:, :1]]
+    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    entries = (np.repeat(areas, 3), (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)))
+    around = sparse.csr_array(entries, shape=(mesh.n_vertices, mesh.n_faces))
+    totals = np.maximum(around @ np.ones(mesh.n_faces), np.finfo(float).tiny)
+    return sparse.csr_array(sparse.diags_array(1.0 / totals) @ around)
+
+
+def _neighbors(
+    vertices: ndarray, normals: ndarray, places: ndarray, directions: ndarray
+) -> sparse.csr_array:
+    """Return the weights of vertices near some places (Franke and Little's, which are continuous).
+
+    Those of a vertex at the very place are those of this vertex alone.
+    """
+    tree = cKDTree(np.concatenate([vertices, _NORMALS * normals], axis=1))
+    gaps, near = tree.query(np.concatenate([places, _NORMALS * directions], axis=1), _CARRIERS)
+    reach = gaps[:, -1:]
+    weights = ((reach - gaps) / np.maximum(gaps, 1e-9 * reach)) ** 2
+    weights /= weights.sum(axis=1, keepdims=True)
+    rows = np.repeat(np.arange(len(places)), _CARRIERS)
+    return sparse.csr_array(
+        (weights.ravel(), (rows, near.ravel())), shape=(len(places), len(vertices))
+    )

@@ -1,0 +1,437 @@
+"""Shape and pose codes, after Zhou, Bhatnagar and Pons-Moll."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from types import MappingProxyType, ModuleType
+from typing import Any, Self
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.learned.codes import Codes
+from riemhuman.learned.networks import initial_network, network, network_shapes
+from riemhuman.learned.part_features import (
+    part_arrays,
+    read_parts,
+    scales_of,
+)
+from riemhuman.learned.parts import Parts, find_parts
+from riemhuman.learned.training import trained
+from riemhuman.learned.weight_files import Weights, check_training_bodies
+from riemhuman.surfaces.template import Template
+
+# Bodies that parts are found on, and vertices that count in a step.
+_BODIES_OF_PARTS, _VERTICES_OF_STEP = 500, 300
+# The error of a vertex that counts one, in metres, and what cycles count.
+_ERROR, _CYCLE = 0.02, 0.3
+
+
+class ShapePoseCodes(Codes):
+    r"""Two codes of a body, one of who it is and one of how it stands, by an autoencoder.
+
+    After Zhou, Bhatnagar and Pons-Moll [1]_: one encoder finds a shape code, another a pose code,
+    and a decoder makes the body from both. It is known who each body is, and nothing of the poses.
+    What is small after training:
+
+    - the error of a body that is decoded from its own pose code and the shape code of the same
+      person in another pose (they call it cross-consistency);
+    - for the shape code of one person and the pose code of another, what the decoder makes of
+      them must have these very codes, and with the second person's shape code it must give
+      the second person's body (self-consistency).
+
+    In place of convolutions on the mesh, bodies are turns and stretches of parts, see
+    `riemhuman.learned.parts`: the shape code is found from how parts are stretched, the pose code
+    from how they turn against their neighbours, and the decoder gives both. So codes do not know
+    where a body is or which way it faces.
+
+    Parameters
+    ----------
+    template : Template
+        What bodies are registered to; connected.
+    n_shape, n_pose : int
+        Numbers of entries of the codes.
+    n_parts : int
+        Number of parts.
+    n_hidden : int
+        Size of the hidden layers.
+    n_steps : int
+        Number of steps of training.
+    batch_size : int
+        Number of pairs of people of a step, each in two poses.
+    learning_rate : float
+        Largest length of a step.
+    random_state : int
+        Seed.
+
+    Attributes
+    ----------
+    parts_ : Parts
+        The parts.
+    parameters_ : dict of str to array
+        Parameters of the networks.
+    losses_ : array, shape (n_steps,)
+        What was lost at every step; only after `fit`.
+
+    References
+    ----------
+    .. [1] Zhou, Bhatnagar, Pons-Moll, "Unsupervised shape and pose disentanglement for 3D meshes",
+       ECCV 2020.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> codes = rh.learned.ShapePoseCodes.load_pretrained(bodies.template)
+    >>> found = codes.transform(bodies.points[:2])
+    >>> shape, pose = codes.split(found)
+    >>> shape.shape, pose.shape, codes.inverse_transform(found).shape
+    ((2, 16), (2, 64), (2, 1202, 3))
+    """
+
+    parts_: Parts
+    parameters_: dict[str, ndarray]
+    losses_: ndarray
+
+    _SETTINGS = ("n_shape", "n_pose", "n_parts", "n_hidden")
+    _SHIPPED = MappingProxyType({None: "shape_pose_codes.npz"})
+
+    def __init__(
+        self,
+        template: Template | None = None,
+        n_shape: int = 16,
+        n_pose: int = 64,
+        *,
+        n_parts: int = 96,
+        n_hidden: int = 192,
+        n_steps: int = 3000,
+        batch_size: int = 32,
+        learning_rate: float = 2e-3,
+        random_state: int = 0,
+    ) -> None:
+        self.template = template
+        self.n_shape = n_shape
+        self.n_pose = n_pose
+        self.n_parts = n_parts
+        self.n_hidden = n_hidden
+        self.n_steps = n_steps
+        self.batch_size = batch_size
+        self.learning_rate = learning_rate
+        self.random_state = random_state
+
+    def fit(
+        self,
+        X: ArrayLike,
+        y: ArrayLike,
+        *,
+        checkpoint: str | os.PathLike[str] | None = None,
+        progress: bool = False,
+    ) -> Self:
+        """Train the networks.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies, in metres.
+        y : array_like, shape (n,)
+            Who each body is; at least two people in at least two poses each. People who are there
+            once are left out.
+        checkpoint : path_like, optional
+            An .npz file that is written as training goes on. If it exists, training goes on from
+            there, and ends as if it had not stopped.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        ShapePoseCodes
+            The estimator itself.
+
+        Raises
+        ------
+        MissingDependencyError
+            If PyTorch is not installed.
+        ArgumentError
+            If bodies, labels or parameters are wrong.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        FileFormatError
+            If the checkpoint is of another training.
+        """
+        for name in (*self._SETTINGS, "n_steps", "batch_size"):
+            whole_number(getattr(self, name), name, minimum=1)
+        seed = whole_number(self.random_state, "random_state", minimum=0)
+        rate = real_number(self.learning_rate, "learning_rate", minimum=0.0, strict=True)
+        template, points = check_training_bodies(self.template, X)
+        self._start_on(template)
+        points, bodies_of = _by_person(points, y)
+        rng = np.random.default_rng(seed)
+        some = rng.permutation(len(points))[:_BODIES_OF_PARTS]
+        self.parts_ = find_parts(self._home, points[some], self.n_parts, rng)
+        features, frames = self.parts_.split(points)
+        self._center, self._scale = scales_of(features)
+        features = (features - self._center) / self._scale
+        placed = (points - points.mean(axis=1, keepdims=True)) @ frames
+        data = {
+            "features": features,
+            "points": placed,
+            "center": self._center,
+            "scale": self._scale,
+            "operator": self.parts_.operator,
+        }
+        start = self._initial(features, bodies_of, rng)
+
+        def loss(
+            torch: ModuleType,
+            parameters: Mapping[str, Any],
+            tensors: Mapping[str, Any],
+            rng: np.random.Generator,
+        ) -> Any:
+            return self._loss(torch, parameters, tensors, bodies_of, rng)
+
+        with single_threaded_libraries():
+            self.parameters_, self.losses_ = trained(
+                start,
+                data,
+                loss,
+                n_steps=self.n_steps,
+                seed=seed,
+                learning_rate=rate,
+                checkpoint=checkpoint,
+                progress=progress,
+            )
+        self._use(self.parameters_)
+        return self
+
+    def transform(self, X: ArrayLike) -> ndarray:
+        """Return the codes of bodies.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies over the template.
+
+        Returns
+        -------
+        array, shape (n, n_shape + n_pose)
+            The shape code, then the pose code, see `split`.
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was fitted, or the bodies do not fit the template.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        points = self._home_points(X)
+        features, _ = self.parts_.split(points)
+        features = (features - self._center) / self._scale
+        return np.concatenate(self._encoded(self._used, features), axis=1)
+
+    def inverse_transform(self, Z: ArrayLike) -> ndarray:
+        """Return the bodies with given codes.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_shape + n_pose)
+            Codes; those of shape and of pose may come from different bodies.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+            Bodies that face as the template does; their mean vertex is the origin.
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was fitted, or the codes have another length.
+        """
+        self._require_fit("parameters_")
+        codes = self._checked_codes(Z, self.n_shape + self.n_pose)
+        features = self._decoded(self._used, codes) * self._scale + self._center
+        return self._carried_back(self.parts_.surfaces(features))
+
+    def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
+        """Return the shape codes and the pose codes.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_shape + n_pose)
+            Codes.
+
+        Returns
+        -------
+        shape : array, shape (n, n_shape)
+        pose : array, shape (n, n_pose)
+        """
+        codes = self._checked_codes(Z, self.n_shape + self.n_pose)
+        return codes[:, : self.n_shape], codes[:, self.n_shape :]
+
+    def transfer(self, X: ArrayLike, poses: ArrayLike) -> ndarray:
+        """Return people in the poses of other bodies.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies who give the shape.
+        poses : array_like, shape (n, V, 3)
+            Bodies that give the pose.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If there are not as many of one as of the other, or they do not fit the template.
+        """
+        people, others = self.transform(X), self.transform(poses)
+        if len(people) != len(others):
+            raise ArgumentError(
+                f"X and poses must hold as many bodies; found {len(people)} and {len(others)}"
+            )
+        mixed = [self.split(people)[0], self.split(others)[1]]
+        return self.inverse_transform(np.concatenate(mixed, axis=1))
+
+    def _encoded(self, parameters: Any, features: Any, backend: ModuleType = np) -> list[Any]:
+        n_turns = 3 * self.parts_.n_parts
+        return [
+            network(parameters, "shape", features[:, n_turns:], backend),
+            network(parameters, "pose", features[:, :n_turns], backend),
+        ]
+
+    @staticmethod
+    def _decoded(parameters: Any, codes: Any, backend: ModuleType = np) -> Any:
+        found = [network(parameters, name, codes, backend) for name in ("turns", "stretches")]
+        return backend.concatenate(found, 1)
+
+    def _loss(
+        self,
+        torch: ModuleType,
+        parameters: Mapping[str, Any],
+        data: Mapping[str, Any],
+        bodies_of: list[ndarray],
+        rng: np.random.Generator,
+    ) -> Any:
+        size = min(self.batch_size, len(bodies_of) // 2)
+        people = rng.permutation(len(bodies_of))[: 2 * size]
+        chosen = np.array([rng.choice(bodies_of[person], 2, replace=False) for person in people])
+        # One person in two poses, and another person in two poses.
+        first, second = chosen.T
+        numbers = np.concatenate([first, second])
+        vertices = rng.permutation(data["operator"].shape[0])[:_VERTICES_OF_STEP]
+        operator = data["operator"][vertices]
+        features = data["features"][numbers]
+        wanted = data["points"][numbers][:, vertices]
+
+        def surfaces(decoded: Any) -> Any:
+            return self.parts_.surfaces(decoded * data["scale"] + data["center"], torch, operator)
+
+        def missed(found: Any, wanted: Any) -> Any:
+            return ((found - wanted) ** 2).sum(-1).mean() / _ERROR**2
+
+        shape, pose = self._encoded(parameters, features, torch)
+        n_bodies = 2 * size
+        swapped = torch.concatenate([shape[n_bodies:], shape[:n_bodies]], 0)
+        decoded = self._decoded(parameters, torch.concatenate([swapped, pose], 1), torch)
+        crossed = missed(surfaces(decoded), wanted) + ((decoded - features) ** 2).mean()
+
+        # The shape of the first half of the people, in poses of the other half.
+        here, there = slice(0, size), slice(size, n_bodies)
+        mixed = torch.concatenate([shape[here], pose[there]], 1)
+        again_shape, again_pose = self._encoded(
+            parameters, self._decoded(parameters, mixed, torch), torch
+        )
+        back = self._decoded(parameters, torch.concatenate([shape[there], again_pose], 1), torch)
+        cycle = missed(surfaces(back), wanted[there])
+        cycle = cycle + ((again_shape - shape[here].detach()) ** 2).mean()
+        same = ((shape[:n_bodies] - shape[n_bodies:]) ** 2).mean()
+        return crossed + _CYCLE * (cycle + 2.0 * same)
+
+    def _initial(
+        self, features: ndarray, bodies_of: list[ndarray], rng: np.random.Generator
+    ) -> dict[str, ndarray]:
+        """Return networks that begin as principal components."""
+        n_turns, n_codes = 3 * self.parts_.n_parts, self.n_shape + self.n_pose
+        found: dict[str, ndarray] = {}
+        for name, (n_in, n_out) in self._sizes().items():
+            found |= initial_network(name, n_in, self.n_hidden, n_out, rng)
+        means = np.stack([features[bodies, n_turns:].mean(axis=0) for bodies in bodies_of])
+        shapes, spreads = _components(means, self.n_shape)
+        poses, widths = _components(features[:, :n_turns], self.n_pose)
+        width = widths[widths > 0].mean() if widths.any() else 1.0
+        spreads = np.where(spreads > 0, spreads, 1.0)
+        turns, stretches = (
+            np.zeros((n_codes, n_turns)),
+            np.zeros((n_codes, 6 * self.parts_.n_parts)),
+        )
+        turns[self.n_shape :] = width * poses.T
+        stretches[: self.n_shape] = (shapes * spreads).T
+        linear = {"shape": shapes / spreads, "pose": poses / width}
+        linear |= {"turns": turns, "stretches": stretches}
+        return found | {f"{name}.L": part.astype(np.float32) for name, part in linear.items()}
+
+    def _sizes(self) -> dict[str, tuple[int, int]]:
+        n_turns, n_stretches = 3 * self.parts_.n_parts, 6 * self.parts_.n_parts
+        n_codes = self.n_shape + self.n_pose
+        return {
+            "shape": (n_stretches, self.n_shape),
+            "pose": (n_turns, self.n_pose),
+            "turns": (n_codes, n_turns),
+            "stretches": (n_codes, n_stretches),
+        }
+
+    def _use(self, parameters: Mapping[str, ndarray]) -> None:
+        self._used = {name: array.astype(np.float64) for name, array in parameters.items()}
+
+    def _settings(self) -> dict[str, int]:
+        return super()._settings() | {"n_parts": self.parts_.n_parts}
+
+    def _arrays(self) -> dict[str, ndarray]:
+        scales = {"center": self._center, "scale": self._scale}
+        return self.parameters_ | scales | part_arrays(self.parts_)
+
+    def _read(self, weights: Weights) -> None:
+        self.parts_ = read_parts(weights, self._home, self.n_parts)
+        self._center = weights.numbers("center", (9 * self.parts_.n_parts,))
+        self._scale = weights.positive("scale", (9 * self.parts_.n_parts,))
+        self._used = {
+            name: weights.numbers(name, shape)
+            for network_name, (n_in, n_out) in self._sizes().items()
+            for name, shape in network_shapes(network_name, n_in, self.n_hidden, n_out).items()
+        }
+        self.parameters_ = {name: array.astype(np.float16) for name, array in self._used.items()}
+
+
+def _by_person(points: ndarray, y: ArrayLike) -> tuple[ndarray, list[ndarray]]:
+    """Return the bodies of people who are there more than once, and which are whose."""
+    labels = np.asarray(y)
+    if labels.shape != (len(points),):
+        raise ArgumentError(
+            f"y must have shape ({len(points)},), one label a body; found {labels.shape}"
+        )
+    _, person = np.unique(labels, return_inverse=True)
+    kept = np.bincount(person)[person] > 1
+    points, person = points[kept], np.unique(person[kept], return_inverse=True)[1]
+    n_people = int(person.max(initial=-1)) + 1
+    if n_people < 2:
+        raise ArgumentError(
+            f"y must name at least two people in at least two poses each; found {n_people}"
+        )
+    return points, [np.flatnonzero(person == number) for number in range(n_people)]
+
+
+def _components(rows: ndarray, count: int) -> tuple[ndarray, ndarray]:
+    """Return principal directions as columns, and the deviations along them; zero past the last."""
+    directions, deviations = np.zeros((rows.shape[1], count)), np.zeros(count)
+    values, vectors = np.linalg.eigh(rows.T @ rows / len(rows))
+    n_found = min(count, len(values))
+    directions[:, :n_found] = vectors[:, ::-1][:, :n_found]
+    deviations[:n_found] = np.sqrt(np.maximum(values[::-1][:n_found], 0.0))
+    return directions, deviations

@@ -1,0 +1,174 @@
+"""Training of networks with PyTorch: seeded, on one thread, and taken up again where it stopped."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.optional import import_optional
+from riemhuman.progress import ProgressBar
+from riemhuman.storage.array_files import load_arrays, save_arrays
+
+Loss = Callable[[ModuleType, dict[str, Any], Mapping[str, Any], np.random.Generator], Any]
+
+STEPS_BETWEEN = 200
+"""Number of steps between two checkpoints."""
+
+_WARM_UP = 0.05
+_MOMENTS = ("exp_avg", "exp_avg_sq")
+
+
+def trained(
+    parameters: Mapping[str, ndarray],
+    data: Mapping[str, ndarray],
+    loss: Loss,
+    *,
+    n_steps: int,
+    seed: int,
+    learning_rate: float = 2e-3,
+    checkpoint: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> tuple[dict[str, ndarray], ndarray]:
+    """Return the parameters that Adam finds, and what was lost at every step.
+
+    Every step draws from a generator of its own, so that a training that was taken up again does
+    the same as one that was never stopped, bit for bit. It runs on one thread: sums over several
+    would depend on their number.
+
+    Parameters
+    ----------
+    parameters : mapping of str to array
+        Where training starts.
+    data : mapping of str to array
+        What `loss` needs: given to it as tensors, in single precision.
+    loss : callable
+        Takes PyTorch, parameters and data as tensors, and a generator for the batch, to the number
+        that is to become small.
+    n_steps : int
+        Number of steps.
+    seed : int
+        Seed of the batches.
+    learning_rate : float
+        Largest length of a step; it rises at first and falls to 0 as half a cosine.
+    checkpoint : path_like, optional
+        An .npz file that is written every 200 steps, and from which training goes on if
+        it exists.
+    progress : bool
+        Whether to show a progress bar.
+
+    Returns
+    -------
+    parameters : dict of str to array
+        Rounded to half precision, in which they are kept.
+    losses : array, shape (n_steps,)
+
+    Raises
+    ------
+    MissingDependencyError
+        If PyTorch is not installed.
+    FileFormatError
+        If the checkpoint is of another training.
+    ArgumentError
+        If the loss is not finite.
+    """
+    torch = import_optional("torch", "learned")
+    file = None if checkpoint is None else Path(checkpoint)
+    losses = np.zeros(n_steps)
+    origin = _origin(parameters, data, n_steps, seed, learning_rate)
+    with _one_thread(torch):
+        tensors = {name: torch.tensor(array) for name, array in parameters.items()}
+        fixed = {name: torch.tensor(np.float32(array)) for name, array in data.items()}
+        for tensor in tensors.values():
+            tensor.requires_grad_(True)
+        adam = torch.optim.Adam(tensors.values(), lr=learning_rate, foreach=False)
+        first = 0
+        if file is not None and file.exists():
+            first = _restore(torch, file, origin, tensors, adam, losses)
+        bar = ProgressBar(range(first, n_steps), disable=not progress, unit="step")
+        for step in bar:
+            for group in adam.param_groups:
+                group["lr"] = learning_rate * _pace(step, n_steps)
+            adam.zero_grad()
+            value = loss(torch, tensors, fixed, np.random.default_rng([seed, step]))
+            value.backward()
+            losses[step] = float(value.detach())
+            if not np.isfinite(losses[step]):
+                raise ArgumentError(f"the loss is not finite at step {step}; try a smaller step")
+            torch.nn.utils.clip_grad_norm_(tensors.values(), 1.0)
+            adam.step()
+            if step % 20 == 0:
+                bar.set_postfix(loss=f"{losses[max(0, step - 50) : step + 1].mean():.4g}")
+            if file is not None and (step + 1) % STEPS_BETWEEN == 0:
+                _keep(file, origin, tensors, adam, losses, step + 1)
+    found = {name: tensor.detach().numpy() for name, tensor in tensors.items()}
+    return {name: array.astype(np.float16) for name, array in found.items()}, losses
+
+
+def _pace(step: int, n_steps: int) -> float:
+    rise = max(1.0, _WARM_UP * n_steps)
+    return float(min(1.0, (step + 1) / rise) * 0.5 * (1.0 + np.cos(np.pi * step / n_steps)))
+
+
+def _origin(parameters: Any, data: Any, *settings: Any) -> str:
+    """Return what a training is known by: where it starts, its data and its settings."""
+    found = hashlib.sha256(repr(settings).encode())
+    for arrays in (parameters, data):
+        for name in sorted(arrays):
+            found.update(name.encode())
+            found.update(np.ascontiguousarray(arrays[name], dtype=np.float32).tobytes())
+    return found.hexdigest()
+
+
+def _keep(file: Path, origin: str, tensors: Any, adam: Any, losses: ndarray, step: int) -> None:
+    arrays = {"origin": np.array(origin), "step": np.array(step), "losses": losses}
+    for name, tensor in tensors.items():
+        arrays[f"parameter {name}"] = tensor.detach().numpy()
+        for moment in _MOMENTS:
+            arrays[f"{moment} {name}"] = adam.state[tensor][moment].numpy()
+    save_arrays(file, arrays)
+
+
+def _restore(
+    torch: ModuleType, file: Path, origin: str, tensors: Any, adam: Any, losses: ndarray
+) -> int:
+    pairs = [(kind, name) for name in tensors for kind in ("parameter", *_MOMENTS)]
+    names = [f"{kind} {name}" for kind, name in pairs]
+    arrays = load_arrays(file, ["origin", "step", "losses", *names], [])
+    if arrays["origin"].shape != () or str(arrays["origin"]) != origin:
+        raise FileFormatError(
+            f"{file} is a checkpoint of another training: with other data, parameters or seed. "
+            "Remove it, or name another file"
+        )
+    shapes = {f"{kind} {name}": tuple(tensors[name].shape) for kind, name in pairs}
+    shapes |= {"step": (), "losses": losses.shape}
+    if any(arrays[name].shape != shape for name, shape in shapes.items()):
+        raise FileFormatError(f"{file} is damaged: its arrays have other shapes than the networks")
+    step = int(arrays["step"])
+    losses[:] = arrays["losses"]
+    for name, tensor in tensors.items():
+        with torch.no_grad():
+            tensor.copy_(torch.tensor(arrays[f"parameter {name}"]))
+        adam.state[tensor] = {
+            "step": torch.tensor(float(step)),
+            **{moment: torch.tensor(arrays[f"{moment} {name}"]) for moment in _MOMENTS},
+        }
+    return step
+
+
+@contextmanager
+def _one_thread(torch: ModuleType) -> Iterator[None]:
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -1,0 +1,101 @@
+"""Shape and pose codes that ship, on people and poses that were no part of training."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.learned import CodeDescriptor, ShapePoseCodes
+from riemhuman.learned.evaluate import UnseenBodies, mean_error
+from riemhuman.retrieval import scores
+from riemhuman.surfaces.template import Template
+
+
+@pytest.fixture(scope="module")
+def codes():
+    return ShapePoseCodes.load_pretrained()
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return UnseenBodies("random")
+
+
+def test_bodies_come_back_and_shape_and_pose_come_apart(codes, bodies):
+    found = codes.transform(bodies.points)
+    assert mean_error(codes.inverse_transform(found), bodies.points) < 15.0
+    people, others, truth = bodies.transfers()
+    moved = codes.transfer(bodies.points[people], bodies.points[others])
+    assert mean_error(moved, truth) < 20.0
+    shape, pose = codes.split(found)
+    np.testing.assert_array_equal(np.concatenate([shape, pose], axis=1), found)
+    mixed = np.concatenate([shape[people], pose[others]], axis=1)
+    np.testing.assert_allclose(codes.inverse_transform(mixed), moved)
+
+
+def test_codes_do_not_know_place_nor_heading(codes, bodies):
+    turn = Rotation.from_rotvec([0.3, 2.0, -0.4]).as_matrix()
+    moved = bodies.points[:3] @ turn.T + [1.0, 2.0, 3.0]
+    np.testing.assert_allclose(
+        codes.transform(moved), codes.transform(bodies.points[:3]), atol=1e-6
+    )
+
+
+def test_refined_template_gives_nearly_the_same_codes_and_its_own_surfaces(codes):
+    full = load_open_model("full")
+    coarse = load_open_bodies("coarse")
+    fine = full(coarse.betas[:2], coarse.pose_vectors[:2])
+    small = coarse.model(coarse.betas[:2], coarse.pose_vectors[:2])
+    on_full = codes.on(full.template)
+    found = on_full.transform(fine)
+    spread = codes.transform(coarse.points).std(axis=0)
+    assert (np.abs(found - codes.transform(small)) / spread).mean() < 0.05
+    assert on_full.inverse_transform(found).shape == fine.shape
+    assert mean_error(on_full.inverse_transform(found), fine) < 15.0
+
+
+def test_another_template_with_a_correspondence(codes, bodies):
+    # Another person, in another pose, with the vertices in another order.
+    order = np.random.default_rng(0).permutation(bodies.points.shape[1])
+    template = Template(bodies.points[0][order], np.argsort(order)[codes.template_.faces])
+    other = codes.on(template, np.argsort(order))
+    points = bodies.points[:3, order]
+    np.testing.assert_allclose(
+        other.transform(points), codes.transform(bodies.points[:3]), atol=1e-9
+    )
+    found = other.inverse_transform(other.transform(points))
+    assert mean_error(found, points) < 15.0
+    assert other.template_ is template
+
+
+def test_open_bodies_tell_who_and_how():
+    open_bodies = load_open_bodies("coarse")
+    codes = ShapePoseCodes.load_pretrained()
+    for which, labels in (("shape", open_bodies.subject), ("pose", open_bodies.pose)):
+        descriptor = CodeDescriptor(codes, which)
+        found = descriptor.describe_all(open_bodies)
+        assert scores(descriptor.distances(found), labels).nn > 95.0
+        one = descriptor.describe(open_bodies.points[0], open_bodies.template.faces)
+        np.testing.assert_allclose(one, found[0])
+
+
+def test_refuses(codes, bodies):
+    with pytest.raises(ArgumentError, match="the template has 1202"):
+        codes.transform(np.zeros((2, 7, 3)))
+    with pytest.raises(ArgumentError, match="X must have shape"):
+        codes.transform(bodies.points[0])
+    with pytest.raises(DegenerateSurfaceError):
+        codes.transform(0.0 * bodies.points[:1])
+    with pytest.raises(ArgumentError, match="Z"):
+        codes.inverse_transform(np.zeros((2, 7)))
+    with pytest.raises(ArgumentError, match="as many bodies"):
+        codes.transfer(bodies.points[:2], bodies.points[:1])
+    with pytest.raises(ArgumentTypeError, match="template must be a Template"):
+        codes.on(bodies.points[0])
+    with pytest.raises(ArgumentTypeError, match="template must be a Template to train on"):
+        ShapePoseCodes().fit(bodies.points, bodies.subject)
+    with pytest.raises(ArgumentError, match="n_pose"):
+        ShapePoseCodes(codes.template_, n_pose=0).fit(bodies.points, bodies.subject)
+    with pytest.raises(ArgumentError, match="which"):
+        CodeDescriptor(codes, "intrinsic")

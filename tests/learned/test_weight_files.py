@@ -1,0 +1,94 @@
+"""A file of a network is data: what does not fit is refused by name."""
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ArgumentError, FileError, FileFormatError, MissingDependencyError
+from riemhuman.learned import IntrinsicExtrinsicCodes, MetricCodes, ShapePoseCodes
+from riemhuman.learned.codes import FOLDER
+from riemhuman.storage.array_files import load_arrays, save_arrays
+
+FILE = FOLDER / "shape_pose_codes.npz"
+KINDS = {"shape_pose_codes": ShapePoseCodes, "intrinsic_extrinsic_codes": IntrinsicExtrinsicCodes}
+KINDS |= {f"metric_codes_{which}": MetricCodes for which in ("shape", "pose")}
+
+
+@pytest.fixture(scope="module")
+def arrays():
+    return load_arrays(FILE, [])
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_shipped_files_are_small_and_written_again_the_same(name, tmp_path):
+    file = FOLDER / f"{name}.npz"
+    assert file.stat().st_size <= 2e6
+    codes = KINDS[name].load(file)
+    codes.save(tmp_path / "again.npz")
+    assert (tmp_path / "again.npz").read_bytes() == file.read_bytes()
+
+
+def nan(array):
+    array = array.copy()
+    array.flat[0] = np.nan
+    return array
+
+
+def circle(parents):
+    parents = parents.copy()
+    child = np.flatnonzero(parents == np.flatnonzero(parents < 0)[0])[0]
+    parents[child] = child
+    return parents
+
+
+BAD = {
+    "format_version": (lambda a: np.array(99), "format version 99"),
+    "kind": (lambda a: np.array("MetricCodes"), "expected 'ShapePoseCodes'"),
+    "n_shape": (lambda a: np.array(-1), "n_shape must be at least 1"),
+    "n_pose": (lambda a: np.array(3.5), "n_pose must be whole numbers of shape"),
+    "n_hidden": (lambda a: a + 1, "must be real numbers of shape"),
+    "shape.A": (nan, "shape.A holds numbers that are not finite"),
+    "pose.L": (lambda a: a[1:], "pose.L must be real numbers of shape"),
+    "turns.b3": (lambda a: a.astype(str), "turns.b3 must be real numbers"),
+    "scale": (lambda a: np.zeros_like(a), "scale must be positive"),
+    "part_of": (lambda a: a + 1, "part_of must hold whole numbers from 0"),
+    "part_parents": (circle, "part_parents must be a tree"),
+    "template_faces": (lambda a: a + 5000, "shape_pose_codes|vertices"),
+    "template_vertices": (nan, "finite"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_does_not_fit_is_refused(name, arrays, tmp_path):
+    change, message = BAD[name]
+    file = tmp_path / "bad.npz"
+    save_arrays(file, arrays | {name: change(arrays[name])})
+    with pytest.raises(FileFormatError, match=message) as refused:
+        ShapePoseCodes.load(file)
+    assert "bad.npz" in str(refused.value)
+
+
+def test_missing_fields_files_and_pickles_are_refused(arrays, tmp_path):
+    file = tmp_path / "bad.npz"
+    save_arrays(file, {name: array for name, array in arrays.items() if name != "shape.C"})
+    with pytest.raises(FileFormatError, match=r"lacks the field shape\.C"):
+        ShapePoseCodes.load(file)
+    np.savez(file, **(arrays | {"shape.C": np.array([{}], dtype=object)}))
+    with pytest.raises(FileFormatError, match="objects of Python"):
+        ShapePoseCodes.load(file)
+    with pytest.raises(FileError):
+        ShapePoseCodes.load(tmp_path / "none.npz")
+
+
+@pytest.mark.parametrize("kind", [ShapePoseCodes, IntrinsicExtrinsicCodes, MetricCodes])
+def test_nothing_fitted(kind, tmp_path):
+    for use in (lambda codes: codes.transform(np.zeros((1, 5, 3))), lambda codes: codes.save("x")):
+        with pytest.raises(ArgumentError, match="must be fitted first"):
+            use(kind())
+
+
+def test_training_names_the_extra_that_it_needs(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "torch", None)
+    from riemhuman.learned.training import trained
+
+    with pytest.raises(MissingDependencyError, match=r"riemhuman\[learned\]"):
+        trained({}, {}, lambda *_: 0.0, n_steps=1, seed=0)
