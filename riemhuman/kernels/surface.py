@@ -20,7 +20,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 
 from riemhuman.checks import refuse_triangles
-from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.kernels.linear import apply_operator, entry
 
 DEGENERATE = 8 * np.finfo(float).eps
@@ -190,8 +190,16 @@ def symmetric_matrices(e: ndarray, m: ndarray, g: ndarray) -> ndarray:
     Returns
     -------
     array, shape (..., 2, 2)
+
+    Raises
+    ------
+    ArgumentError
+        If the shapes differ.
     """
-    matrices = np.empty((*np.shape(e), 2, 2))
+    shapes = np.shape(e), np.shape(m), np.shape(g)
+    if len(set(shapes)) > 1:
+        raise ArgumentError(f"entries of matrices must be of one shape; found {shapes}")
+    matrices = np.empty((*shapes[0], 2, 2))
     matrices[..., 0, 0], matrices[..., 1, 1] = e, g
     matrices[..., 0, 1] = matrices[..., 1, 0] = m
     return matrices

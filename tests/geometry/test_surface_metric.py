@@ -15,6 +15,7 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.kernels import triangles
 
 SPACE = AlignedSurfaces(sphere_template(2), equip=False)
 METRICS = {
@@ -177,3 +178,15 @@ def test_energies_leave_nothing_behind():
     again = pickle.loads(pickle.dumps(metric))
     assert again.energy(path) == metric.energy(path)
     assert "_compiled_energy" not in metric.__getstate__()
+
+
+def test_an_energy_alone_does_without_its_gradient(monkeypatch):
+    metric = ElasticMetric(SPACE, 1.0, 0.3, 0.2)
+    path = surfaces(SPACE.template, 3, rng=4)
+    expected, _ = metric.energy_and_gradient(path)
+
+    def fail(*_):
+        raise AssertionError("slopes were added up")
+
+    monkeypatch.setattr(triangles, "add_gradient", fail)
+    assert metric.energy(path) == expected

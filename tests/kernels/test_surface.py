@@ -3,9 +3,11 @@
 import numpy as np
 import oracles
 import pytest
-from autograd import grad
+from autograd import grad, make_jvp
+from autograd import numpy as anp
 from cases import TEMPLATES, deformations, sphere_template, surfaces
 
+from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface
 from riemhuman.terms import RootNormalTerm
 
@@ -100,6 +102,26 @@ def test_kernels_of_one_triangle():
     np.testing.assert_array_equal(surface.first_fundamental_form(f_u, f_v), [[[4, 2], [2, 10]]])
     np.testing.assert_array_equal(surface.unit_normals(f_u, f_v), [[0, 0, 1]])
     np.testing.assert_allclose(square_root_normals(f_u, f_v), [[0, 0, np.sqrt(6)]])
+
+
+def test_matrices_are_made_of_entries_of_one_shape():
+    with pytest.raises(ArgumentError, match=r"one shape; found \(\(2,\), \(\), \(2,\)\)"):
+        surface.symmetric_matrices(np.ones(2), np.float64(0.0), np.ones(2))
+
+
+@pytest.mark.parametrize("shape", [(), (5,), (2, 4)])
+def test_inner_products_of_vectors(shape):
+    rng = np.random.default_rng(3)
+    a, b, w = rng.standard_normal((*shape, 3)), rng.standard_normal((4, 3)), 0.7
+    if shape == (5,):
+        b = b[0]
+    np.testing.assert_allclose(surface.dot(a, b), np.sum(a * b, axis=-1), rtol=1e-14, atol=1e-15)
+    for k in range(2):
+        found = grad(lambda x, y: w * anp.sum(surface.dot(x, y) ** 2), k)(a, b)
+        expected = grad(lambda x, y: w * anp.sum(anp.sum(x * y, axis=-1) ** 2), k)(a, b)
+        np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14)
+        first = make_jvp(surface.dot, k)(a, b)((a, b)[k])[1]
+        np.testing.assert_allclose(first, surface.dot(a, b), rtol=1e-14)
 
 
 def test_degenerate_triangles():
