@@ -133,7 +133,7 @@ def _block(
 ) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Return the squared differences of two vectors from four, summed from `first` to `last`.
 
-    Of what is read, each number serves two or four sums: matrix products are as fast by this.
+    Of what is read, each number serves two or four sums, as in a product of matrices.
     """
     u, v = a[i[0], first:last], a[i[1], first:last]
     p, q, r, s = b[j[0], first:last], b[j[1], first:last], b[j[2], first:last], b[j[3], first:last]
