@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import metric_weight, real_array, whole_number
+from riemhuman.checks import metric_weight, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
@@ -65,18 +65,20 @@ class RateInvariantMetric(RiemannianMetric):
     surface; see `riemhuman.motions.transported_velocities`. As the reference is the same for all,
     all q lie in one Euclidean space, where re-timing acts by isometries: d is a metric on motions
     modulo re-timing. The transported velocities of a motion add up to a curve, a cubic spline of
-    the frames, of which chords of equal arcs are compared; the re-timing of these polygons is found
-    to `n_steps`. As velocities are compared, and not bodies, few frames cost it more than
-    `DynamicTimeWarping`: no spline knows what happens between frames that are far apart. How a
-    motion stands as it begins counts by the weight w alone; without it, two motions that change
-    alike in different poses would be one.
+    the frames; it is averaged along its length, as `smoothing` says, and chords of equal arcs are
+    compared; the re-timing of these polygons is found to `n_steps`. None of these steps depends on
+    a second motion, so d remains a metric. As velocities are compared, and not bodies, few frames
+    cost it more than `DynamicTimeWarping`: no spline knows what happens between frames that are far
+    apart. How a motion stands as it begins counts by the weight w alone; without it, two motions
+    that change alike in different poses would be one.
 
     Parameters
     ----------
     space : MotionSpace
         Space of motions.
     metric : PulledBackMetric, optional
-        Metric on frames, such as `ElasticMetric` or `SRNFMetric`; by default that of their space.
+        Metric on frames, such as `ElasticMetric`, `RotationMetric` or `SRNFMetric`; by default that
+        of their space.
     reference : array, shape (V, 3), optional
         The reference surface, by default the template.
     start_weight : float
@@ -84,6 +86,10 @@ class RateInvariantMetric(RiemannianMetric):
     n_segments : int
         Number of chords that stand for a motion. More of them tell finer movements apart, and need
         more frames.
+    smoothing : float
+        Standard deviation of the Gaussian mean along the curve, as a share of its length. Of
+        movements shorter than that, such as noise and triangles that flip in the crease of a
+        joint, little is left: two samplings of a motion lose the same. At 0 all is compared.
     n_steps : int
         Steps in which re-timing is found within each pair of segments.
     n_components : int, optional
@@ -120,6 +126,7 @@ class RateInvariantMetric(RiemannianMetric):
         *,
         start_weight: float = 1.0,
         n_segments: int = 60,
+        smoothing: float = 0.03,
         n_steps: int = 8,
         n_components: int | None = None,
     ) -> None:
@@ -132,6 +139,7 @@ class RateInvariantMetric(RiemannianMetric):
             self.reference = space.frames.check_immersed(surface, "reference")
         self.start_weight = metric_weight(start_weight, "start_weight")
         self.n_segments = whole_number(n_segments, "n_segments", minimum=1)
+        self.smoothing = real_number(smoothing, "smoothing", minimum=0.0)
         self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
         self.n_components = n_components
         if n_components is not None:
@@ -267,7 +275,8 @@ class RateInvariantMetric(RiemannianMetric):
     def _curve(self, motion: Motion, name: str, projection: Projection | None = None) -> Curve:
         if n_frames_of(motion, name) < 2:
             raise ArgumentError(f"{name} must have at least 2 frames; found 1")
-        segments, places = even_segments(self._velocities.segments(motion, name), self.n_segments)
+        sides = self._velocities.segments(motion, name)
+        segments, places = even_segments(sides, self.n_segments, self.smoothing)
         lengths = np.sqrt(np.einsum("ij,ij->i", segments, segments))
         directions = segments / np.sqrt(np.where(lengths > 0.0, lengths, 1.0))[:, None]
         if projection is not None:

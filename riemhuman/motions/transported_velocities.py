@@ -17,7 +17,9 @@ from numpy import ndarray
 from riemhuman.errors import NotDefinedError
 from riemhuman.geometry.metric_fields import EbinMetric
 from riemhuman.geometry.normal_fields import NormalFieldMetric
+from riemhuman.geometry.rotation_fields import RotationFieldMetric
 from riemhuman.geometry.vector_space import FlatMetric
+from riemhuman.kernels.special_orthogonal import axial, transpose
 from riemhuman.motions.frames import Motion, frame_runs
 from riemhuman.protocols import PulledBackMetric, SpaceOfFactors
 from riemhuman.terms import ebin_tangent
@@ -43,7 +45,7 @@ class TransportedVelocities:
         if not isinstance(metric, PulledBackMetric):
             raise NotDefinedError(
                 f"rate-invariant distances need a metric of fields with log and transport, such as "
-                f"ElasticMetric or SRNFMetric; found {type(metric).__name__}"
+                f"ElasticMetric, RotationMetric or SRNFMetric; found {type(metric).__name__}"
             )
         self._metric: Any = metric
         self._fields: Any = metric.target_metric
@@ -112,14 +114,17 @@ def _chart(metric: Any, base: ndarray, weight: float) -> Any:
     if isinstance(metric, NormalFieldMetric):
         roots = np.sqrt(weight * metric.space.template.face_areas)[:, None]
         return lambda v: (roots * v).reshape(len(v), -1)
+    if isinstance(metric, RotationFieldMetric):
+        roots = np.sqrt(weight * metric.space.template.face_areas)[:, None]
+        return lambda v: (roots * axial(np.matmul(transpose(base), v))).reshape(len(v), -1)
     if isinstance(metric, FlatMetric):
         roots = np.sqrt(weight * metric.covector(np.ones(metric.space.shape), base))
         return lambda v: (roots * v).reshape(len(v), -1)
     if isinstance(metric, EbinMetric):
         return _ebin_chart(metric, base, weight)
     raise NotDefinedError(
-        f"rate-invariant distances know the fields of elastic metrics and of flat terms; "
-        f"found {type(metric).__name__}"
+        f"rate-invariant distances know the fields of elastic metrics, of rotations and of flat "
+        f"terms; found {type(metric).__name__}"
     )
 
 

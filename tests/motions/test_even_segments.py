@@ -37,6 +37,38 @@ def test_curve_that_turns_back():
     np.testing.assert_allclose(chords, expected, atol=1e-4)
 
 
+def test_gaussian_mean_of_a_helix_is_a_thinner_helix():
+    """Six turns; a circle's mean over σ radians has the radius exp(−σ²/2)."""
+    points = helix(np.linspace(0.0, 6.0, 181))
+    chords, places = even_segments(np.diff(points, axis=0), 120, smoothing=0.02)
+    middle = chords[50:70]
+    turned = 2.0 * middle[:, 2]
+    radii = np.hypot(middle[:, 0], middle[:, 1]) / (2.0 * np.sin(0.5 * turned))
+    np.testing.assert_allclose(radii, np.exp(-0.5 * (0.02 * 12.0 * np.pi) ** 2), rtol=1e-3)
+    # The ends stay, and places follow: a thinner helix turns faster along its length.
+    np.testing.assert_allclose(chords.sum(axis=0), points[-1] - points[0], atol=1e-10)
+    found = np.interp(places, np.arange(181), np.linspace(0.0, 6.0, 181))
+    np.testing.assert_allclose(2.0 * np.pi * np.diff(found)[50:70], turned, rtol=1e-3)
+
+
+def test_gaussian_mean_of_a_line_is_the_line():
+    chords, places = even_segments(np.array([[1.0, 2.0], [2.0, 4.0], [1.0, 2.0]]), 8, 0.1)
+    np.testing.assert_allclose(chords, np.full((8, 2), [0.5, 1.0]), rtol=2e-6)
+    assert (np.diff(places) > 0).all()
+
+
+def test_what_two_samplings_do_not_share_is_smoothed_away():
+    """A jolt between two frames of one sampling, of which the other has none."""
+    plain = np.diff(helix(EVEN), axis=0)
+    jolt = np.array([0.0, 0.3, 0.0])
+    jolted = np.insert(plain, [30, 30], [jolt, -jolt], axis=0)
+    gaps = []
+    for smoothing in (0.0, 0.03):
+        one, other = (np.cumsum(even_segments(s, 24, smoothing)[0], axis=0) for s in (plain, jolted))
+        gaps.append(np.linalg.norm(one - other))
+    assert gaps[1] < 0.6 * gaps[0]
+
+
 def test_pauses_change_nothing_but_places():
     segments = np.diff(helix(EVEN), axis=0)
     paused = np.insert(segments, [0, 20, 20, 59], 0.0, axis=0)

@@ -113,13 +113,14 @@ def metric(motion_space):
 
 
 class TestVelocities:
-    @pytest.mark.parametrize("name", ["normals", "elastic", "srnf"])
+    @pytest.mark.parametrize("name", ["normals", "elastic", "srnf", "rotations"])
     def test_coordinates_are_orthonormal(self, space, motions, name):
         """Lengths and angles of transported velocities are those of the metric of fields."""
         metric = {
             "normals": rh.ElasticMetric(space, a=0.0, lam=0.0, c=2.0),
             "elastic": rh.ElasticMetric(space, a=1.0, lam=0.5, c=0.3),
             "srnf": rh.SRNFMetric(space),
+            "rotations": rh.RotationMetric(space),
         }[name]
         reference = motions[1][0]
         segments = TransportedVelocities(metric, reference).segments(motions[0][:3])
@@ -151,10 +152,14 @@ class TestMotions:
         held = np.repeat(motions[0], [1, 3, 1, 2, 1, 1, 1, 1, 1, 4], axis=0)
         assert metric.dist(motions[0], held) == pytest.approx(0.0, abs=1e-6)
 
-    def test_re_timing_is_less_than_another_person(self, metric, open_motions):
+    def test_re_timing_is_less_than_another_person(self, metric, motion_space, open_motions):
         arms, other = open_motions[2], open_motions[5]
-        retimed = metric.dist(arms[:101], arms[:101:2])
-        assert retimed < 0.15 * metric.dist(arms[:101:2], other[:101:2])
+        sharp = rh.motions.RateInvariantMetric(motion_space, smoothing=0.0)
+        shares = [
+            each.dist(arms[:101], arms[:101:2]) / each.dist(arms[:101:2], other[:101:2])
+            for each in (metric, sharp)
+        ]
+        assert shares[0] < 0.6 * shares[1] < 0.09
 
     def test_known_re_timing_is_recovered(self, metric, full_motion, retiming):
         places, frames = retiming
@@ -209,6 +214,10 @@ class TestBadInput:
         damaged[4, 0, 0] = np.inf
         with pytest.raises(rh.RiemhumanError, match=r"frame 4 of points\[1\] holds NaN"):
             metric.dist_pairwise([motions[0], damaged])
+
+    def test_smoothing_below_zero(self, motion_space):
+        with pytest.raises(rh.RiemhumanError, match="smoothing must be"):
+            rh.motions.RateInvariantMetric(motion_space, smoothing=-0.1)
 
     def test_reference_without_area(self, motion_space):
         with pytest.raises(rh.RiemhumanError, match="reference must have an area"):
