@@ -111,27 +111,27 @@ def at_places(motion, places):
     return motion.model(motion.betas, pose_vectors(turns, motion.model))
 
 
-# Chords and smoothing were chosen on re-timings of the lean runner and the average woman.
-CHOSEN_ON, UNSEEN = ("lean runner", "average woman"), ("older heavy man", "slim young woman")
+def pairs_of_motions():
+    """Return pairs of one motion by two people, other than those whom settings were chosen on.
 
-
-def same_motions(people):
-    """Return pairs of motions, the first person's and the second's."""
+    Chords and smoothing were chosen on the lean runner and the average woman.
+    """
+    people = "older heavy man", "slim young woman"
     one, other = (rh.datasets.load_open_motions("coarse", person) for person in people)
     return list(zip(one, other, strict=True))
 
 
 @pytest.mark.parametrize("n_times", [None, 60, 40, 24])
-def test_known_re_timings(n_times, people=UNSEEN, seed=23):
+def test_known_re_timings(n_times):
     """A motion and its own re-timing: the warp in frames, the distance beside other people's."""
     finer = {"n_times": 100} if n_times else {}
     measures = {
         "time warping, between frames": warping(between_frames=True, **finer),
         "rate-invariant": rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())),
     }
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(23)
     results = {name: ([], [], []) for name in measures}
-    for one, other in same_motions(people):
+    for one, other in pairs_of_motions():
         count = n_times or len(one)
         places = random_places(len(one), count, rng)
         even = np.linspace(0, len(one) - 1, count)
@@ -167,7 +167,7 @@ def test_what_few_numbers_tell_of_a_motion(smoothing):
     """
     motions = rh.motions.MotionSpace(space())
     metric = rh.motions.RateInvariantMetric(motions, smoothing=smoothing)
-    pairs = same_motions(UNSEEN)
+    pairs = pairs_of_motions()
     usual = np.median([metric.dist(one[:], other[:]) for one, other in pairs])
     every = [metric._velocities.segments(one[:]) for one, _ in pairs]
 

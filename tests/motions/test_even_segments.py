@@ -64,7 +64,8 @@ def test_what_two_samplings_do_not_share_is_smoothed_away():
     jolted = np.insert(plain, [30, 30], [jolt, -jolt], axis=0)
     gaps = []
     for smoothing in (0.0, 0.03):
-        one, other = (np.cumsum(even_segments(s, 24, smoothing)[0], axis=0) for s in (plain, jolted))
+        chords = (even_segments(sides, 24, smoothing)[0] for sides in (plain, jolted))
+        one, other = (np.cumsum(each, axis=0) for each in chords)
         gaps.append(np.linalg.norm(one - other))
     assert gaps[1] < 0.6 * gaps[0]
 
