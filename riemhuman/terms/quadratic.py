@@ -179,9 +179,8 @@ class SumOfQuadraticTerms:
         n_segments = len(path) - 1
         surfaces, steps = by_vertex(0.5 * (path[:-1] + path[1:])), by_vertex(np.diff(path, axis=0))
         if not gradient:
-            return n_segments * sum(
-                term.squared_norms(steps, surfaces) for term in self.terms
-            ), None
+            values = sum(term.squared_norms(steps, surfaces) for term in self.terms)
+            return n_segments * float(values), None
         parts = [term.squared_norms_and_slopes(steps, surfaces) for term in self.terms]
         values, in_steps, in_surfaces = (sum(part) for part in zip(*parts, strict=True))
         slopes = np.zeros(path.shape)
