@@ -20,9 +20,12 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.learned.correspondence import Correspondence
 from riemhuman.learned.weight_files import Weights, save_weights
 from riemhuman.surfaces.template import Template
+from riemhuman.units import refuse_other_scale
 
 FOLDER = Path(__file__).parent / "data"
 """Where the weights that ship are."""
+
+_REMEDY = "give them in the unit that the network was trained in"
 
 
 class Codes(Estimator):
@@ -181,7 +184,13 @@ class Codes(Estimator):
             points = self._carried.forth(points)
         if len(points):
             AlignedSurfaces(self._home, equip=False).check_immersed(points, "X")
+            self._check_scale(points, "X")
         return points
+
+    def _check_scale(self, points: ndarray, name: str) -> None:
+        refuse_other_scale(
+            points, self._home.vertices, name, "the network's template", remedy=_REMEDY
+        )
 
     def _carried_back(self, points: ndarray) -> ndarray:
         return points if self._carried is None else self._carried.back(points)

@@ -301,6 +301,7 @@ class IntrinsicExtrinsicCodes(Codes):
         """
         self._require_fit("parameters_")
         mesh = mesh_arrays(vertices, faces)
+        self._check_scale(mesh[0], "vertices")
         rng = np.random.default_rng(_SEED_OF_POINTS)
         clouds = np.stack([surface_points(*mesh, self.n_points, rng) for _ in range(_CLOUDS)])
         return np.asarray(self._encoded(self._used, clouds).mean(axis=0))

@@ -87,6 +87,8 @@ def test_refuses(codes, bodies):
         codes.transform(bodies.points[0])
     with pytest.raises(DegenerateSurfaceError):
         codes.transform(0.0 * bodies.points[:1])
+    with pytest.raises(ArgumentError, match="millimetres.*unit that the network was trained in"):
+        codes.transform(1000.0 * bodies.points[:1])
     with pytest.raises(ArgumentError, match="Z"):
         codes.inverse_transform(np.zeros((2, 7)))
     with pytest.raises(ArgumentError, match="as many bodies"):
