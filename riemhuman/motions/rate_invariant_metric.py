@@ -66,11 +66,11 @@ class RateInvariantMetric(RiemannianMetric):
     all q lie in one Euclidean space, where re-timing acts by isometries: d is a metric on motions
     modulo re-timing. The transported velocities of a motion add up to a curve, a cubic spline of
     the frames; it is averaged along its length, as `smoothing` says, and chords of equal arcs are
-    compared; the re-timing of these polygons is found to `n_steps`. None of these steps depends on
-    a second motion, so d remains a metric. As velocities are compared, and not bodies, few frames
-    cost it more than `DynamicTimeWarping`: no spline knows what happens between frames that are far
-    apart. How a motion stands as it begins counts by the weight w alone; without it, two motions
-    that change alike in different poses would be one.
+    compared; the re-timing of these polygons is found to `n_steps`. All of this is done to each
+    motion by itself, so that the triangle inequality holds. As velocities are compared, and not
+    bodies, few frames cost it more than `DynamicTimeWarping`: no spline knows what happens between
+    frames that are far apart. How a motion stands as it begins counts by the weight w alone;
+    without it, two motions that change alike in different poses would be one.
 
     Parameters
     ----------
