@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 # what goes around an arm, 0.3 m, and nine tenths of what changes from a thigh to its shin, 1 m.
 SMOOTHING = 1.0 / 600.0
 
-# How much longer heat flows along bones, once it is known where joints are. With 4 to 6 both are
-# better than with one flow, A's own build and the bends of joints; compared on coarse natural
-# bodies, people=21.
+# How much longer heat flows along bones, once it is known where joints are: the more, the less of
+# B's build, and the farther limbs end from where B holds them. Compared on the natural bodies of
+# seed 21.
 _ALONG_BONES = 6.0
 
 # A limb of radius r that bends by κ radians a metre strains its skin by rκ. Least squares weigh
