@@ -104,6 +104,21 @@ def test_kernels_of_one_triangle():
     np.testing.assert_allclose(square_root_normals(f_u, f_v), [[0, 0, np.sqrt(6)]])
 
 
+def test_components_in_the_frame_of_a_triangle():
+    """A body that swells by 2 has e_i·∂_j h = 2δ_ij, one that turns about ω has −ω × e_j."""
+    rng = np.random.default_rng(7)
+    f_u, f_v = rng.standard_normal((2, 9, 3))
+    first = surface.follow_up(f_u, f_v)
+    found = surface.frame_components(first, 2.0 * f_u, 2.0 * f_v)
+    np.testing.assert_allclose(found, np.tile([2.0, 0, 0, 2.0, 0, 0], (9, 1)), atol=1e-12)
+    e1 = f_u / np.linalg.norm(f_u, axis=-1, keepdims=True)
+    n = surface.unit_normals(f_u, f_v)
+    e2, axis = np.cross(n, e1), np.array([0.3, -0.5, 0.7])
+    turned = surface.frame_components(first, np.cross(axis, f_u), np.cross(axis, f_v))
+    expected = [surface.dot(e, np.cross(axis, d)) for e in (e1, e2, n) for d in (e1, e2)]
+    np.testing.assert_allclose(turned, np.stack(expected, axis=-1), atol=1e-12)
+
+
 def test_matrices_are_made_of_entries_of_one_shape():
     with pytest.raises(ArgumentError, match=r"one shape; found \(\(2,\), \(\), \(2,\)\)"):
         surface.symmetric_matrices(np.ones(2), np.float64(0.0), np.ones(2))

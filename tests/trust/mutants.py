@@ -109,21 +109,21 @@ MUTANTS = [
         f"{JOB} -k same_bits",
     ),
     Mutant(
-        "jobs/checksums.py",
+        "storage/checksums.py",
         "zlib.crc32(row.data) for row",
         "zlib.crc32(row[:4096].data) for row",
-        "jobs/test_checksums.py",
+        "storage/test_checksums.py",
     ),
     Mutant(
-        "jobs/checksums.py",
+        "storage/checksums.py",
         "zlib.crc32(np.ascontiguousarray(block).data)",
         "zlib.crc32(np.ascontiguousarray(block)[:1].data)",
-        "jobs/test_checksums.py",
+        "storage/test_checksums.py",
     ),
     Mutant(
-        "storage/job_folder.py",
-        "                    lock(descriptor)\n",
-        "                    pass\n",
+        "storage/file_locks.py",
+        "            lock(descriptor)\n",
+        "            pass\n",
         f"{JOB} -k one_process",
     ),
     Mutant(
@@ -155,37 +155,37 @@ MUTANTS = [
         "storage/own_files.py",
         "    if os.fstat(descriptor).st_size:\n",
         "    if False:\n",
-        "cli/test_outputs.py -k lock_that_is",
+        "storage/test_outputs.py -k lock_that_is",
     ),
     Mutant(
-        "surfaces/whole_files.py",
+        "storage/whole_files.py",
         "        if is_at(made, neighbour):\n",
         "        if True:\n",
-        "surfaces/test_whole_files.py",
+        "storage/test_whole_files.py",
     ),
     Mutant(
-        "surfaces/whole_files.py",
+        "storage/whole_files.py",
         "            keep_mode(file, neighbour)\n",
         "",
-        "surfaces/test_whole_files.py",
+        "storage/test_whole_files.py",
     ),
     Mutant(
-        "surfaces/file_locks.py",
+        "storage/file_locks.py",
         "        if is_at(os.fstat(descriptor), file):\n",
         "        if True:\n",
-        "surfaces/test_file_locks.py",
+        "storage/test_file_locks.py",
     ),
     Mutant(
         "storage/outputs.py",
         "        if not (is_ours(entry.name) and entry.is_file(follow_symlinks=False)):\n",
         "        if not is_ours(entry.name):\n",
-        "cli/test_outputs.py",
+        "storage/test_outputs.py",
     ),
     Mutant(
         "storage/outputs.py",
         "    keep_mode(path, new)\n",
         "",
-        "cli/test_outputs.py",
+        "storage/test_outputs.py",
     ),
     Mutant(
         "report/output_folder.py",
@@ -194,10 +194,10 @@ MUTANTS = [
         "report/test_output_folder.py",
     ),
     Mutant(
-        "report/store.py",
+        "storage/result_store.py",
         "    if found != wanted or not complete:\n",
         "    if not complete:\n",
-        "report/test_store.py",
+        "storage/test_result_store.py",
     ),
     # Fingerprints of code.
     Mutant(
@@ -288,10 +288,10 @@ MUTANTS = [
         "surfaces/test_gltf_files.py -k normals",
     ),
     Mutant(
-        "surfaces/array_files.py",
+        "storage/array_files.py",
         "needed != found or math",
         "needed > found or math",
-        "surfaces/test_array_files.py -k beyond",
+        "storage/test_array_files.py -k beyond",
     ),
     # Starts of paths.
     Mutant(
@@ -311,8 +311,8 @@ MUTANTS = [
     ),
     Mutant(
         "retrieval/neighbor_search.py",
-        "blocks(len(everyone), _DOUBLE)",
-        "blocks(min(len(everyone), _DOUBLE), _DOUBLE)",
+        "slices(len(everyone), _DOUBLE)",
+        "slices(min(len(everyone), _DOUBLE), _DOUBLE)",
         NEIGHBORS,
     ),
     Mutant(
