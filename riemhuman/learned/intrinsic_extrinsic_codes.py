@@ -17,7 +17,7 @@ from riemhuman.descriptors.spectra import spectrum
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.codes import Codes, checked_template
-from riemhuman.learned.networks import initial_network, network, network_shapes
+from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
 from riemhuman.learned.point_clouds import (
     cloud_features,
     cloud_shapes,
@@ -214,6 +214,7 @@ class IntrinsicExtrinsicCodes(Codes):
                 checkpoint=checkpoint,
                 progress=progress,
             )
+        self._place, self._spectrum = map(in_single_precision, (self._place, self._spectrum))
         self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
         return self
 
@@ -412,8 +413,8 @@ class IntrinsicExtrinsicCodes(Codes):
     def _arrays(self) -> dict[str, ndarray]:
         return self.parameters_ | {
             "vertices": self.vertices_.astype(np.int32),
-            "place": self._place,
-            "mean_spectrum": self._spectrum,
+            "place": self._place.astype(np.float32),
+            "mean_spectrum": self._spectrum.astype(np.float32),
         }
 
     def _read(self, weights: Weights) -> None:

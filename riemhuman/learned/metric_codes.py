@@ -16,7 +16,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.codes import Codes
-from riemhuman.learned.networks import initial_network, network, network_shapes
+from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
 from riemhuman.learned.part_features import part_arrays, read_parts
 from riemhuman.learned.parts import Parts, find_parts
 from riemhuman.learned.training import trained
@@ -204,6 +204,8 @@ class MetricCodes(Codes):
                 checkpoint=checkpoint,
                 progress=progress,
             )
+        self._center, self._scale = map(in_single_precision, (self._center, self._scale))
+        self._unit = float(in_single_precision(self._unit))
         self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
         return self
 
@@ -235,9 +237,10 @@ class MetricCodes(Codes):
         return super()._settings() | {"n_parts": self.parts_.n_parts}
 
     def _arrays(self) -> dict[str, ndarray]:
-        scales = {"center": self._center, "scale": self._scale, "unit": np.array(self._unit)}
+        scales = {"center": self._center, "scale": self._scale, "unit": self._unit}
+        single = {name: np.array(value, dtype=np.float32) for name, value in scales.items()}
         named = {"metric": np.array(self.metric_)}
-        return self.parameters_ | scales | named | part_arrays(self.parts_)
+        return self.parameters_ | single | named | part_arrays(self.parts_)
 
     def _read(self, weights: Weights) -> None:
         n_in = 15 * self.n_parts

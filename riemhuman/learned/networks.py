@@ -104,6 +104,24 @@ def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str,
     return {f"{name}.{key}": shape for key, shape in found.items()}
 
 
+def in_single_precision(numbers: Any) -> ndarray:
+    """Return numbers rounded to single precision, in which files keep them.
+
+    Rounding hides the last digits of a sum, which depend on the order of its terms.
+
+    Parameters
+    ----------
+    numbers : array_like
+        Numbers.
+
+    Returns
+    -------
+    array
+        In double precision.
+    """
+    return np.asarray(numbers, dtype=np.float32).astype(np.float64)
+
+
 def activated(x: Any, backend: ModuleType = np) -> Any:
     r"""Return :math:`x / (1 + e^{-x})`.
 

@@ -15,7 +15,7 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.codes import Codes
-from riemhuman.learned.networks import initial_network, network, network_shapes
+from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
 from riemhuman.learned.part_features import (
     part_arrays,
     read_parts,
@@ -205,7 +205,8 @@ class ShapePoseCodes(Codes):
                 checkpoint=checkpoint,
                 progress=progress,
             )
-        self._use(self.parameters_)
+        self._center, self._scale = map(in_single_precision, (self._center, self._scale))
+        self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
         return self
 
     def transform(self, X: ArrayLike) -> ndarray:
@@ -387,14 +388,14 @@ class ShapePoseCodes(Codes):
             "stretches": (n_codes, n_stretches),
         }
 
-    def _use(self, parameters: Mapping[str, ndarray]) -> None:
-        self._used = {name: array.astype(np.float64) for name, array in parameters.items()}
-
     def _settings(self) -> dict[str, int]:
         return super()._settings() | {"n_parts": self.parts_.n_parts}
 
     def _arrays(self) -> dict[str, ndarray]:
-        scales = {"center": self._center, "scale": self._scale}
+        scales = {
+            "center": self._center.astype(np.float32),
+            "scale": self._scale.astype(np.float32),
+        }
         return self.parameters_ | scales | part_arrays(self.parts_)
 
     def _read(self, weights: Weights) -> None:
