@@ -165,6 +165,8 @@ def _matrix(options: argparse.Namespace) -> None:
         raise ArgumentError("nothing to write: give -o NPZ, or --csv CSV, or both")
     if options.json and options.csv == "-":
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
+    if options.basis is not None and not options.paths:
+        raise ArgumentError("--basis NPZ goes with --paths")
     table = None if options.csv in (None, "-") else path_argument(options.csv)
     if options.output is not None:
         check_file(options.output, [".npz"], force=options.force)

@@ -123,6 +123,11 @@ def test_matrix_of_lengths_of_paths(run, scans, bodies, tmp_path):
         np.testing.assert_array_equal(saved["lengths"], expected.lengths)
 
 
+def test_a_basis_without_paths_is_refused(refused, scans, tmp_path):
+    options = ("--basis", "basis.npz", "-o", tmp_path / "D.npz")
+    assert "--basis NPZ goes with --paths" in refused("matrix", scans, *options)
+
+
 @pytest.mark.skipif(os.name == "nt", reason="names of files are others there")
 def test_names_that_others_have_chosen(run, scans, tmp_path):
     names = [b"=1+1.ply", b"\xff.ply", b"two\nlines.ply"]
