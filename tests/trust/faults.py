@@ -121,10 +121,13 @@ def report(inputs, outputs):
         draw_nothing.__name__ = draw.__name__
         return picture(self, name, alt, draw_nothing, *arguments)
 
+    def undrawn_picture(name):
+        return f'<svg viewBox="0 0 4 3">{name}</svg>', name.encode()
+
     # Drawing takes nearly all of the time, and is part of `picture`.
     with (
         mock.patch.object(materials.Materials, "picture", undrawn),
-        mock.patch.object(materials, "drawn", lambda name: (f"<svg>{name}</svg>", name.encode())),
+        mock.patch.object(materials, "drawn", undrawn_picture),
     ):
         return cli(
             "report", "--quick", "--bodies", inputs / "scans", "-o", outputs / "report", "-q"
