@@ -2,9 +2,8 @@
 
 from riemhuman.registration.folders import ScanRecord, read_records, register_folder
 from riemhuman.registration.results import RegisteredScan
-from riemhuman.registration.scan_files import load_scan
 from riemhuman.registration.scan_registration import ScanRegistration
-from riemhuman.registration.scans import Scan
+from riemhuman.registration.scans import Scan, load_scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 from riemhuman.registration.template_registration import TemplateRegistration
 

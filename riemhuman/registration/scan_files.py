@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.registration.scans import Scan, in_metres
 from riemhuman.storage.array_files import load_array
 from riemhuman.storage.file_content import file_content, file_path
 from riemhuman.surfaces.mesh_files import load_mesh
@@ -18,45 +17,6 @@ SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
 """Endings of the files of scans."""
 
 _Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
-
-
-def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
-    """Read a scan from a file.
-
-    Parameters
-    ----------
-    path : path_like
-        A mesh (PLY, OBJ or OFF) or loose points (PLY, XYZ or NPY), by its ending. XYZ is text, a
-        point in every line: x, y, z, and perhaps its normal or, where a line has four or more
-        than six numbers, other values, which are ignored. NPY holds an array, shape (N, 3) or,
-        with normals, (N, 6).
-    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the file; noticed from the size by default.
-
-    Returns
-    -------
-    scan : Scan
-        In metres.
-
-    Raises
-    ------
-    ArgumentError
-        If there are fewer than 200 points, or the size is that of no body in any unit.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If the ending is unknown, the file is damaged, or a coordinate is not finite.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> rh.save_mesh("scan.ply", 1000.0 * bodies[0], bodies.template.faces)
-    >>> scan = rh.registration.load_scan("scan.ply")
-    >>> len(scan), scan.unit
-    (1202, 'millimetres')
-    """
-    return in_metres(*read_scan(path), unit=unit, name=os.fspath(path))
 
 
 def read_scan(path: str | os.PathLike[str]) -> _Parts:

@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.registration.scan_files import read_scan
 from riemhuman.registration.scan_normals import (
     estimated_normals,
     has_one_side,
@@ -94,6 +95,45 @@ class ReadyScan:
     estimated: bool
 
 
+def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
+    """Read a scan from a file.
+
+    Parameters
+    ----------
+    path : path_like
+        A mesh (PLY, OBJ or OFF) or loose points (PLY, XYZ or NPY), by its ending. XYZ is text, a
+        point in every line: x, y, z, and perhaps its normal or, where a line has four or more
+        than six numbers, other values, which are ignored. NPY holds an array, shape (N, 3) or,
+        with normals, (N, 6).
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the file; noticed from the size by default.
+
+    Returns
+    -------
+    scan : Scan
+        In metres.
+
+    Raises
+    ------
+    ArgumentError
+        If there are fewer than 200 points, or the size is that of no body in any unit.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If the ending is unknown, the file is damaged, or a coordinate is not finite.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("scan.ply", 1000.0 * bodies[0], bodies.template.faces)
+    >>> scan = rh.registration.load_scan("scan.ply")
+    >>> len(scan), scan.unit
+    (1202, 'millimetres')
+    """
+    return in_metres(*read_scan(path), unit=unit, name=os.fspath(path))
+
+
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
     """Return a scan in metres.
 
@@ -121,8 +161,6 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
     FileFormatError
         If the file is damaged.
     """
-    from riemhuman.registration.scan_files import read_scan
-
     if isinstance(scan, Scan):
         return scan
     if isinstance(scan, (str, os.PathLike)):

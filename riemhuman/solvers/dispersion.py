@@ -10,6 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
+from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.rounding import rounding_energy
@@ -32,6 +33,10 @@ class Dispersion:
     weights : array, shape (n,), optional
         Weights w_i ≥ 0, not all 0; by default all are 1.
     """
+
+    def __init_subclass__(cls, **settings: Any) -> None:
+        super().__init_subclass__(**settings)
+        inherit_sections(cls)
 
     def __init__(
         self, metric: RiemannianMetric, points: ndarray, weights: ndarray | None = None
@@ -163,32 +168,11 @@ class MeanDistance(Dispersion):
         self._smoothing = smoothing
 
     def value(self, point: ndarray) -> float:
-        r"""Return S(x).
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Point x.
-
-        Returns
-        -------
-        float
-        """
+        """Return S(x)."""
         return float(self.weights @ self._smooth(self.squared_dists(point)))
 
     def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
-        r"""Return S(x) and its gradient.
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Point x.
-
-        Returns
-        -------
-        value : float
-        gradient : array, shape (\*shape,)
-        """
+        """Return S(x) and its gradient."""
         points, weights = self._used
         distances = self._smooth(self.squared_dists(point)[self.weights > 0])
         shares = 0.5 * weights / distances
@@ -196,31 +180,11 @@ class MeanDistance(Dispersion):
         return float(weights @ distances), gradient
 
     def curvature(self, value: float) -> float:
-        """Return 1/S, at most Σ_i w_i/d(x_i, x).
-
-        Parameters
-        ----------
-        value : float
-            S(x).
-
-        Returns
-        -------
-        float
-        """
+        """Return 1/S, at most Σ_i w_i/d(x_i, x)."""
         return 1.0 / value
 
     def floor(self, point: ndarray) -> float:
-        r"""Return how much of S is no more than rounding errors.
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Where the search starts.
-
-        Returns
-        -------
-        float
-        """
+        """Return how much of S is no more than rounding errors."""
         return float(self._smooth(np.array(super().floor(point))))
 
     def _smooth(self, squared: ndarray) -> ndarray:
@@ -260,32 +224,11 @@ class StreamedDispersion(Dispersion):
         self._of_batch, self._one = of_batch, of_batch(metric, sample[:1])
 
     def value(self, point: ndarray) -> float:
-        r"""Return V(x).
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Point x.
-
-        Returns
-        -------
-        float
-        """
+        """Return V(x)."""
         return float(sum(share * batch.value(point) for share, batch in self._batches()))
 
     def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
-        r"""Return V(x) and its gradient.
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Point x.
-
-        Returns
-        -------
-        value : float
-        gradient : array, shape (\*shape,)
-        """
+        """Return V(x) and its gradient."""
         value, gradient = 0.0, np.zeros(np.shape(point))
         for share, batch in self._batches():
             of_batch, slope = batch.value_and_gradient(point)
@@ -294,31 +237,11 @@ class StreamedDispersion(Dispersion):
         return value, gradient
 
     def curvature(self, value: float) -> float:
-        """Return by what multiple the metric's matrix is about the Hessian.
-
-        Parameters
-        ----------
-        value : float
-            Value where the search is.
-
-        Returns
-        -------
-        float
-        """
+        """Return by what multiple the metric's matrix is about the Hessian."""
         return self._one.curvature(value)
 
     def floor(self, point: ndarray) -> float:
-        r"""Return how much of the value is no more than rounding errors.
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Where the search starts.
-
-        Returns
-        -------
-        float
-        """
+        """Return how much of the value is no more than rounding errors."""
         return self._one.floor(point)
 
     def _batches(self) -> Iterator[tuple[float, Dispersion]]:
