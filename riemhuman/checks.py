@@ -99,7 +99,7 @@ def real_array(
         raise ArgumentTypeError(
             f"{name} must be an array of real numbers; found {_describe(array, values)}"
         )
-    if shape is not None:
+    if shape is not None and not (batched and values.shape[-len(shape) :] == tuple(shape)):
         check_shape(values, name, shape, batched=batched)
     if finite and not np.isfinite(values).all():
         bad = np.argwhere(~np.isfinite(values))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -170,12 +171,9 @@ class ManyDistances:
         """
         one_of(precision, "precision", PRECISIONS)
         metric: Any = self
-        return metric.bulk.features(self._members(points, name), precision)
-
-    def _members(self, points: Points, name: str) -> ndarray:
-        """Return a set of points that `bulk` takes."""
-        metric: Any = self
-        return metric.check_points(points, name)
+        points = metric.space.check_point(points, name)
+        check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
+        return metric.bulk.features(points, precision)
 
 
 def squared_dist_rectangle(
@@ -275,22 +273,20 @@ def distances(
     if not result.size:
         return result
 
-    def features(points: Any, first: int, last: int) -> list[tuple[slice, Features]]:
-        name = names[0] if points is rows else names[1]
-        return _features(metric, points, name, precision, slice(first, last), n_jobs)
-
+    features_of_rows = partial(_features, metric, rows, names[0], precision, n_jobs)
+    features_of_columns = partial(_features, metric, columns, names[1], precision, n_jobs)
     n_points = len(result) if within else sum(result.shape)
-    _, of_one = features(rows, 0, 1)[0]
+    _, of_one = features_of_rows(0, 1)[0]
     a_point = sum(array.nbytes for array in of_one)
     # Without room for the features of all, there is for those of as many rows as columns.
     n_held = n_points if n_points * a_point <= memory else max(1, memory // (2 * a_point))
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
         for first in range(0, len(rows), n_held):
-            kept_rows = features(rows, first, first + n_held)
+            kept_rows = features_of_rows(first, first + n_held)
             for start in range(first if within else 0, len(columns), n_held):
                 same = within and start == first
-                kept_columns = kept_rows if same else features(columns, start, start + n_held)
+                kept_columns = kept_rows if same else features_of_columns(start, start + n_held)
                 for i, one in kept_rows:
                     for j, other in kept_columns:
                         if same and j.start < i.start:
@@ -320,10 +316,16 @@ def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
 
 
 def _features(
-    metric: RiemannianMetric, points: Any, name: str, precision: str, held: slice, n_threads: int
+    metric: RiemannianMetric,
+    points: Any,
+    name: str,
+    precision: str,
+    n_threads: int,
+    first: int,
+    last: int,
 ) -> list[tuple[slice, Features]]:
-    """Return the features of the points in a slice, block by block, in threads."""
-    first, last, _ = held.indices(len(points))
+    """Return the features of the points from `first` to `last`, block by block, in threads."""
+    last = min(last, len(points))
     if not isinstance(points, np.ndarray):
         # Whether other objects may be read from in several threads is not known.
         n_threads = 1

@@ -12,10 +12,9 @@ from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.rotation_fields import RotationFields
 from riemhuman.kernels.drift import still_path
-from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.kernels.special_orthogonal import nearest_rotations, quaternions, transpose
-from riemhuman.kernels.surface import is_degenerate, refuse_degenerate
+from riemhuman.kernels.surface import apply_operator, is_degenerate, refuse_degenerate
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver
 from riemhuman.terms.rotations import RotationTerm

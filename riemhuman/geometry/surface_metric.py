@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_shape
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_of_terms import MetricOfTerms
-from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.term_fields import TermFields
 from riemhuman.kernels import surface
 from riemhuman.kernels.drift import still_path
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.terms.sum import SumOfTerms
-
-if TYPE_CHECKING:
-    pass
+from riemhuman.terms.term import Fields, Term
 
 
 class SurfaceMetric(MetricOfTerms):
@@ -70,9 +66,12 @@ class SurfaceMetric(MetricOfTerms):
         DegenerateSurfaceError
             If a term needs the area of a triangle that has none.
         """
-        point_a = self.space.check_point(point_a, "point_a")
-        point_b = self.space.check_point(point_b, "point_b")
-        return self._sum.squared_dist(self._sum.fields(point_a), self._sum.fields(point_b))
+        one = self._derivatives(self.space.check_point(point_a, "point_a"))
+        other = self._derivatives(self.space.check_point(point_b, "point_b"))
+        total: Any = 0.0
+        for term in self.terms:
+            total = total + self._integral(term, term.fields(one), term.fields(other))
+        return total
 
     def squared_dists_and_gradient(
         self, point: ndarray, others: ndarray, weights: ndarray
@@ -140,9 +139,10 @@ class SurfaceMetric(MetricOfTerms):
         if n_patches is not None:
             patches = triangle_patches(template.vertices, template.faces, n_patches)
         points = self.space.check_point(points, "points")
+        first = self._derivatives(points)
         sketches = [np.zeros((*points.shape[:-2], 0))]
-        for term, fields in zip(self.terms, self._sum.fields(points), strict=True):
-            chart = term.chart(fields)
+        for term in self.terms:
+            chart = term.chart(term.fields(first))
             if chart is not None:
                 chart = np.sqrt(term.weight) * chart
                 sketches.append(patch_coordinates(chart, template.face_areas, patches))
@@ -171,11 +171,7 @@ class SurfaceMetric(MetricOfTerms):
         -------
         array, shape (..., \*target_shape)
         """
-        operator = self.space.template.differential_operator
-        first = surface.derivatives(self.space.check_point(f, "f"), operator)
-        if any(term.needs_area for term in self.terms):
-            surface.refuse_degenerate(first.degenerate)
-        return self._images.of(first)
+        return self._images.of(self._derivatives(self.space.check_point(f, "f")))
 
     def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the derivatives of the fields along deformations, as tangent vectors.
@@ -196,19 +192,29 @@ class SurfaceMetric(MetricOfTerms):
         first = surface.derivatives(self.space.check_immersed(base_point, "base_point"), operator)
         return self._images.changes(first, *surface.partial_derivatives(tangent_vec, operator))
 
+    def _derivatives(self, f: ndarray) -> surface.Derivatives:
+        first = surface.derivatives(f, self.space.template.differential_operator)
+        if self._sum.needs_area and first.degenerate.any():
+            surface.refuse_degenerate(first.degenerate)
+        return first
+
     @cached_property
     def _images(self) -> TermFields:
         return TermFields(self.terms, self.space.template)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
-        fields, times = self._sum.fields(path), (slice(None),) * (path.ndim - 3)
-        before, after = (
-            [tuple(field[(*times, part)] for field in some) for some in fields]
-            for part in (slice(None, -1), slice(1, None))
-        )
-        return self._sum.squared_dist(before, after)
+        first, times = self._derivatives(path), (slice(None),) * (path.ndim - 3)
+        total: Any = 0.0
+        for term in self.terms:
+            fields = term.fields(first)
+            before, after = (
+                tuple(field[(*times, part)] for field in fields)
+                for part in (slice(None, -1), slice(1, None))
+            )
+            total = total + self._integral(term, before, after)
+        return total
 
-    def _members(self, points: Points, name: str) -> ndarray:
-        points = self.space.check_point(points, name)
-        check_shape(points, name, ("n_points", *self.space.shape), batched=False)
-        return points
+    def _integral(self, term: Term, fields_a: Fields, fields_b: Fields) -> ndarray:
+        """Return w ∫ d² dx of one term."""
+        values = term.squared_dist(fields_a, fields_b) * self._sum.areas
+        return term.weight * np.sum(values, axis=-1)

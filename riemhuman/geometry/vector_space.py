@@ -207,4 +207,4 @@ class _Vectors(Bulk):
         return features[1]
 
     def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
-        return in_tiles(lambda one, other: flat_distances(*one, *other), a[:1], b[:1], n_threads)
+        return in_tiles(lambda pair: flat_distances(*pair[0], *pair[1]), a[:1], b[:1], n_threads)

@@ -1,8 +1,7 @@
-"""Sparse operators, entries of the last axes, and differentials, as autograd knows them."""
+"""Entries of the last axes, and differentials, as autograd knows them."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,45 +9,6 @@ import autograd.numpy as np
 from autograd.core import make_vjp
 from autograd.extend import defjvp, defvjp, primitive
 from numpy import ndarray
-from scipy.sparse import csr_matrix
-
-
-@primitive
-def apply_operator(operator: csr_matrix, values: ndarray) -> ndarray:
-    """Apply a sparse operator along the second to last axis.
-
-    Registered as an autograd primitive whose transpose is the transposed operator: gathering
-    vertices by index has a transpose far slower than its forward pass.
-
-    Parameters
-    ----------
-    operator : csr_matrix, shape (m, V)
-        The linear operator.
-    values : array, shape (..., V, d)
-        Values at the vertices.
-
-    Returns
-    -------
-    array, shape (..., m, d)
-    """
-    if values.ndim == 2:
-        return operator @ values
-    *leading, length, width = values.shape
-    columns = np.moveaxis(values, -2, 0).reshape(length, math.prod(leading) * width)
-    images = (operator @ columns).reshape(operator.shape[0], *leading, width)
-    return np.moveaxis(images, 0, -2)
-
-
-defvjp(
-    apply_operator,
-    lambda answer, operator, values: lambda upstream: apply_operator(operator.T, upstream),
-    argnums=(1,),
-)
-defjvp(
-    apply_operator,
-    lambda tangent, answer, operator, values: apply_operator(operator, tangent),
-    argnums=(1,),
-)
 
 
 @primitive

@@ -11,6 +11,7 @@ surface f with corners q₁, q₂, q₃ has
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import autograd.numpy as np
@@ -21,7 +22,7 @@ from scipy.sparse import csr_matrix
 
 from riemhuman.checks import refuse_triangles
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.kernels.linear import apply_operator, entry
+from riemhuman.kernels.linear import entry
 
 DEGENERATE = 8 * np.finfo(float).eps
 """Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
@@ -126,6 +127,7 @@ def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
     return np.stack([dot(axis, h) for axis in axes for h in (along, across)], axis=-1)
 
 
+@primitive
 def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray, ndarray]:
     """Return f_u and f_v of every triangle.
 
@@ -140,10 +142,62 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
     -------
     f_u, f_v : array, shape (..., F, 3)
     """
-    derivatives = apply_operator(operator, points)
-    n_faces = operator.shape[0] // 2
-    of_u, of_v, axes = slice(n_faces), slice(n_faces, None), slice(None)
-    return entry(derivatives, of_u, axes), entry(derivatives, of_v, axes)
+    both, n_faces = apply_operator(operator, points), operator.shape[0] // 2
+    return both[..., :n_faces, :], both[..., n_faces:, :]
+
+
+def _transposed(operator: csr_matrix, upstream: tuple[ndarray, ndarray]) -> ndarray:
+    return apply_operator(operator.T, np.concatenate([upstream[0], upstream[1]], axis=-2))
+
+
+defvjp(
+    partial_derivatives,
+    lambda answer, points, operator: lambda upstream: _transposed(operator, upstream),
+    argnums=(0,),
+)
+defjvp(
+    partial_derivatives,
+    lambda tangent, answer, points, operator: partial_derivatives(tangent, operator),
+    argnums=(0,),
+)
+
+
+@primitive
+def apply_operator(operator: csr_matrix, values: ndarray) -> ndarray:
+    """Apply a sparse operator along the second to last axis.
+
+    Registered as an autograd primitive whose transpose is the transposed operator: gathering
+    vertices by index has a transpose far slower than its forward pass.
+
+    Parameters
+    ----------
+    operator : csr_matrix, shape (m, V)
+        The linear operator.
+    values : array, shape (..., V, d)
+        Values at the vertices.
+
+    Returns
+    -------
+    array, shape (..., m, d)
+    """
+    if values.ndim == 2:
+        return operator @ values
+    *leading, length, width = values.shape
+    columns = np.moveaxis(values, -2, 0).reshape(length, math.prod(leading) * width)
+    images = (operator @ columns).reshape(operator.shape[0], *leading, width)
+    return np.moveaxis(images, 0, -2)
+
+
+defvjp(
+    apply_operator,
+    lambda answer, operator, values: lambda upstream: apply_operator(operator.T, upstream),
+    argnums=(1,),
+)
+defjvp(
+    apply_operator,
+    lambda tangent, answer, operator, values: apply_operator(operator, tangent),
+    argnums=(1,),
+)
 
 
 @primitive

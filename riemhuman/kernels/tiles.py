@@ -104,7 +104,7 @@ def rounding(gap: float, features: ndarray) -> float:
 
 
 def in_tiles(
-    run: Callable[[tuple[ndarray, ...], tuple[ndarray, ...]], ndarray],
+    run: Callable[[tuple[tuple[ndarray, ...], tuple[ndarray, ...]]], ndarray],
     a: Sequence[ndarray],
     b: Sequence[ndarray],
     n_threads: int,
@@ -114,8 +114,8 @@ def in_tiles(
     Parameters
     ----------
     run : callable
-        Takes some rows of all features of each set, and returns the sums over their pairs; given
-        the same rows twice, those above the diagonal are enough.
+        Takes a pair, some rows of all features of each set, and returns the sums over their pairs;
+        given the same rows twice, those above the diagonal are enough.
     a, b : sequence of array, each of shape (n_a, ...) and (n_b, ...)
         Features; the same arrays twice for the pairs within one set.
     n_threads : int
@@ -133,16 +133,16 @@ def in_tiles(
     # Whole blocks of four, by which some loops go.
     size = 4 * int(np.clip(0.25 * math.sqrt(_TILE_WORK / n_values) + 0.5, 2, 16))
 
-    places = [(i, j) for i in slices(n_a, size) for j in slices(n_b, size)]
-    if within:
-        places = [(i, j) for i, j in places if i.start <= j.start]
-
-    def sums(place: tuple[slice, slice]) -> ndarray:
-        rows = tuple(one[place[0]] for one in a)
-        diagonal = within and place[0] == place[1]
-        return run(rows, rows if diagonal else tuple(other[place[1]] for other in b))
-
-    for (i, j), tile in zip(places, mapped(sums, places, n_threads), strict=True):
+    rows = [(i, tuple(one[i] for one in a)) for i in slices(n_a, size)]
+    columns = rows if within else [(j, tuple(one[j] for one in b)) for j in slices(n_b, size)]
+    places = [
+        (row, column)
+        for row in rows
+        for column in columns
+        if not within or row[0].start <= column[0].start
+    ]
+    tiles = mapped(run, ((row[1], column[1]) for row, column in places), n_threads)
+    for ((i, _), (j, _)), tile in zip(places, tiles, strict=True):
         if within and i == j:
             tile = np.triu(tile, 1)
             tile += tile.T

@@ -147,7 +147,7 @@ class EbinTerm(Term):
     ) -> float:
         x, y, s = np.empty((3, len(faces)))
         _fill_half_plane(f, faces, frames, x, y, s)
-        return self.pack((x, y, s), areas, kept)
+        return _pack(x, y, s, np.sqrt(areas), self.lam, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         real, squared = a.dtype.type, np.zeros((len(a), len(b)))

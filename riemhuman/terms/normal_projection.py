@@ -18,8 +18,8 @@ from riemhuman.checks import values_of
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import fill_edges, is_worth_threads
+from riemhuman.kernels.surface import apply_operator
 from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 from riemhuman.terms.zeroth_order import corner_averages

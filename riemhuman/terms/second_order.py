@@ -22,12 +22,12 @@ from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.laplacian import cotangent_laplacian
-from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
     fill_edges,
     is_worth_threads,
 )
+from riemhuman.kernels.surface import apply_operator
 from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 from riemhuman.terms.zeroth_order import corner_averages, vertex_areas

@@ -1,4 +1,4 @@
-"""The driver of a sum of terms: by definition, and in compiled loops.
+"""The driver of a sum of terms: inner products by definition, and all else in compiled loops.
 
 Each term makes a pass of its own over the triangles. Along paths terms share the records of
 triangles, see `riemhuman.kernels.triangles`, some thousand at a time.
@@ -43,56 +43,21 @@ class SumOfTerms:
     ----------
     n_arrays : int
         Number of arrays in the features.
+    needs_area : bool
+        Whether a term needs the area of triangles.
+    areas : array, shape (F,)
+        Template areas.
     """
 
     def __init__(self, terms: Sequence[Term], template: Any) -> None:
         self.terms, self.template = tuple(terms), template
         self.n_arrays = 2 * len(self.terms)
-        self._needs_area = any(term.needs_area for term in self.terms)
+        self.needs_area = any(term.needs_area for term in self.terms)
         self._faces, self._frames = template.faces, template.frame_coefficients
-        self._areas = template.face_areas
+        self.areas = template.face_areas
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.terms, self.template)
-
-    def fields(self, f: ndarray) -> list[Fields]:
-        """Return the fields of all terms: the definition.
-
-        Parameters
-        ----------
-        f : array, shape (..., V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        list of tuple of array
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a term needs the area of a triangle that has none.
-        """
-        first = surface.derivatives(f, self.template.differential_operator)
-        if self._needs_area and first.degenerate.any():
-            surface.refuse_degenerate(first.degenerate)
-        return [term.fields(first) for term in self.terms]
-
-    def squared_dist(self, fields_a: list[Fields], fields_b: list[Fields]) -> ndarray:
-        """Return Σ_k w_k ∫ d_k² dx: the definition.
-
-        Parameters
-        ----------
-        fields_a, fields_b : list of tuple of array
-            Fields of surfaces, see `fields`.
-
-        Returns
-        -------
-        array, shape (...)
-        """
-        total: Any = 0.0
-        for term, one, other in zip(self.terms, fields_a, fields_b, strict=True):
-            total = total + term.weight * np.sum(term.squared_dist(one, other) * self._areas, -1)
-        return total
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
         """Return the inner product of the derivatives of the fields along h and k.
@@ -127,7 +92,7 @@ class SumOfTerms:
                 values = surface.dot(np.matmul(along_h, form), along_k)
             else:
                 values = np.einsum("...i,...ij,...j->...", along_h, form, along_k)
-            scale = term.weight * self._areas * first.areas**term.area_power
+            scale = term.weight * self.areas * first.areas**term.area_power
             total = total + np.sum(scale * values, axis=-1)
         return total
 
@@ -150,13 +115,13 @@ class SumOfTerms:
         DegenerateSurfaceError
             If a term needs the area of a triangle that has none.
         """
-        faces, frames, areas = self._faces, self._frames, self._areas
+        faces, frames, areas = self._faces, self._frames, self.areas
         found: Features = ()
         for term in self.terms:
             found += _room(term, len(points), len(faces), precision)
         degenerate = onp.zeros((len(points), len(faces)), dtype=bool)
         for i, f in enumerate(of_one_kind(points)):
-            if self._needs_area:
+            if self.needs_area:
                 triangles.mark_degenerate(f, faces, frames, degenerate[i])
                 if degenerate[i].any():
                     continue
@@ -199,10 +164,10 @@ class SumOfTerms:
         array, shape (n_a, n_b)
         """
 
-        def run(rows: Features, columns: Features) -> ndarray:
+        def run(pair: tuple[Features, Features]) -> ndarray:
             total: Any = 0.0
-            for term, one, other in zip(self.terms, rows, columns, strict=True):
-                total = total + term.weight * term.squared_distances(one, other, self._areas)
+            for term, one, other in zip(self.terms, *pair, strict=True):
+                total = total + term.weight * term.squared_distances(one, other, self.areas)
             return total
 
         return in_tiles(run, a[::2], b[::2], n_threads)
@@ -224,7 +189,7 @@ class SumOfTerms:
         gradient : array, shape (n_times, V, 3), or None
             Gradient with respect to all surfaces, 0 in triangles without area.
         """
-        faces, frames, areas = self._faces, self._frames, self._areas
+        faces, frames, areas = self._faces, self._frames, self.areas
         # Vertex by vertex, all times together: what one triangle reads lies close together.
         by_vertex = onp.ascontiguousarray(onp.swapaxes(path, 0, 1))
         n_times = len(path)
@@ -279,7 +244,7 @@ class SumOfTerms:
         gradient : array, shape (V, 3)
             Gradient of Σ_i w_i d²(f_i, f) with respect to f, 0 in triangles without area.
         """
-        faces, frames, areas = self._faces, self._frames, self._areas
+        faces, frames, areas = self._faces, self._frames, self.areas
         other_faces = faces if other_faces is None else other_faces
         f = onp.ascontiguousarray(point)[:, None]
         kinds = [onp.ascontiguousarray(other)[:, None] for other in others]
@@ -334,7 +299,7 @@ class SumOfTerms:
             first = surface.derivatives(f, self.template.differential_operator)
             surface.refuse_degenerate(first.degenerate, "base_point")
             forms = [term.form(first) for term in self.terms]
-            shares = self._areas / len(surfaces)
+            shares = self.areas / len(surfaces)
             scales = [term.weight * shares * first.areas**term.area_power for term in self.terms]
             # Those of terms that treat all triangles alike are one product of matrices.
             alike = [k for k, form in enumerate(forms) if form.ndim == 2]
@@ -366,7 +331,7 @@ class TermOfFields(SumOfTerms):
         self._fields_of = fields_of
 
     def features(self, points: ndarray, precision: str) -> Features:
-        return field_features(self.terms[0], self._fields_of(points), self._areas, precision)
+        return field_features(self.terms[0], self._fields_of(points), self.areas, precision)
 
 
 def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -> Features:

@@ -15,12 +15,12 @@ from scipy.sparse import csr_array, diags_array, eye_array, kron
 
 from riemhuman.kernels import surface
 from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.linear import apply_operator
 from riemhuman.kernels.moving_frames import (
     add_area_slope,
     fill_edges,
     is_worth_threads,
 )
+from riemhuman.kernels.surface import apply_operator
 from riemhuman.kernels.threads import sums_in_chunks
 from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 

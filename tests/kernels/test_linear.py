@@ -8,7 +8,8 @@ from cases import surfaces
 from scipy.sparse import csr_array, csr_matrix
 from scipy.sparse import random as random_matrix
 
-from riemhuman.kernels.linear import apply_operator, differential, entry
+from riemhuman.kernels.linear import differential, entry
+from riemhuman.kernels.surface import apply_operator
 
 
 def an_operator(kind=csr_array):

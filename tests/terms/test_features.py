@@ -35,7 +35,7 @@ def definitions(template, points):
 def features_of(term, template, points, precision):
     """Return features and rounding, of triangles without area too."""
     found = SumOfTerms([term], template)
-    found._needs_area = False
+    found.needs_area = False
     return found.features(points, precision)
 
 

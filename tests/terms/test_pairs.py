@@ -150,7 +150,8 @@ WEIGHTS = np.random.default_rng(3).uniform(0.0, 1e-3, F)
 def in_threads(term, a, b, n_threads=1):
     """Return all squared distances between features, by a term or of vectors."""
 
-    def run(rows, columns):
+    def run(pair):
+        rows, columns = pair
         if term is None:
             return flat.flat_distances(*rows, *columns)
         return term.squared_distances(*rows, *columns, WEIGHTS)
