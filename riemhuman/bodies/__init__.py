@@ -2,10 +2,11 @@
 
 from riemhuman.bodies.body_model import BodyModel
 from riemhuman.bodies.conversion import convert_model
-from riemhuman.bodies.fitting import ModelFit, fit_model
+from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_conversion import ConvertedFit, convert
 from riemhuman.bodies.model_families import ModelContents
 from riemhuman.bodies.model_files import model_contents
+from riemhuman.bodies.model_fit import ModelFit
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 __all__ = [

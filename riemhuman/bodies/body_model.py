@@ -11,7 +11,6 @@ import autograd.numpy as np
 import numpy as onp
 from numpy.typing import DTypeLike
 
-from riemhuman.bodies.fitting import ModelFit, fit_model
 from riemhuman.bodies.joint_tree import joint_parents, root_first
 from riemhuman.bodies.model_checks import (
     check_sums,
@@ -20,6 +19,7 @@ from riemhuman.bodies.model_checks import (
     precision,
 )
 from riemhuman.bodies.model_files import read_model_fields, write_model_fields
+from riemhuman.bodies.model_fit import ModelFit
 from riemhuman.bodies.skinning import chained_motions, skinned
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
@@ -364,6 +364,8 @@ class BodyModel:
         ArgumentError
             If an argument has the wrong shape or is out of its range.
         """
+        from riemhuman.bodies.fitting import fit_model
+
         return fit_model(self, points, **options)
 
     def _shaped(self, betas: Any) -> Any:

@@ -9,7 +9,6 @@ only patch by patch, and most patches hang on few joints.
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,11 +23,10 @@ from riemhuman.bodies.fitting_equations import (
     least_squares_step,
 )
 from riemhuman.bodies.joint_motions import Posture, Skeleton
+from riemhuman.bodies.model_fit import ModelFit
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.representation import Record
-from riemhuman.solvers.model_path import ModelParameters
 from riemhuman.units import refuse_other_scale
 
 if TYPE_CHECKING:
@@ -47,57 +45,6 @@ _ROUNDING = 1e-13
 
 # What to do about points of another size.
 _REMEDY = "a fit is in the unit of the model"
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class ModelFit(Record):
-    """Parameters of a body model that were fitted to surfaces, and how well they fit.
-
-    Attributes
-    ----------
-    betas : array, shape (..., B)
-        Shape coefficients.
-    pose : array, shape (..., J, 3)
-        Axis-angle rotation of each joint, radians, no more than half a turn.
-    trans : array, shape (..., 3)
-        Translation, metres.
-    distances : array, shape (..., n_points)
-        Distance of each point from where the model has it, metres.
-    converged : array of bool, shape (...)
-        Whether the fit of each surface came to rest.
-    n_iterations : array of int, shape (...)
-        Gauss–Newton steps, both stages together.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> fit = bodies.model.fit(bodies[0])
-    >>> bool(fit.converged), float(fit.distances.mean() < 0.01)
-    (True, 1.0)
-    """
-
-    betas: np.ndarray
-    pose: np.ndarray
-    trans: np.ndarray
-    distances: np.ndarray
-    converged: np.ndarray
-    n_iterations: np.ndarray
-
-    @property
-    def mean_distance(self) -> np.ndarray:
-        """Mean distance of the points of each surface, metres, shape (...)."""
-        return self.distances.mean(axis=-1)
-
-    @property
-    def mean_distance_mm(self) -> np.ndarray:
-        """Mean distance of the points of each surface, millimetres, shape (...)."""
-        return 1000.0 * self.mean_distance
-
-    @property
-    def parameters(self) -> ModelParameters:
-        """The parameters alone: betas, pose and trans, as `ModelPath` takes them."""
-        return ModelParameters(self.betas, self.pose, self.trans)
 
 
 def fit_model(

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from riemhuman.bodies.fitting import ModelFit, fit_model
+from riemhuman.bodies.fitting import fit_model
+from riemhuman.bodies.model_fit import ModelFit
 
 if TYPE_CHECKING:
     from riemhuman.bodies.body_model import BodyModel

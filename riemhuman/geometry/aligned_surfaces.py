@@ -8,9 +8,9 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, one_of, point_array, real_array, values_of
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.tiles import of_one_kind
@@ -61,6 +61,8 @@ class AlignedSurfaces(Manifold):
 
     def default_metric(self) -> type[RiemannianMetric]:
         """Return `ElasticMetric`."""
+        from riemhuman.geometry.elastic_metric import ElasticMetric
+
         return ElasticMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:

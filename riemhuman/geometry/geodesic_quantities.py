@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import autograd.numpy as np
 from numpy import ndarray
@@ -11,6 +11,7 @@ from numpy import ndarray
 from riemhuman.checks import point_array, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.solved_exponential import solved_geodesic
+from riemhuman.geometry.space import Space
 from riemhuman.protocols import (
     ExpSolver,
     GeodesicSolver,
@@ -19,9 +20,6 @@ from riemhuman.protocols import (
     uninterrupted,
 )
 
-if TYPE_CHECKING:
-    from riemhuman.geometry.manifold import Manifold
-
 
 class GeodesicQuantities:
     """What follows from geodesics, by the metric's solvers.
@@ -29,7 +27,7 @@ class GeodesicQuantities:
     A part of `RiemannianMetric`. Subclasses with a closed form override its methods.
     """
 
-    space: Manifold
+    space: Space
     geodesic_solver: GeodesicSolver | None
     exp_solver: ExpSolver | None
     log_solver: LogSolver | None

@@ -1,32 +1,17 @@
-"""The abstract manifold."""
+"""The abstract manifold: a space that comes with a metric."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from copy import copy
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
-import autograd.numpy as np
-from numpy import ndarray
-
-from riemhuman.checks import (
-    Rng,
-    generator,
-    point_array,
-    real_array,
-    real_number,
-    values_of,
-    whole_number,
-)
-from riemhuman.docstrings import inherit_sections
-from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.errors import ArgumentTypeError
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.space import Space
 from riemhuman.representation import constructed
 
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
 
-
-class Manifold(ABC):
+class Manifold(Space):
     r"""A manifold whose points and tangent vectors are arrays of one shape.
 
     Subclasses say which arrays are points (`belongs`), project to the tangent spaces
@@ -72,20 +57,13 @@ class Manifold(ABC):
 
     metric: RiemannianMetric
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
-
     def __init__(self, dim: int, shape: tuple[int, ...], equip: bool = True) -> None:
-        self.dim = dim
-        self.shape = shape
+        super().__init__(dim, shape)
         if equip and self.default_metric() is not None:
             self.equip_with_metric()
 
-    @property
-    def point_ndim(self) -> int:
-        """The number of axes of one point."""
-        return len(self.shape)
+    def __repr__(self) -> str:
+        return constructed(self, leave_out=("equip",))
 
     def default_metric(self) -> type[RiemannianMetric] | None:
         """Return the class of the metric the manifold comes with, if there is one."""
@@ -143,278 +121,3 @@ class Manifold(ABC):
         if equip and other.default_metric() is not None:
             other.equip_with_metric()
         return other
-
-    @abstractmethod
-    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        r"""Tell whether arrays are points of the manifold.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-            Candidate points.
-        atol : float
-            Absolute tolerance.
-
-        Returns
-        -------
-        array of bool, shape (...)
-            Arrays of another shape are no points; there is one answer for each of their leading
-            axes, if they have so many.
-        """
-
-    @abstractmethod
-    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Project arrays to the tangent space at a point.
-
-        Parameters
-        ----------
-        vector : array, shape (..., \*shape)
-            Arrays.
-        base_point : array, shape (..., \*shape), optional
-            Points; needed unless the tangent space is the same at all of them.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-
-        Raises
-        ------
-        ArgumentTypeError
-            If no point is given where one is needed.
-        """
-
-    @abstractmethod
-    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        r"""Draw random points, from no distribution in particular.
-
-        Parameters
-        ----------
-        n_samples : int
-            Number of points.
-        bound : float
-            How far they spread, where the manifold is not compact.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, \*shape), or (\*shape,) for one sample
-        """
-
-    def is_tangent(
-        self, vector: ndarray, base_point: ndarray | None = None, atol: float = 1e-9
-    ) -> ndarray:
-        r"""Tell whether arrays are tangent vectors at a point.
-
-        Parameters
-        ----------
-        vector : array, shape (..., \*shape)
-            Candidate tangent vectors.
-        base_point : array, shape (..., \*shape), optional
-            Points; needed unless the tangent space is the same at all of them.
-        atol : float
-            Absolute tolerance.
-
-        Returns
-        -------
-        array of bool, shape (...)
-        """
-        vector, finite = self._candidates(vector, "vector")
-        if base_point is not None:
-            base_point = self.check_point(base_point, "base_point")
-            vector = vector + np.zeros_like(base_point)
-        error = np.abs(vector - self.to_tangent(vector, base_point))
-        return finite & np.all(error <= atol, axis=self._point_axes)
-
-    def random_tangent_vec(
-        self, base_point: ndarray | None = None, n_samples: int = 1, rng: Rng = None
-    ) -> ndarray:
-        r"""Draw random tangent vectors, one at each of several points or several at one.
-
-        Parameters
-        ----------
-        base_point : array, shape (\*shape,) or (n, \*shape), optional
-            Points; needed unless the tangent space is the same at all of them.
-        n_samples : int
-            Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, \*shape), or that of `base_point` for one sample
-
-        Raises
-        ------
-        ArgumentError
-            If there are several samples and another number of several points.
-        """
-        n_samples = sample_count(n_samples)
-        shape = self.shape
-        if base_point is not None:
-            base_point = self.check_point(base_point, "base_point")
-            shape = base_point.shape
-        if n_samples > 1 and len(shape) == self.point_ndim:
-            shape = (n_samples, *shape)
-        if n_samples > 1 and shape != (n_samples, *self.shape):
-            raise ArgumentError(
-                f"n_samples must be 1 or the number of base points; found {n_samples} with "
-                f"base_point of shape {shape}"
-            )
-        return self.to_tangent(generator(rng).standard_normal(shape), base_point)
-
-    def projection(self, point: ndarray) -> ndarray:
-        r"""Project arrays near the manifold to it, differentiably.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-            Arrays near the manifold.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-        """
-        return point
-
-    def check_point(self, point: Any, name: str = "point") -> ndarray:
-        r"""Return points as float64 arrays, or say what is wrong with them.
-
-        Parameters
-        ----------
-        point : array_like, shape (..., \*shape)
-            Points, or rows of as many numbers as a point has, shape (..., n).
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-
-        Raises
-        ------
-        ArgumentError
-            If the shape is wrong or there are NaN or infinite entries.
-        """
-        return point_array(point, name, self.shape)
-
-    def __repr__(self) -> str:
-        return constructed(self, leave_out=("equip",))
-
-    def check_scale(  # noqa: B027, most spaces have no unit
-        self, point: ndarray, name: str = "point"
-    ) -> None:
-        r"""Refuse points that are measured in another unit of length, where there is one.
-
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-            Points.
-        name : str
-            Name of the argument, for messages.
-        """
-
-    def needed_base_point(self, base_point: ndarray | None) -> ndarray:
-        r"""Return a base point, or say that one is needed.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., \*shape), optional
-            Points.
-
-        Returns
-        -------
-        array, shape (..., \*shape)
-
-        Raises
-        ------
-        ArgumentTypeError
-            If there is none.
-        """
-        if base_point is None:
-            raise ArgumentTypeError(
-                f"base_point must be given: {type(self).__name__} has other tangent vectors and "
-                "inner products at other points"
-            )
-        return base_point
-
-    @property
-    def _point_axes(self) -> tuple[int, ...]:
-        return tuple(range(-self.point_ndim, 0))
-
-    def _candidates(
-        self, array: ndarray, name: str, finite: bool = True
-    ) -> tuple[ndarray, ndarray]:
-        """Return arrays of the points' shape, and which of them are those that were given.
-
-        The others, of another shape or, if `finite`, with entries that are not, become 0.
-        """
-        values = real_array(values_of(array, name), name, finite=False)
-        leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
-        if values.shape != (*leading, *self.shape):
-            return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
-        if not finite:
-            return values, np.ones(leading, dtype=bool)
-        good = np.all(np.isfinite(values), axis=self._point_axes)
-        return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
-
-
-def sample_count(n_samples: int) -> int:
-    """Return the number of samples asked for, at least one.
-
-    Parameters
-    ----------
-    n_samples : int
-        Number of samples.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the number is not an integer.
-    ArgumentError
-        If it is below 1.
-    """
-    return whole_number(n_samples, "n_samples", minimum=1)
-
-
-def sample_bound(bound: float) -> float:
-    """Return how far random points spread, at least 0.
-
-    Parameters
-    ----------
-    bound : float
-        Bound.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the bound is not a number.
-    ArgumentError
-        If it is below 0.
-    """
-    return real_number(bound, "bound", minimum=0.0)
-
-
-def stack_samples(samples: ndarray, n_samples: int) -> ndarray:
-    """Drop the first axis when one sample was asked for.
-
-    Parameters
-    ----------
-    samples : array, shape (n_samples, ...)
-        Samples.
-    n_samples : int
-        Number of samples.
-
-    Returns
-    -------
-    array, shape (n_samples, ...), or (...) for one sample
-    """
-    return samples[0] if n_samples == 1 else samples

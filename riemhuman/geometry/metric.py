@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
 from numpy import ndarray
 
-from riemhuman.checks import point_array, real_array
+from riemhuman.checks import real_array
 from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
-from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.derived_quantities import DerivedQuantities
 from riemhuman.geometry.geodesic_quantities import GeodesicQuantities
-from riemhuman.geometry.pairwise import ManyDistances, Points
+from riemhuman.geometry.pairwise import ManyDistances
+from riemhuman.geometry.space import Space
 from riemhuman.kernels.scalars import square_root
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.representation import constructed
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.manifold import Manifold
 
 
 class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
@@ -69,7 +66,7 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
 
     def __init__(
         self,
-        space: Manifold,
+        space: Space,
         geodesic_solver: GeodesicSolver | None = None,
         *,
         exp_solver: ExpSolver | None = None,
@@ -368,27 +365,6 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
         path = self._check_path(path)
         self.space.check_scale(path, "path")
         return np.sum(square_root(self._squared_segments(path)), axis=-1)
-
-    @property
-    def bulk(self) -> Bulk:
-        """How distances of many pairs are computed; by default one after the other."""
-        return PairByPair(self.squared_dist)
-
-    def check_points(self, points: Points, name: str = "points") -> ndarray:
-        r"""Return a set of points as a float64 array, or say what is wrong with it.
-
-        Parameters
-        ----------
-        points : array_like, shape (n, \*shape)
-            Points.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
-        """
-        return point_array(points, name, self.space.shape, batched=False)
 
     def _squared_segments(self, path: ndarray) -> ndarray:
         before: Any = (..., slice(None, -1), *self._whole_point)

@@ -11,8 +11,9 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
 from riemhuman.terms.sum import TermOfFields

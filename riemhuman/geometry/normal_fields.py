@@ -11,8 +11,9 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot
 from riemhuman.terms.normals import NormalTerm

@@ -5,19 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_shape, one_of, unflattened, whole_number
+from riemhuman.checks import check_shape, one_of, point_array, unflattened, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.geometry.bulk import Bulk, PairByPair
+from riemhuman.geometry.space import Space
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.progress import ProgressBar
 from riemhuman.terms.sum import Features
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
 
 Points = Sequence[Any] | ndarray
 
@@ -39,8 +38,16 @@ _CLOSE_BLOCK = 16
 class ManyDistances:
     """Distances of many pairs of points.
 
-    A part of `RiemannianMetric`, whose other methods it uses.
+    A part of `RiemannianMetric`, whose `squared_dist` it uses.
     """
+
+    space: Space
+
+    @property
+    def bulk(self) -> Bulk:
+        """How distances of many pairs are computed; by default one after the other."""
+        metric: Any = self
+        return PairByPair(metric.squared_dist)
 
     def dist_pairwise(
         self,
@@ -82,8 +89,7 @@ class ManyDistances:
         DegenerateSurfaceError
             If the metric needs a normal of a triangle without area.
         """
-        metric: Any = self
-        return distances(metric, points, None, n_jobs, precision, memory, progress)
+        return distances(self, points, None, n_jobs, precision, memory, progress)
 
     def cdist(
         self,
@@ -116,8 +122,7 @@ class ManyDistances:
         -------
         array, shape (n_a, n_b)
         """
-        metric: Any = self
-        return distances(metric, points_a, points_b, n_jobs, precision, memory, progress)
+        return distances(self, points_a, points_b, n_jobs, precision, memory, progress)
 
     def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
         r"""Return which of some points is nearest; of several equally near, the first.
@@ -139,12 +144,11 @@ class ManyDistances:
         ArgumentError
             If there is no point to choose from.
         """
-        metric: Any = self
-        point = metric.space.check_point(point)
+        point = self.space.check_point(point)
         if len(neighbors) == 0:
             raise ArgumentError("neighbors must hold at least one point; found none")
-        leading = point.shape[: -metric.space.point_ndim]
-        to_neighbors = self.cdist(point.reshape(-1, *metric.space.shape), neighbors)
+        leading = point.shape[: -self.space.point_ndim]
+        to_neighbors = self.cdist(point.reshape(-1, *self.space.shape), neighbors)
         return np.argmin(to_neighbors, axis=1).reshape(leading)
 
     def features(
@@ -170,14 +174,29 @@ class ManyDistances:
             C-contiguous.
         """
         one_of(precision, "precision", PRECISIONS)
-        metric: Any = self
-        points = metric.space.check_point(points, name)
-        check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
-        return metric.bulk.features(points, precision)
+        checked = self.space.check_point(points, name)
+        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
+        return self.bulk.features(checked, precision)
+
+    def check_points(self, points: Points, name: str = "points") -> ndarray:
+        r"""Return a set of points as a float64 array, or say what is wrong with it.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, \*shape)
+            Points.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+        """
+        return point_array(points, name, self.space.shape, batched=False)
 
 
 def squared_dist_rectangle(
-    metric: RiemannianMetric,
+    metric: ManyDistances,
     features_a: Features,
     features_b: Features,
     points_a: Points,
@@ -231,7 +250,7 @@ def squared_dist_rectangle(
 
 
 def distances(
-    metric: RiemannianMetric,
+    metric: ManyDistances,
     points_a: Points,
     points_b: Points | None,
     n_jobs: int | None,
@@ -305,7 +324,7 @@ def distances(
     return result
 
 
-def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
+def _sliceable(metric: ManyDistances, points: Any, name: str) -> Any:
     """Return points whose parts can be looked at one by one, by `RiemannianMetric.features`."""
     if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
         points = metric.check_points(points, name)
@@ -316,7 +335,7 @@ def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
 
 
 def _features(
-    metric: RiemannianMetric,
+    metric: ManyDistances,
     points: Any,
     name: str,
     precision: str,

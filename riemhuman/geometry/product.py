@@ -13,8 +13,9 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.bulk import Bulk, SumOfFactors
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.kernels.linear import entry
 from riemhuman.protocols import GeodesicSolver
 

@@ -11,8 +11,9 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from autograd.extend import defvjp_argnums, primitive
@@ -12,13 +12,10 @@ from numpy import ndarray
 from riemhuman.errors import NotDefinedError, OutsideManifoldError
 from riemhuman.protocols import DifferentiableExpSolver, ExpSolver
 
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
-
 
 @primitive
 def solved_geodesic(
-    tangent_vec: ndarray, base_point: ndarray, metric: RiemannianMetric, solver: ExpSolver
+    tangent_vec: ndarray, base_point: ndarray, metric: Any, solver: ExpSolver
 ) -> ndarray:
     r"""Return what a strategy finds of the geodesic with an initial velocity.
 

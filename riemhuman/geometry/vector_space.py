@@ -10,8 +10,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
 from riemhuman.kernels.tiles import in_tiles
 from riemhuman.terms.flat import flat_distances, vector_features
 from riemhuman.terms.sum import Features

@@ -89,7 +89,8 @@ class MotionComponents(Estimator):
         self.mean_ = self.mean.estimate_
         space = self.mean.space
         self._metric: Any = self.mean.metric or elastic_metric(space)
-        fields = ProductManifold([self._metric.target_metric.space] * space.n_times)
+        space_of_images: Any = self._metric.target_metric.space
+        fields = ProductManifold([space_of_images] * space.n_times)
         weights = RateDependentMetric(space, self._metric).time_weights
         fields.equip_with_metric(ProductMetric, weights=weights)
         images = np.stack([self._images(motion) for motion in self.mean.aligned_])

@@ -9,8 +9,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.motions.frames import (
     Motion,
     frame_runs,
@@ -18,7 +19,6 @@ from riemhuman.motions.frames import (
     rising_times,
     whole_motion,
 )
-from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.protocols import GeodesicSolver, uninterrupted
 
 if TYPE_CHECKING:
@@ -70,6 +70,8 @@ class MotionSpace(Manifold):
 
     def default_metric(self) -> type[RiemannianMetric]:
         """Return `RateDependentMetric`."""
+        from riemhuman.motions.rate_dependent_metric import RateDependentMetric
+
         return RateDependentMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:

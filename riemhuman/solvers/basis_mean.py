@@ -12,8 +12,8 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.space import Space
 from riemhuman.protocols import Basis
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
@@ -232,7 +232,7 @@ class BasisMean:
 class _Family:
     """The points origin + Σ_j β_j D_j, brought back to the manifold where that is needed."""
 
-    space: Manifold
+    space: Space
     origin: ndarray
     directions: ndarray
 
