@@ -63,6 +63,35 @@ def frame_of(surfaces: ndarray, face: ndarray, i: int) -> tuple[float, ...]:
 
 
 @compiled(inline="always")
+def fill_axes(
+    surfaces: ndarray, face: ndarray, i: int, axes: ndarray
+) -> tuple[float, float, float, float]:
+    """Fill e₁, e₂, e₃ of a triangle at time i as rows, and return what else `frame_of` does.
+
+    Parameters
+    ----------
+    surfaces : array, shape (V, n, 3)
+        Surfaces, vertex by vertex.
+    face : array of int, shape (3,)
+        Corners.
+    i : int
+        Time.
+    axes : array, shape (3, 3)
+        Filled.
+
+    Returns
+    -------
+    tuple of 4 floats
+        The area; 1/p, 1/r and q/(p r).
+    """
+    area, over_p, over_r, skew, a0, a1, a2, b0, b1, b2, c0, c1, c2 = frame_of(surfaces, face, i)
+    axes[0, 0], axes[0, 1], axes[0, 2] = a0, a1, a2
+    axes[1, 0], axes[1, 1], axes[1, 2] = b0, b1, b2
+    axes[2, 0], axes[2, 1], axes[2, 2] = c0, c1, c2
+    return area, over_p, over_r, skew
+
+
+@compiled(inline="always")
 def derivatives_in_frame(
     vectors: ndarray, face: ndarray, i: int, frame: tuple[float, ...]
 ) -> tuple[float, ...]:

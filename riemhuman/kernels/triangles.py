@@ -14,6 +14,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import FUSED, compiled
+from riemhuman.kernels.moving_frames import fill_axes
 from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.kernels.threads import in_chunks
 
@@ -239,56 +240,23 @@ def add_gradient(
                 gradient[one, i, k] -= at_two + at_three
 
 
-@compiled(forceinline=True)
-def frame(f_u: ndarray, f_v: ndarray, axes: ndarray) -> tuple[float, float, float]:
-    """Fill e₁ ∥ f_u, e₂, n as rows; return p, q, r with f_u = p e₁, f_v = q e₁ + r e₂.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (3,)
-        Derivatives of a triangle that has an area.
-    axes : array, shape (3, 3)
-        Filled.
-
-    Returns
-    -------
-    p, q, r : float
-    """
-    p = math.sqrt(f_u[0] ** 2 + f_u[1] ** 2 + f_u[2] ** 2)
-    for k in range(3):
-        axes[0, k] = f_u[k] / p
-    q = f_v[0] * axes[0, 0] + f_v[1] * axes[0, 1] + f_v[2] * axes[0, 2]
-    for k in range(3):
-        axes[1, k] = f_v[k] - q * axes[0, k]
-    r = math.sqrt(axes[1, 0] ** 2 + axes[1, 1] ** 2 + axes[1, 2] ** 2)
-    for k in range(3):
-        axes[1, k] /= r
-    axes[2, 0] = axes[0, 1] * axes[1, 2] - axes[0, 2] * axes[1, 1]
-    axes[2, 1] = axes[0, 2] * axes[1, 0] - axes[0, 0] * axes[1, 2]
-    axes[2, 2] = axes[0, 0] * axes[1, 1] - axes[0, 1] * axes[1, 0]
-    return p, q, r
-
-
 @compiled
 def _add_blocks(
     f: ndarray,
     faces: ndarray,
-    frames: ndarray,
     forms: ndarray,
     first: int,
     last: int,
     blocks: ndarray,
 ) -> None:
-    both, axes = np.empty(6), np.empty((3, 3))
+    axes = np.empty((3, 3))
     along, of_corners = np.empty((2, 3)), np.empty((3, 3, 3, 3))
     half = np.empty((3, 3))
     for t in range(first, last):
-        derivatives(f, 0, faces[t], frames[t], both)
-        p, q, r = frame(both[:3], both[3:], axes)
-        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+        _, over_p, over_r, skew = fill_axes(f, faces[t], 0, axes)
         # How ∂₁h and ∂₂h depend on the second and third corners, and so on the first.
-        along[0, 1], along[0, 2] = scale_u / p, 0.0
-        along[1, 1], along[1, 2] = -(skew + q / p * scale_u) / r, scale_v / r
+        along[0, 1], along[0, 2] = over_p, 0.0
+        along[1, 1], along[1, 2] = -skew, over_r
         along[0, 0], along[1, 0] = -along[0, 1], -along[1, 1] - along[1, 2]
         for i in range(3):
             for j in range(3):
@@ -317,9 +285,7 @@ def _add_blocks(
                             blocks[t, 3 * d + k, 3 * c + i] += value
 
 
-def add_blocks(
-    blocks: ndarray, f: ndarray, faces: ndarray, frames: ndarray, forms: ndarray
-) -> None:
+def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: ndarray) -> None:
     """Add quadratic forms of the derivatives of deformations, as forms of the nine corner numbers.
 
     Parameters
@@ -330,13 +296,11 @@ def add_blocks(
         Surface, whose triangles have an area.
     faces : array of int, shape (F, 3)
         Triangles.
-    frames : array, shape (F, 3)
-        Template frames.
     forms : array, shape (F, 6, 6)
         Symmetric forms of the components of ∂₁h and ∂₂h, see `surface.frame_components`.
     """
 
     def run(first: int, last: int) -> None:
-        _add_blocks(f[:, None], faces, frames, forms, first, last, blocks)
+        _add_blocks(f[:, None], faces, forms, first, last, blocks)
 
     in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)

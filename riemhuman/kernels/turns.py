@@ -12,8 +12,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.moving_frames import fill_axes
 from riemhuman.kernels.threads import in_chunks
-from riemhuman.kernels.triangles import derivatives, frame
+from riemhuman.kernels.triangles import derivatives
 
 # Below this many triangles, threads cost more than they bring.
 _WORTH_THREADS = 5_000
@@ -57,21 +58,18 @@ def _turns(
     start: ndarray,
     end: ndarray,
     faces: ndarray,
-    frames: ndarray,
     first: int,
     last: int,
     turns: ndarray,
 ) -> None:
     from_axes = np.empty((3, 3))
     to_axes, rotation = np.empty_like(from_axes), np.empty_like(from_axes)
-    before, after = np.empty(6), np.empty(6)
     for t in range(first, last):
-        derivatives(start, 0, faces[t], frames[t], before)
-        derivatives(end, 0, faces[t], frames[t], after)
-        p, q, r = frame(before[:3], before[3:], from_axes)
-        u, v, w = frame(after[:3], after[3:], to_axes)
-        # The polar decomposition of the map between the frames, [[u r, v p − u q], [0, w p]].
-        angle = math.atan2(u * q - v * p, u * r + w * p)
+        _, over_p, over_r, skew = fill_axes(start, faces[t], 0, from_axes)
+        _, over_u, over_w, end_skew = fill_axes(end, faces[t], 0, to_axes)
+        # The polar decomposition of the map between the frames, [[u r, v p − u q], [0, w p]], with
+        # edges (p, 0), (q, r) at the start and (u, 0), (v, w) at the end, by positive factors.
+        angle = math.atan2(skew * over_w - end_skew * over_r, over_p * over_w + over_u * over_r)
         cosine, sine = math.cos(angle), math.sin(angle)
         for k in range(3):
             turned = cosine * to_axes[0, k] + sine * to_axes[1, k]
@@ -89,7 +87,7 @@ def _turns(
             turns[t, k] *= angle
 
 
-def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
+def triangle_turns(start: ndarray, end: ndarray, faces: ndarray) -> ndarray:
     """Return the rotation of every triangle between two surfaces.
 
     The rotational part of the map that takes f_u, f_v and the normal at the start to those at the
@@ -101,8 +99,6 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray
         Surfaces whose triangles have an area.
     faces : array of int, shape (F, 3)
         Triangles.
-    frames : array, shape (F, 3)
-        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
 
     Returns
     -------
@@ -112,7 +108,7 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray, frames: ndarray
     turns = np.empty((len(faces), 3))
 
     def run(first: int, last: int) -> None:
-        _turns(start[:, None], end[:, None], faces, frames, first, last, turns)
+        _turns(start[:, None], end[:, None], faces, first, last, turns)
 
     in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
     return turns

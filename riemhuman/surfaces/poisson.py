@@ -105,7 +105,7 @@ class PoissonInterpolator:
         # Loading numba takes a while, so that only those who interpolate wait for it.
         from riemhuman.kernels.turns import triangle_turns
 
-        return triangle_turns(start, end, self._faces, self._frames)
+        return triangle_turns(start, end, self._faces)
 
     def is_torn(self, turns: ndarray) -> bool:
         """Return whether neighbouring triangles turn different ways.

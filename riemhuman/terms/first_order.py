@@ -138,7 +138,7 @@ class FirstOrderTerm(QuadraticTerm):
         moving_form, still_form = self.weights.forms()
         forms = moving[:, None, None] * moving_form + still[:, None, None] * still_form
         blocks = onp.zeros((template.n_faces, 9, 9))
-        triangles.add_blocks(blocks, f, template.faces, template.frame_coefficients, forms)
+        triangles.add_blocks(blocks, f, template.faces, forms)
         return template.assembler.assemble(blocks)
 
     def squared_norms_and_slopes(self, vectors: ndarray, surfaces: ndarray) -> Slopes:

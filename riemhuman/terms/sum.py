@@ -309,7 +309,7 @@ class SumOfTerms:
             for form, scale in zip(forms, scales, strict=True):
                 if form.ndim > 2:
                     total = total + scale[:, None, None] * form
-            triangles.add_blocks(blocks, f, self._faces, self._frames, total)
+            triangles.add_blocks(blocks, f, self._faces, total)
         return self.template.assembler.assemble(blocks)
 
 

@@ -34,7 +34,7 @@ def test_sources_by_polar_decomposition(template, size, turned, threaded):
     end = end @ turn.T
     times = np.array([0.0, 0.2, 0.5, 1.0])
     faces, frames = template.faces, template.frame_coefficients
-    turns = kernel.triangle_turns(start, end, faces, frames)
+    turns = kernel.triangle_turns(start, end, faces)
     found = kernel.turned_sources(start, end, turns, times, faces, frames, template.face_areas)
     first, last = with_normals(template, start), with_normals(template, end)
     wanted = np.zeros((len(times), 2, template.n_faces, 3))

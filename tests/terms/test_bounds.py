@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from cases import open_template, surfaces
 
-from riemhuman.kernels import surface, triangles, turns
+from riemhuman.kernels import moving_frames, surface, triangles, turns
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, ebin, flat, normals, root_normals
 from riemhuman.terms.sum import SumOfTerms
 
@@ -69,21 +69,21 @@ def test_features(by_python, precision):
 def test_loops_over_single_surfaces(by_python):
     start, end = surfaces(TEMPLATE, 2, rng=4, size=0.8)
     times = np.array([0.0, 0.3, 1.0])
-    vectors = turns.triangle_turns(start, end, FACES, FRAMES)
+    vectors = turns.triangle_turns(start, end, FACES)
 
     def blocks():
         added = np.zeros((len(FACES), 9, 9))
         first = surface.derivatives(start, TEMPLATE.differential_operator)
         forms = sum(term.form(first) for term in TERMS) * np.ones((len(FACES), 1, 1))
-        triangles.add_blocks(added, start, FACES, FRAMES, forms)
+        triangles.add_blocks(added, start, FACES, forms)
         return [added]
 
     calls = [
-        lambda: turns.triangle_turns(start, end, FACES, FRAMES),
+        lambda: turns.triangle_turns(start, end, FACES),
         lambda: turns.turned_sources(start, end, vectors, times, FACES, FRAMES, AREAS),
         blocks,
     ]
-    check((triangles, turns), by_python, calls)
+    check((moving_frames, triangles, turns), by_python, calls)
 
 
 def test_trees_of_turns(by_python):
