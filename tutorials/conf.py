@@ -35,7 +35,11 @@ html_css_files = ["viewer.css", "site.css"]
 html_js_files = [("three.min.js", {"defer": "defer"}), ("viewer.js", {"defer": "defer"})]
 html_show_sourcelink = False
 html_copy_source = False
-html_theme_options = {"navbar_end": ["theme-switcher"], "show_prev_next": False}
+html_theme_options = {
+    "header_links_before_dropdown": 4,
+    "navbar_end": ["theme-switcher"],
+    "show_prev_next": False,
+}
 # Pages without pages below them have nothing to list beside their text.
 _ALONE = (
     "choose_a_metric",
@@ -67,5 +71,8 @@ def setup(app):
 def _write(translator, node, display):
     from docutils.nodes import SkipNode
 
-    translator.body.append(convert(node.astext(), display=display))
+    formula = convert(node.astext(), display=display)
+    if display == "block":
+        formula = f'<div class="formula">{formula}</div>'
+    translator.body.append(formula)
     raise SkipNode

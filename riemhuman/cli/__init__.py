@@ -80,7 +80,7 @@ Distances, geodesics and means of registered human bodies: meshes that share one
 The shape metric tells who it is, the pose metric how they stand.
 """
 _EPILOG = """\
-Without a verb, `riemhuman [--faust FOLDER] ...` does the main job, `riemhuman tables`.
+Without a verb, `riemhuman [--faust FOLDER] ...` runs `riemhuman tables`.
 `riemhuman VERB --help` explains a verb and shows examples. After
 `pip install 'riemhuman[completion]'`, the shell completes verbs and options with
 `eval "$(register-python-argcomplete riemhuman)"`.

@@ -31,7 +31,7 @@ def add_verbs(verbs: Verbs) -> None:
         "registered meshes rotated and moved onto one",
         "Rotates and moves meshes (never scales them) onto the template by Procrustes alignment,\n"
         "and writes them under their names into a folder, with a page to look at them. Meshes in\n"
-        "another unit, or with another axis up, come to metres with y up.",
+        "another unit, or with another axis up, are brought to metres with y up.",
         "  riemhuman align scans/ -o aligned/\n"
         "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
         "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
@@ -40,9 +40,14 @@ def add_verbs(verbs: Verbs) -> None:
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
     parser.add_argument(
-        "-o", "--output", required=True, metavar="FOLDER", type=path_argument, help="what to write"
+        "-o",
+        "--output",
+        required=True,
+        metavar="FOLDER",
+        type=path_argument,
+        help="folder to write",
     )
-    add_template(parser, "the first mesh")
+    add_template(parser, "the first mesh", "to align with")
     add_json(parser)
     add_force(parser)
     parser.set_defaults(align=True)

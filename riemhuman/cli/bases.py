@@ -96,7 +96,6 @@ def add_basis_options(parser: argparse.ArgumentParser) -> None:
     choice.add_argument(
         "--n-components",
         type=int,
-        default=_N_HARMONICS,
         metavar="K",
         help=f"number of mesh harmonics, without --basis (default: {_N_HARMONICS})",
     )
@@ -128,8 +127,9 @@ def chosen_basis(
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
     if options.basis is None:
-        with reporter.task(f"{options.n_components} mesh harmonics"):
-            return DeformationBasis.from_laplacian(template, options.n_components)
+        count = _N_HARMONICS if options.n_components is None else options.n_components
+        with reporter.task(f"{count} mesh harmonics"):
+            return DeformationBasis.from_laplacian(template, count)
     basis = DeformationBasis.load(options.basis)
     try:
         basis.check_fits(template)

@@ -48,10 +48,10 @@ def add_verbs(verbs: Verbs) -> None:
         _components,
         "principal components of registered meshes, and new bodies",
         "Finds the directions in which meshes differ most, by principal component analysis of\n"
-        "their logarithms at the Karcher mean. Into a folder come mean.ply, the mean less and\n"
-        "more two standard deviations along each component (component_1_minus.ply,\n"
-        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), components.html, a\n"
-        "page to turn them in, and summary.json.",
+        "their logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the\n"
+        "bodies two standard deviations from it along each component (component_1_minus.ply,\n"
+        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page to turn them\n"
+        "in (components.html), and summary.json.",
         "  riemhuman components scans/ -o components/\n"
         "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
         "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
@@ -60,7 +60,12 @@ def add_verbs(verbs: Verbs) -> None:
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
     parser.add_argument(
-        "-o", "--output", required=True, metavar="FOLDER", type=path_argument, help="what to write"
+        "-o",
+        "--output",
+        required=True,
+        metavar="FOLDER",
+        type=path_argument,
+        help="folder to write",
     )
     parser.add_argument(
         "-n", "--n-components", type=int, default=3, metavar="K", help="components (default: 3)"

@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from riemhuman.geometry.surface_metric import SurfaceMetric
     from riemhuman.solvers import PathDistances
 
+_N_NODES = 11  # surfaces of a path
+
 
 def add_verbs(verbs: Verbs) -> None:
     """Declare ``dist``, ``matrix`` and ``retrieve``.
@@ -76,12 +78,12 @@ def _add_matrix(verbs: Verbs) -> None:
         "all distances within a folder of registered meshes",
         "Writes all distances between the meshes of a folder, with their names: the arrays\n"
         "distances (n, n), names (n,) and metric of an .npz file, and a table on request.\n"
-        "With --paths, a path of least energy is sought for every pair, over a basis: the array\n"
-        "lengths (n, n) comes in too, and the table is of lengths. No path is shorter than the\n"
-        "distance, so that the true distance within the surfaces is between the two.",
+        "With --paths, finds a path of least energy over a basis for every pair, too: the file\n"
+        "then also holds the array lengths (n, n), and the table shows lengths. No path is\n"
+        "shorter than the distance; the geodesic distance lies between the two.",
         "  riemhuman matrix scans/ -o D.npz\n"
         "  riemhuman matrix scans/ -o D.npz --csv D.csv --pose --align\n"
-        "  riemhuman matrix thousands/ -o D.npz --resume work/     # after Ctrl-C, once more\n"
+        "  riemhuman matrix thousands/ -o D.npz --resume work/     # run it again to go on\n"
         "  riemhuman matrix scans/ -o D.npz --paths --basis basis.npz -a 1 -l 1 -c 0.1\n"
         "  riemhuman matrix scans/ --csv - --quiet | column -s, -t\n",
     )
@@ -106,7 +108,7 @@ def _add_matrix(verbs: Verbs) -> None:
     )
     parser.add_argument("--paths", action="store_true", help="find paths, and their lengths, too")
     parser.add_argument(
-        "--n-nodes", type=int, default=11, metavar="N", help="surfaces of a path (default: 11)"
+        "--n-nodes", type=int, metavar="N", help=f"surfaces of a path (default: {_N_NODES})"
     )
     add_basis_options(parser)
     add_template(parser, "the first mesh")
@@ -165,8 +167,7 @@ def _matrix(options: argparse.Namespace) -> None:
         raise ArgumentError("nothing to write: give -o NPZ, or --csv CSV, or both")
     if options.json and options.csv == "-":
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
-    if options.basis is not None and not options.paths:
-        raise ArgumentError("--basis NPZ goes with --paths")
+    _check_paths(options)
     table = None if options.csv in (None, "-") else path_argument(options.csv)
     if options.output is not None:
         check_file(options.output, [".npz"], force=options.force)
@@ -204,6 +205,18 @@ def _matrix(options: argparse.Namespace) -> None:
             say(f"  {path}")
 
 
+def _check_paths(options: argparse.Namespace) -> None:
+    """Refuse options that would have no effect."""
+    of_paths = {"n_nodes": "--n-nodes", "basis": "--basis", "n_components": "--n-components"}
+    for name, option in of_paths.items():
+        if getattr(options, name) is not None and not options.paths:
+            raise ArgumentError(f"{option} is about paths; add --paths, or leave it out")
+    if options.paths and options.precision != "double":
+        raise ArgumentError(
+            f"--precision {options.precision} is about distances without --paths; leave out one"
+        )
+
+
 def _distances(
     metric: SurfaceMetric, surfaces: Any, options: argparse.Namespace, reporter: Reporter
 ) -> ndarray:
@@ -228,7 +241,8 @@ def _path_distances(
     if len(surfaces) < 2:
         raise ArgumentError(f"{options.folder} holds one mesh; paths are between two")
     basis = chosen_basis(options, surfaces.template, reporter)
-    solver, points = BasisPath(basis, n_nodes=options.n_nodes), surfaces[:]
+    n_nodes = _N_NODES if options.n_nodes is None else options.n_nodes
+    solver, points = BasisPath(basis, n_nodes=n_nodes), surfaces[:]
     settings = {"n_jobs": options.jobs, "progress": reporter.bars}
     with reporter.task(f"Paths, {metric_name(metric)}"):
         if options.resume is None:

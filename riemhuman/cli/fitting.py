@@ -46,7 +46,9 @@ def add_verbs(verbs: Verbs) -> None:
         "--model", metavar="FILE", type=path_argument, help="body model (default: the open one)"
     )
     parser.add_argument(
-        "--any-scale", action="store_true", help="take meshes of any size beside the first"
+        "--any-scale",
+        action="store_true",
+        help="accept meshes of any size; by default, meshes in another unit are refused",
     )
     add_units(parser)
     add_picture(parser)

@@ -57,7 +57,11 @@ class Surfaces:
         return procrustes(points, to=self.template.vertices, scale=None)
 
 
-def add_template(parser: argparse.ArgumentParser, default: str) -> None:
+def add_template(
+    parser: argparse.ArgumentParser,
+    default: str,
+    use: str = "whose triangle areas weight the metric",
+) -> None:
     """Declare the options that name the template and say whether sizes may differ.
 
     Parameters
@@ -66,12 +70,14 @@ def add_template(parser: argparse.ArgumentParser, default: str) -> None:
         Parser of the verb.
     default : str
         What the template is without it.
+    use : str
+        What the template is for.
     """
     parser.add_argument(
         "--template",
         metavar="MESH",
         type=path_argument,
-        help=f"template mesh, whose triangle areas weight the metric (default: {default})",
+        help=f"template mesh, {use} (default: {default})",
     )
     parser.add_argument(
         "--any-scale",
@@ -90,7 +96,9 @@ def add_units(parser: argparse.ArgumentParser) -> None:
         Parser of the verb.
     """
     parser.add_argument(
-        "--unit", choices=_UNITS, help="unit of the files, brought to metres (default: as it is)"
+        "--unit",
+        choices=_UNITS,
+        help="unit of the files, which are brought to metres (default: left as they are)",
     )
     parser.add_argument("--up", choices=_AXES, help="axis that points up in the files (default: y)")
 

@@ -38,8 +38,8 @@ def add_verbs(verbs: Verbs) -> None:
         _measure,
         "girths, lengths, heights and volumes of registered meshes",
         "Measures bodies registered to the open body model, or to a model and definitions of your\n"
-        "own, in metres, square and cubic metres and kilograms. Every body is\n"
-        "brought to the standard pose and measured there.",
+        "own, in metres, square and cubic metres and kilograms. Bodies are measured in the\n"
+        "standard pose, to which the body model brings them.",
         "  riemhuman measure anna.ply\n"
         "  riemhuman measure scans/ -o table.csv\n"
         "  riemhuman measure anna.ply --as-is --only stature --only volume\n"

@@ -33,7 +33,7 @@ def add_metric_options(
     name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
     group = parser.add_argument_group(
         "metric",
-        f"a · Ebin(λ) + c · normals; by default {name}; each weight changes only itself",
+        f"a · Ebin(λ) + c · normals; by default {name}; -a, -l and -c change one weight each",
     )
     presets = group.add_mutually_exclusive_group()
     presets.add_argument(

@@ -138,7 +138,7 @@ def _add_find(verbs: Verbs) -> None:
         _find,
         "where in a long motion a short one occurs",
         "Prints the parts of a motion that are most like a query, at any speed, nearest first:\n"
-        "distance, first and last frame. The motion is read once, and never kept.",
+        "distance, first and last frame. The motion is read once, frame by frame.",
         "  riemhuman motions find lifted_knee/ hour/\n"
         "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
     )
@@ -165,7 +165,7 @@ def _add_table(verbs: Verbs) -> None:
         "--seed", type=int, default=0, metavar="S", help="seed of the speeds (default: 0)"
     )
     parser.add_argument(
-        "--angles", action="store_true", help="fit the body model to all frames too: minutes"
+        "--angles", action="store_true", help="compare joint angles too; takes minutes"
     )
     add_json(parser)
 
@@ -208,7 +208,7 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
         "--by",
         choices=_MEASURES,
         default="warping",
-        help="dynamic time warping of poses; of changes, each motion's mean taken off; or the "
+        help="dynamic time warping of poses, or of their changes from each motion's mean; or the "
         "rate-invariant distance of velocities (default: warping)",
     )
 

@@ -151,8 +151,8 @@ def _described(record: dict[str, Any], result: PathResult) -> str:
     return (
         f"From {record['from'].name} to {record['to'].name} in {record['n_nodes']} surfaces: "
         f"a path of least energy under the metric {named.format(**weights)}. Energy "
-        f"{record['energy']:.4g}, length {record['length']:.4g} m; no path is shorter than "
-        f"{record['distance']:.4g} m. Converged: {convergence(result)}."
+        f"{record['energy']:.4g}, length {record['length']:.4g}\u00a0m; no path is shorter than "
+        f"{record['distance']:.4g}\u00a0m. Converged: {convergence(result)}."
     )
 
 

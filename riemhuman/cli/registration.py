@@ -33,11 +33,11 @@ def add_verbs(verbs: Verbs) -> None:
         "register",
         _register,
         "raw scans as registered bodies",
-        "Brings a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
-        "without landmarks, and writes the body in the model's triangulation. Of a folder, every\n"
-        "scan becomes a body, and index.html shows scan, body and distances, the worst first.\n"
+        "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
+        "without landmarks, and writes the body in the model's triangulation. From a\n"
+        "folder, every scan is registered, and index.html shows them, the worst first.\n"
         "A body that is not trusted is not written; in a folder it goes to untrusted/.\n"
-        "A folder that was begun is resumed.",
+        "Run again after an interruption, it continues.",
         "  riemhuman register scan.ply -o body.ply\n"
         "  riemhuman register scans/ -o bodies/\n"
         "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
@@ -58,8 +58,8 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "--coarse", action="store_true", help="the open model with 1,202 vertices, for a quick look"
     )
-    parser.add_argument("--unit", choices=_UNITS, help="unit of the scans (default: noticed)")
-    parser.add_argument("--up", choices=_AXES, help="which way is up (default: found)")
+    parser.add_argument("--unit", choices=_UNITS, help="unit of the scans (default: by their size)")
+    parser.add_argument("--up", choices=_AXES, help="axis that points up in the scans (default: found)")
     parser.add_argument(
         "--sequence",
         action="store_true",

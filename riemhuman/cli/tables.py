@@ -30,7 +30,7 @@ def add_verbs(verbs: Verbs) -> None:
         verbs,
         "tables",
         _run,
-        "retrieval tables: who is it, how do they stand? (the main job)",
+        "retrieval tables: who is it, how do they stand? (the default)",
         "Distances between registered human bodies, and how well they tell who it is\n"
         "(shape) and how they stand (pose). Without options: the 100 open bodies that ship\n"
         "with the package, ten people in ten poses.",

@@ -9,7 +9,7 @@ import sys
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.errors import ConvergenceWarning, FileError
@@ -85,14 +85,17 @@ def as_json(record: Any) -> str:
 
 
 def note(text: str) -> None:
-    """Write one line to standard error.
+    """Write one line to standard error, above the bars and in place of a task's name.
 
     Parameters
     ----------
     text : str
         The line; it begins with the name of the program.
     """
-    sys.stderr.write(f"riemhuman: {' '.join(text.split())}\n")
+    tqdm = sys.modules.get("tqdm")  # which nothing but a bar imports
+    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext():
+        begin = "\r\x1b[K" if sys.stderr.isatty() else ""
+        sys.stderr.write(f"{begin}riemhuman: {' '.join(text.split())}\n")
 
 
 def tolerate_ascii() -> None:

@@ -62,15 +62,15 @@ def add_verbs(verbs: Verbs) -> None:
         "--axes",
         choices=("world", "body"),
         default="world",
-        help="triangles turn about axes in space, or about axes that turn with the body, for one "
-        "that stands otherwise than the first mesh (default: world)",
+        help="triangles turn about axes of the world, or about axes of the body, for a body that "
+        "stands in another pose than the first mesh (default: world)",
     )
     parser.add_argument(
         "--transfer",
         choices=("change", "pose"),
         default="change",
-        help="replay the changes since the first mesh, so that poses differ as the first ones do, "
-        "or the poses themselves (default: change)",
+        help="replay the changes since the first mesh, or the poses themselves "
+        "(default: change)",
     )
     add_json(parser)
     add_force(parser)
@@ -82,9 +82,9 @@ def add_verbs(verbs: Verbs) -> None:
         "disentangle",
         _disentangle,
         "a body with one mesh's shape and another's pose",
-        "Turns the first mesh as the second stands, by a smooth field of rotations that keeps its\n"
-        "detail, and writes the body nearest to the first in the shape metric, (a, λ, c) =\n"
-        "(1, 1, 0), and to the turned one in the pose metric, (0, 0, 1).",
+        "Brings the first mesh into the pose of the second by a smooth field of rotations, which\n"
+        "keeps its detail. Then writes the body that is nearest to the first in the shape metric,\n"
+        "(a, λ, c) = (1, 1, 0), and to the posed mesh in the pose metric, (0, 0, 1).",
         "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
         "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
         "  riemhuman disentangle a.ply b.ply -o both.ply --basis basis.npz\n",
@@ -105,8 +105,8 @@ def add_verbs(verbs: Verbs) -> None:
         "--basis",
         metavar="NPZ",
         type=path_argument,
-        help="deformations of bodies in motion, see riemhuman basis: by these alone the body "
-        "differs from SHAPE (default: by anything)",
+        help="the body differs from SHAPE by these deformations alone, see riemhuman basis "
+        "(default: all vertices are free)",
     )
     add_template(parser, "SHAPE")
     add_picture(parser)

@@ -50,7 +50,11 @@ def add_verbs(verbs: Verbs) -> None:
         "--motion", action="store_true", help="the meshes are the frames of one motion"
     )
     parser.add_argument("--open", action="store_true", help="open the page in the browser")
-    parser.add_argument("--any-scale", action="store_true", help="take meshes of any size")
+    parser.add_argument(
+        "--any-scale",
+        action="store_true",
+        help="accept meshes of any size; by default, meshes in another unit are refused",
+    )
     add_units(parser)
     add_force(parser)
     parser.set_defaults(template=None, align=False)
@@ -81,7 +85,12 @@ def add_verbs(verbs: Verbs) -> None:
         default="subject",
         help="what the colours show (default: subject)",
     )
-    parser.add_argument("--method", choices=("mds", "t-sne"), default="mds", help="(mds)")
+    parser.add_argument(
+        "--method",
+        choices=("mds", "t-sne"),
+        default="mds",
+        help="how points are placed (default: mds)",
+    )
     add_force(parser)
 
     parser = add_verb(

@@ -18,7 +18,9 @@ if TYPE_CHECKING:
 
 _SIDES = (("front", 0.0), ("left side", 90.0), ("back", 180.0))
 _ELEVATION = 4.0
-_HEIGHT_INCHES = 4.6
+_HEIGHT_INCHES = 4.6  # of the bodies
+_COLUMNS = 4  # of names
+_ROW_INCHES = 0.19
 
 
 def plot_tapes(
@@ -59,8 +61,8 @@ def plot_tapes(
     >>> tapes = rh.measurements.Measurements(bodies.model).tapes(bodies[0])
     >>> figure = rh.plots.plot_tapes(bodies[0], bodies.template.faces, tapes)
     """
-    figure = new_figure(9.6, _HEIGHT_INCHES)
     drawn = {name: curves for name, curves in tapes.items() if len(curves)}
+    figure = new_figure(9.6, _HEIGHT_INCHES + _ROW_INCHES * -(-len(drawn) // _COLUMNS))
     views = [View(azimuth, _ELEVATION) for _, azimuth in _SIDES]
     windows = [window_around(surface, view) for view in views]
     tall = max(window.height for window in windows)
@@ -74,10 +76,10 @@ def plot_tapes(
     figure.legend(
         handles,
         list(drawn),
-        loc="outside right center",
-        fontsize=5.5,
+        loc="outside lower center",
+        ncols=_COLUMNS,
+        fontsize=9,
         frameon=False,
-        handlelength=1.2,
     )
     return figure
 

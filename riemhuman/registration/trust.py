@@ -82,14 +82,14 @@ def doubts(evidence: Evidence) -> list[str]:
     if evidence.margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
-            f"{evidence.margin:.2f}); landmarks= would tell"
+            f"{evidence.margin:.2f}); solve with landmarks= to decide"
         )
     if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < HELD_ELSEWHERE:
         reasons.append(
             f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
             f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} found next to nothing "
             f"in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may be held "
-            "elsewhere; landmarks= would tell"
+            "elsewhere; solve with landmarks= to decide"
         )
     if evidence.strain > LARGEST_STRAIN:
         reasons.append(

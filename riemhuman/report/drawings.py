@@ -89,7 +89,7 @@ def draw_precision_recall(distances: Mapping[str, Step], labels: ndarray) -> Fig
     -------
     matplotlib.figure.Figure
     """
-    figure = new_figure(4.4, 3.1)
+    figure = new_figure(4.0, 3.2)
     matrices = {name: step.arrays["distances"] for name, step in distances.items()}
     plot_precision_recall(matrices, labels, ax=figure.subplots())
     return figure
@@ -111,7 +111,7 @@ def draw_confusion(distances: ndarray, labels: ndarray, names: Sequence[str]) ->
     -------
     matplotlib.figure.Figure
     """
-    figure = new_figure(4.6, 4.2)
+    figure = new_figure(3.9, 3.7)
     plot_confusion(distances, labels, [spoken(name) for name in names], ax=figure.subplots())
     return figure
 

@@ -235,6 +235,6 @@ def draw_along(path: ndarray, faces: ndarray) -> Figure:
     -------
     matplotlib.figure.Figure
     """
-    drawn = new_figure(4.8, 2.6)
+    drawn = new_figure(4.0, 2.4)
     plot_path(path, faces, ax=drawn.subplots())
     return drawn

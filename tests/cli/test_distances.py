@@ -123,9 +123,19 @@ def test_matrix_of_lengths_of_paths(run, scans, bodies, tmp_path):
         np.testing.assert_array_equal(saved["lengths"], expected.lengths)
 
 
-def test_a_basis_without_paths_is_refused(refused, scans, tmp_path):
-    options = ("--basis", "basis.npz", "-o", tmp_path / "D.npz")
-    assert "--basis NPZ goes with --paths" in refused("matrix", scans, *options)
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("--basis", "basis.npz"),
+        ("--n-nodes", 11),
+        ("--n-components", 60),
+        ("--precision", "single", "--paths"),
+    ],
+)
+def test_options_without_effect_are_refused(refused, scans, tmp_path, options):
+    message = refused("matrix", scans, "-o", tmp_path / "D.npz", *options)
+    assert options[0] in message
+    assert "--paths" in message
 
 
 @pytest.mark.skipif(os.name == "nt", reason="names of files are others there")

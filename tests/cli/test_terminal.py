@@ -5,7 +5,8 @@ import sys
 
 import pytest
 
-from riemhuman.cli.terminal import Reporter
+from riemhuman.cli.terminal import Reporter, note
+from riemhuman.progress import ProgressBar
 
 
 def test_a_log_file_gets_one_line_a_task(capsys):
@@ -26,6 +27,23 @@ def test_a_terminal_is_told_at_once(capsys, monkeypatch):
     with pytest.raises(ZeroDivisionError), reporter.task("Reading"):
         raise ZeroDivisionError
     assert capsys.readouterr().err == "Reading ...\n"
+
+
+def test_notes_stand_above_bars(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with Reporter(quiet=False).task("Reading"), ProgressBar(range(3)) as bar:
+        bar.update()
+        note("one is unreadable")
+    written = capsys.readouterr().err
+    # The bar is wiped out first, the note has a line of its own, and the bar is drawn again.
+    before, after = written.split("\r\x1b[Kriemhuman: one is unreadable\n")
+    assert before.endswith("\r")
+    assert "1/3" in after
+
+
+def test_notes_in_a_log_file_have_no_signs_of_a_terminal(capsys):
+    note("one is unreadable")
+    assert capsys.readouterr().err == "riemhuman: one is unreadable\n"
 
 
 def test_quiet(capsys, monkeypatch):
