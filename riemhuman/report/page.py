@@ -82,7 +82,7 @@ def page(
         '<meta name="color-scheme" content="light dark">\n'
         f'<title>{escape(title)}</title>\n<link rel="icon" href="data:,">\n'
         f"<style>{web_file('page.css', 'riemhuman.report')}</style>\n{styles()}\n</head>\n<body>\n"
-        '<a class="skip" href="#main">To the experiments</a>\n'
+        '<a class="skip" href="#main">Skip to the content</a>\n'
         f'<header><h1>{escape(title)}</h1><p class="lead">{lead}</p>'
         f'<dl class="facts">{numbers}</dl>'
         f'<nav aria-label="Contents"><ol>{contents}</ol></nav></header>\n'

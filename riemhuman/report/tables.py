@@ -96,7 +96,8 @@ class Table:
             cells = [self._cell(index, column, row[column.key], best) for column in columns]
             body.append(f"<tr>{''.join(cells)}</tr>")
         return (
-            f'<div class="table" role="region" tabindex="0" aria-label="Table {self.name}">'
+            f'<div class="table" role="region" tabindex="0" '
+            f'aria-label="{escape(self.caption, quote=True)}">'
             f"<table><caption>{escape(self.caption)} {self.link()}</caption>"
             f"<thead><tr>{heads}</tr></thead><tbody>{''.join(body)}</tbody></table></div>"
         )
