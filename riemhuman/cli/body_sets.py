@@ -45,7 +45,10 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
         help="use the bodies that a reader of another package loads, see riemhuman.extensions",
     )
     parser.add_argument(
-        "--people", metavar="SEED", type=int, help="open bodies of ten other people, drawn with this seed"
+        "--people",
+        metavar="SEED",
+        type=int,
+        help="open bodies of ten other people, drawn with this seed",
     )
     parser.add_argument(
         "--labels",

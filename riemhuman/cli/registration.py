@@ -59,7 +59,9 @@ def add_verbs(verbs: Verbs) -> None:
         "--coarse", action="store_true", help="the open model with 1,202 vertices, for a quick look"
     )
     parser.add_argument("--unit", choices=_UNITS, help="unit of the scans (default: by their size)")
-    parser.add_argument("--up", choices=_AXES, help="axis that points up in the scans (default: found)")
+    parser.add_argument(
+        "--up", choices=_AXES, help="axis that points up in the scans (default: found)"
+    )
     parser.add_argument(
         "--sequence",
         action="store_true",

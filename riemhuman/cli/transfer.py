@@ -69,8 +69,7 @@ def add_verbs(verbs: Verbs) -> None:
         "--transfer",
         choices=("change", "pose"),
         default="change",
-        help="replay the changes since the first mesh, or the poses themselves "
-        "(default: change)",
+        help="replay the changes since the first mesh, or the poses themselves (default: change)",
     )
     add_json(parser)
     add_force(parser)
