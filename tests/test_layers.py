@@ -67,6 +67,7 @@ def test_imports_for_types_reach_up_from_no_room(twin, line):
     assert f"{ROOMS} {'BROKEN' if line else 'KEPT'}" in result.stdout, result.stdout
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize(
     ("module", "line", "contract"),
     [

@@ -184,6 +184,16 @@ def _corner_of(faces: Any, face: int, vertex: int) -> int:
 
 
 @compiled
+def _product(f: Any, origin: int, one: int, other: int) -> float:
+    """Return the inner product of the edges from a vertex to two others."""
+    total = 0.0
+    for x in range(3):
+        total += (f[one, x] - f[origin, x]) * (f[other, x] - f[origin, x])
+    return total
+
+
+# In loops: numba takes seconds to compile assignments of arrays to parts of arrays.
+@compiled
 def _unfold(
     f: Any,
     faces: Any,
@@ -201,12 +211,12 @@ def _unfold(
     Rows 0 and `size` of `right` and `left` are the ends of the path, row k the edge k - 1.
     """
     face = strip[0]
-    a, b, c = f[faces[face, 0]], f[faces[face, 1]], f[faces[face, 2]]
-    along = np.sqrt(np.sum((b - a) ** 2))
-    x = np.sum((c - a) * (b - a)) / along
+    a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
+    along = np.sqrt(_product(f, a, b, b))
+    x = _product(f, a, b, c) / along
     flat = np.zeros((3, 2))
     flat[1, 0] = along
-    flat[2, 0], flat[2, 1] = x, np.sqrt(max(np.sum((c - a) ** 2) - x * x, 0.0))
+    flat[2, 0], flat[2, 1] = x, np.sqrt(max(_product(f, a, c, c) - x * x, 0.0))
     for k in range(2):
         right[0, k] = start[0] * flat[0, k] + start[1] * flat[1, k] + start[2] * flat[2, k]
         left[0, k] = right[0, k]
@@ -220,20 +230,20 @@ def _unfold(
             return False
         p, q = faces[face, out], faces[face, (out + 1) % 3]
         edges[step - 1, 0], edges[step - 1, 1] = p, q
-        p_flat, q_flat = flat[out].copy(), flat[(out + 1) % 3].copy()
-        right[step], left[step] = p_flat, q_flat
+        for k in range(2):
+            right[step, k], left[step, k] = flat[out, k], flat[(out + 1) % 3, k]
         corner = _corner_of(faces, beyond, q)
         if corner < 0 or faces[beyond, (corner + 1) % 3] != p:
             return False
-        apex = f[faces[beyond, (corner + 2) % 3]]
-        edge, up = f[q] - f[p], apex - f[p]
-        along = np.sqrt(np.sum(edge**2))
-        x = np.sum(up * edge) / along
-        height = np.sqrt(max(np.sum(up**2) - x * x, 0.0))
-        e0, e1 = (q_flat[0] - p_flat[0]) / along, (q_flat[1] - p_flat[1]) / along
-        flat[corner], flat[(corner + 1) % 3] = q_flat, p_flat
-        flat[(corner + 2) % 3, 0] = p_flat[0] + x * e0 + height * e1
-        flat[(corner + 2) % 3, 1] = p_flat[1] + x * e1 - height * e0
+        apex = faces[beyond, (corner + 2) % 3]
+        along = np.sqrt(_product(f, p, q, q))
+        x = _product(f, p, apex, q) / along
+        height = np.sqrt(max(_product(f, p, apex, apex) - x * x, 0.0))
+        e0, e1 = (left[step, 0] - right[step, 0]) / along, (left[step, 1] - right[step, 1]) / along
+        for k in range(2):
+            flat[corner, k], flat[(corner + 1) % 3, k] = left[step, k], right[step, k]
+        flat[(corner + 2) % 3, 0] = right[step, 0] + x * e0 + height * e1
+        flat[(corner + 2) % 3, 1] = right[step, 1] + x * e1 - height * e0
     for k in range(2):
         right[size, k] = end[0] * flat[0, k] + end[1] * flat[1, k] + end[2] * flat[2, k]
         left[size, k] = right[size, k]
@@ -310,7 +320,8 @@ def _led_around(
     while last + 1 < size - 1 and (edges[last + 1, 0] == vertex or edges[last + 1, 1] == vertex):
         last += 1
     # The strip crosses edges first to last, all at the vertex, on triangles first to last + 1.
-    led[: first + 1] = strip[: first + 1]
+    for k in range(first + 1):
+        led[k] = strip[k]
     count, face, goal = first + 1, strip[first], strip[last + 1]
     vertex_was_left = edges[first, 1] == vertex
     while face != goal:
@@ -380,9 +391,11 @@ def _straighten(
                 right, left, led_size, led_bends, led_left, led_count, led_places
             )
             if led_length < length * (1.0 - _GAIN):
-                strip[:led_size] = led[:led_size]
-                edges[:led_size], places[:led_size] = led_edges[:led_size], led_places[:led_size]
-                bends[:led_count], of_left[:led_count] = led_bends[:led_count], led_left[:led_count]
+                for k in range(led_size):
+                    strip[k], places[k] = led[k], led_places[k]
+                    edges[k, 0], edges[k, 1] = led_edges[k, 0], led_edges[k, 1]
+                for k in range(led_count):
+                    bends[k], of_left[k] = led_bends[k], led_left[k]
                 length, size, count, shorter = led_length, led_size, led_count, True
                 break
         if not shorter:

@@ -257,23 +257,30 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
     for x in range(1, 3):
         if abs(normal[x]) < abs(normal[least]):
             least = x
-    axis = np.zeros(3)
-    axis[least] = 1.0
-    one = np.cross(normal, axis)
-    one = one / np.sqrt(np.sum(one * one))
-    other = np.cross(normal, one)
+    # Across the normal: products in loops, as sorting below, which numba compiles in no time.
+    one, other = np.zeros(3), np.zeros(3)
+    before, after = (least + 2) % 3, (least + 1) % 3
+    one[after], one[before] = normal[before], -normal[after]
+    length = np.sqrt(one[after] ** 2 + one[before] ** 2)
+    for x in range(3):
+        one[x] /= length
+    for x in range(3):
+        y, z = (x + 1) % 3, (x + 2) % 3
+        other[x] = normal[y] * one[z] - normal[z] * one[y]
     flat = np.empty((len(numbers), 2))
     for k in range(len(numbers)):
         point = points[numbers[k]]
         flat[k, 0] = point[0] * one[0] + point[1] * one[1] + point[2] * one[2]
         flat[k, 1] = point[0] * other[0] + point[1] * other[1] + point[2] * other[2]
-    order = np.argsort(flat[:, 0])
-    for k in range(1, len(order)):  # points above each other, from below
+    order = np.arange(len(numbers))
+    for k in range(1, len(order)):  # from left to right, points above each other from below
         j = k
-        while (
-            j > 0
-            and flat[order[j - 1], 0] == flat[order[j], 0]
-            and flat[order[j - 1], 1] > flat[order[j], 1]
+        while j > 0 and (
+            flat[order[j - 1], 0] > flat[order[j], 0]
+            or (
+                flat[order[j - 1], 0] == flat[order[j], 0]
+                and flat[order[j - 1], 1] > flat[order[j], 1]
+            )
         ):
             order[j - 1], order[j] = order[j], order[j - 1]
             j -= 1

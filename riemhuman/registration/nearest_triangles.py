@@ -87,7 +87,8 @@ def _fill_nearest(
                 if square < best:
                     best = square
                     triangles[i] = t
-                    barycentric[i] = weights
+                    for k in range(3):
+                        barycentric[i, k] = weights[k]
         distances[i] = np.sqrt(best)
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.compiled import SUM, compiled
 from riemhuman.registration.model_samples import ModelSamples
 
 
@@ -90,8 +90,11 @@ def joint_motions(
     shift_shapes = np.empty((n_joints, 3, n_betas))
     for k in body.order:
         parent = body.parents[k]
+        for x in range(3):
+            for y in range(3):
+                own = 1.0 if x == y else 0.0
+                axes[k, x, y] = turns[parent, x, y] if parent >= 0 else own
         if parent >= 0:
-            axes[k] = turns[parent]
             for x in range(3):
                 place = places[parent, x]
                 for y in range(3):
@@ -103,14 +106,7 @@ def joint_motions(
                         difference = body.joint_shapes[k, y, b] - body.joint_shapes[parent, y, b]
                         value += axes[k, x, y] * difference
                     shapes[k, x, b] = value
-        else:
-            axes[k] = np.eye(3)
-        for x in range(3):
-            for y in range(3):
-                total = 0.0
-                for z in range(3):
-                    total += axes[k, x, z] * pose.local[k, z, y]
-                turns[k, x, y] = total
+        _multiply(axes[k], pose.local[k], turns[k])
         for x in range(3):
             shifts[k, x] = places[k, x]
             for y in range(3):
@@ -321,13 +317,16 @@ def add_prior(
     """
     axes = joint_motions(body, pose)[4]
     n_joints = len(body.parents)
+    difference = np.empty((3, 3))
     for k in range(n_joints):
         precision = size * prior.precisions[k]
         if precision > 0.0:
-            away = axes[k] @ rotation_vector(pose.local[k] @ prior.local[k].T)
+            _multiply(pose.local[k], prior.local[k].T, difference)
+            away = rotation_vector(difference)
             for x in range(3):
                 matrix[3 * k + x, 3 * k + x] += precision
-                right[3 * k + x] -= precision * away[x]
+                for y in range(3):
+                    right[3 * k + x] -= precision * axes[k, x, y] * away[y]
     for b in range(len(pose.betas)):
         precision = size * prior.betas_precision
         matrix[3 * n_joints + b, 3 * n_joints + b] += precision
@@ -364,15 +363,19 @@ def stepped(
     n_joints, n_betas = len(body.parents), len(pose.betas)
     for k in range(len(right)):
         matrix[k, k] += 1e-4 * matrix[k, k] + 1e-9
-    step = np.linalg.solve(matrix, right)
+    step = _solved(matrix, right)
     axes = joint_motions(body, pose)[4]
     local = np.empty_like(pose.local)
+    turn = np.empty(3)
     for k in range(n_joints):
-        turn = axes[k].T @ step[3 * k : 3 * k + 3]
+        for x in range(3):
+            turn[x] = 0.0
+            for y in range(3):
+                turn[x] += axes[k, y, x] * step[3 * k + y]
         angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
         if angle > longest:
             turn *= longest / angle
-        local[k] = rotation(turn) @ pose.local[k]
+        _multiply(rotation(turn), pose.local[k], local[k])
     return Pose(
         local,
         pose.betas + step[3 * n_joints : 3 * n_joints + n_betas],
@@ -399,8 +402,13 @@ def rotation(vector: np.ndarray) -> np.ndarray:
         first = math.sin(angle) / angle
         second = 2.0 * (math.sin(0.5 * angle) / angle) ** 2
     x, y, z = vector
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + first * cross + second * (cross @ cross)
+    turn = first * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # The square of the matrix of v × is v vᵀ − |v|².
+    for i in range(3):
+        turn[i, i] += 1.0 - second * angle * angle
+        for j in range(3):
+            turn[i, j] += second * vector[i] * vector[j]
+    return turn
 
 
 @compiled
@@ -428,3 +436,38 @@ def rotation_vector(matrix: np.ndarray) -> np.ndarray:
     if size < 1e-9:
         return 0.5 * sines
     return sines * (angle / size)
+
+
+# In loops: numba takes seconds to compile products, solutions and assignments of arrays.
+@compiled
+def _multiply(one: np.ndarray, other: np.ndarray, product: np.ndarray) -> None:
+    """Fill the product of two matrices, shape (3, 3)."""
+    for x in range(3):
+        for y in range(3):
+            total = 0.0
+            for z in range(3):
+                total += one[x, z] * other[z, y]
+            product[x, y] = total
+
+
+@compiled(fastmath=SUM)
+def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Return the solution of positive definite equations, by the factors of Cholesky in place."""
+    solution = right.copy()
+    for i in range(len(right)):
+        for j in range(i):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= matrix[i, k] * matrix[j, k]
+            matrix[i, j] = total / matrix[j, j]
+        total = matrix[i, i]
+        for k in range(i):
+            total -= matrix[i, k] * matrix[i, k]
+            solution[i] -= matrix[i, k] * solution[k]
+        matrix[i, i] = math.sqrt(total)
+        solution[i] /= matrix[i, i]
+    for i in range(len(right) - 1, -1, -1):
+        for k in range(i + 1, len(right)):
+            solution[i] -= matrix[k, i] * solution[k]
+        solution[i] /= matrix[i, i]
+    return solution

@@ -77,6 +77,7 @@ def test_template_of_the_user_comes_first(registrations, mesh, tmp_path):
     np.testing.assert_array_equal(load_faust(registrations, template, align=False).points, points)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("level", range(len(LEVELS)))
 @pytest.mark.parametrize("ending", ["ply", "obj", "off", "PLY"])
 def test_every_level_and_format(mesh, tmp_path, level, ending):

@@ -182,6 +182,7 @@ def test_both_resolutions_show_the_same_performances(motions):
     assert apart.max() < 0.03
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("sequence", NAMES)
 def test_smooth_on_the_ground_and_not_inside_out(motions, sequence):
     for motion in motions:

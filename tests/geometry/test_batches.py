@@ -35,6 +35,7 @@ def calls(case):
     return found
 
 
+@pytest.mark.sampled(3)
 @every_case
 def test_several_points(case):
     for method, arrays in calls(case):

@@ -48,6 +48,7 @@ def assert_right(metric, within, between, **options):
         np.testing.assert_allclose(found.T, between, rtol=tolerance, atol=1e-15)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("block", [2, 5, 20])
 def test_blocks_of_rows_and_columns(known, block, monkeypatch):
     monkeypatch.setattr(pairwise, "_BLOCK", block)

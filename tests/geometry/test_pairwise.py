@@ -60,6 +60,7 @@ def test_embedded_bodies(weights):
     np.testing.assert_allclose(single, double, rtol=1e-5, atol=0)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.slow
 @each_metric
 def test_embedded_bodies_at_full_resolution(weights):

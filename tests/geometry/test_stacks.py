@@ -53,6 +53,7 @@ def metric_knows_curvature(metric):
     return type(metric).curvature_form is not RiemannianMetric.curvature_form
 
 
+@pytest.mark.sampled(3)
 @every_case
 def test_stacks_are_those_of_each(case):
     for name, arrays in calls(case).items():

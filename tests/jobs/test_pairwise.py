@@ -401,6 +401,7 @@ def planted(path, target, kind):
     return content
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("kind", ["link", "hard link"])
 @pytest.mark.parametrize("name", OURS)
 @pytest.mark.parametrize("moment", ["before", "between"])

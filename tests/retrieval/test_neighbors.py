@@ -71,6 +71,7 @@ def test_every_metric_with_a_distance(case):
     assert_same(neighbors.kneighbors(n_neighbors=len(points) - 1), expected)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("n_pivots", [1, 2, 200])
 @pytest.mark.parametrize("n_components", [0, 1, 300])
 @pytest.mark.parametrize("name", ["pose", "shape"])

@@ -47,6 +47,7 @@ def solved():
     return solver.solve(elastic((1, 1, 0)), bodies.body("resting"), bodies.body("arm raised"))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("pair", PAIRS, ids="-".join)
 def test_energy_lies_between_the_bound_and_the_straight_path(weights, pair):
@@ -64,6 +65,7 @@ def test_energy_lies_between_the_bound_and_the_straight_path(weights, pair):
     assert result.n_evaluations >= result.n_iterations
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("weights", WEIGHTS)
 def test_no_worse_than_the_papers_recipe(weights):
     metric = elastic(weights)
@@ -407,6 +409,7 @@ def test_refuses_what_does_not_fit(solved):
         solver.solve(elastic((1, 1, 1)), start, end, initial_path=collapsed)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("axis", [(0.0, 1.0, 0.0), (1.0, 2.0, 3.0)])
 @pytest.mark.parametrize("weights", WEIGHTS)
 @pytest.mark.parametrize("n_nodes", [3, 6, 7])

@@ -47,6 +47,7 @@ def orders(errors):
     return np.log2(errors[:-1] / errors[1:])
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("case", CLOSED_FORM, ids=name_of)
 def test_second_order_against_closed_forms(case):
     start, end = case.points[:2]
@@ -142,6 +143,7 @@ def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
     assert (result.n_iterations, result.n_evaluations) == (len(factors), 2 * len(factors))
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("case", SURFACES + PLANES, ids=name_of)
 def test_second_order_without_closed_forms(case):
     start = case.points[0]

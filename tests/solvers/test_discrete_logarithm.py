@@ -75,6 +75,7 @@ def test_inverse_of_the_exponential_in_all_coordinates(case):
     assert back.energy == pytest.approx(forward.energy, rel=1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("weights", "end"),
     [
@@ -116,6 +117,7 @@ def squat(rng):
 LEGS = (("hip", -70), ("knee", 90), ("ankle", -20))
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
 @pytest.mark.parametrize("change", ["squat", "arms"])
 def test_large_changes_of_pose(weights, change):
@@ -133,6 +135,7 @@ def test_large_changes_of_pose(weights, change):
     assert np.linalg.norm(forward.end - end, axis=1).mean() < 1e-3
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("weights", [(1.0, 0.1, 0.1), (1.0, 1.0, 1.0)])
 def test_large_changes_of_pose_over_all_vertices(weights):
     """Translations, which the metric does not see, go on uniformly: else millimetres are lost."""

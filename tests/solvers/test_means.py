@@ -482,6 +482,7 @@ def test_descent_from_the_mean_itself_takes_no_step(space):
     np.testing.assert_array_equal(found.point, point)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("space", FIELDS.values(), ids=FIELDS)
 @pytest.mark.parametrize("start", STARTS)
 def test_where_the_search_over_a_basis_starts(space, start):

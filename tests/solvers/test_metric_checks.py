@@ -30,6 +30,7 @@ ENERGY = "energy ≥ squared length ≥ squared distance"
 GRADIENT = "the gradient of the energy is exact"
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_metrics_of_the_registry_pass(case):
     report = check_metric(case.metric, case.points, case.tangent_vecs)

@@ -79,6 +79,7 @@ def test_closed_forms_carry_velocities_along(case):
     )
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("ladder", LADDERS)
 @pytest.mark.parametrize("case", CURVED, ids=name_of)
 def test_ladders_come_to_the_closed_form_at_second_order(case, ladder):
@@ -104,6 +105,7 @@ def test_pole_ladders_are_exact_on_symmetric_spaces(case):
     assert np.abs(schild.tangent_vec - exact).max() > 1e-4
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("ladder", LADDERS)
 @pytest.mark.parametrize("case", OTHERS, ids=name_of)
 def test_second_order_without_closed_forms(case, ladder):

@@ -67,6 +67,7 @@ def test_straight_paths_do_not(name):
         check_geodesic(LinearPath(n_nodes=7), CASES[name])
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("case", SMOOTH, ids=name_of)
 def test_what_every_path_satisfies(case):
     settings = {"n_nodes": 7, "coarse_segments": (2,)}
@@ -114,6 +115,7 @@ def test_bent_arm(bent_arm):
     assert again.energy <= 1.001 * result.energy
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
 @pytest.mark.parametrize("seed", [1, 4])
 def test_arms_that_turn_end_below_the_path_over_a_basis(weights, seed):
@@ -158,6 +160,7 @@ def test_a_solver_gives_another_start():
     np.testing.assert_array_equal(other.path, without.path)
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("weights", [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)])
 @pytest.mark.parametrize("seed", [2, 5])
 def test_paths_backwards(weights, seed):

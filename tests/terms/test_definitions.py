@@ -62,6 +62,7 @@ def test_segments(term):
     close(gradient, expected_gradient)
 
 
+@pytest.mark.sampled(3)
 @each_term
 def test_pairs(term):
     fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in POINTS]

@@ -146,6 +146,7 @@ def client():
         yield client
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("family", ["slivers", "antipodal", "near"])
 @pytest.mark.parametrize("name", METRICS)
 def test_jobs_in_tiles_and_on_a_cluster_have_the_same_bits(name, family, client, tmp_path):

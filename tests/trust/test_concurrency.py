@@ -81,6 +81,7 @@ CALLS = (
 )
 
 
+@pytest.mark.sampled(5)
 @pytest.mark.parametrize("kind", ["pose", "both", "srnf"])
 @pytest.mark.parametrize("call", CALLS)
 def test_many_threads_see_the_bits_of_one(call, kind):
@@ -157,6 +158,7 @@ print(json.dumps(digests))
 """
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("n_threads", [1, 2])
 def test_fresh_processes_give_the_same_bits(n_threads):
     environment = os.environ | {

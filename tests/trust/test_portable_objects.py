@@ -50,6 +50,7 @@ def use(case):
     return [np.asarray(each) for each in found]
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 def test_metrics_before_and_after_their_use(case):
     described, number = json.dumps(describe(case.metric)), hash(case.metric)
