@@ -21,8 +21,9 @@ def some(number, step):
 def deselected(tests):
     """Return the tests that wait for the long job.
 
-    Of the cases of a test marked `sampled(step)`, one of so many runs every day. Which one comes
-    first depends on the name of the test, so that no case is left out by all tests.
+    Of the cases of a test marked `sampled(step)`, one of so many runs every day; likewise of all
+    tests marked `sampled(step, kind)` with one kind. Which comes first depends on the name of the
+    test, so that no case is left out by all tests.
     """
     if FULL:
         return set()
@@ -31,7 +32,8 @@ def deselected(tests):
         mark = test.get_closest_marker("sampled")
         if mark is None:
             continue
-        name, (step,) = test.nodeid.partition("[")[0], mark.args
+        step, *kind = mark.args
+        name = kind[0] if kind else test.nodeid.partition("[")[0]
         if (counts[name] + crc32(name.encode())) % step:
             waiting.add(test)
         counts[name] += 1

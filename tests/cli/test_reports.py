@@ -24,7 +24,7 @@ def extended():
 
 
 @pytest.mark.slow
-def test_page_of_a_labelled_folder(extended, run, scans, tmp_path):
+def test_page_of_a_labelled_folder(extended, undrawn, run, scans, tmp_path):
     finished = run("report", "--quick", "--bodies", scans, "-o", tmp_path / "report")
     assert finished.code == 0, finished.err
     page = tmp_path / "report" / "index.html"

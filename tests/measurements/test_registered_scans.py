@@ -9,6 +9,7 @@ from riemhuman.measurements import Measurements
 from riemhuman.registration import ScanRegistration
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 @pytest.mark.slow
 def test_noisy_scans_measure_like_the_body():
     """Loose points with 2 mm of noise, of two performances of a person nothing was tuned on."""

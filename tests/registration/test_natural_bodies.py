@@ -29,6 +29,7 @@ def error(result, scan):
     return np.linalg.norm(result.points - scan.body, axis=1).mean()
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 def test_hands_on_hips(registration, bodies):
     scan = scan_of(bodies, HANDS_ON_HIPS)
     result = registration.solve(scan.points)
@@ -36,6 +37,7 @@ def test_hands_on_hips(registration, bodies):
     assert error(result, scan) < 0.02
 
 
+@pytest.mark.sampled(3, "scans that are refused")
 def test_an_arm_held_elsewhere_is_refused(registration, bodies):
     scan = scan_of(bodies, HAND_ON_EAR)
     result = registration.solve(scan.points)
@@ -44,6 +46,7 @@ def test_an_arm_held_elsewhere_is_refused(registration, bodies):
         assert "and right_wrist found next to nothing in the scan" in result.message
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 def test_landmarks_bring_the_arm_where_it_is(registration, bodies):
     scan = scan_of(bodies, HAND_ON_EAR)
     joints = registration.model.joint_regressor @ scan.body

@@ -60,6 +60,7 @@ def test_correspondence_leads_to_the_nearest_places(registration, result, scan):
     assert np.all(result.distances <= nearest + 1e-12)
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 def test_other_units_axes_and_normals_change_nothing(registration, result, scan):
     # From y up to z up.
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
@@ -98,6 +99,7 @@ def test_a_sequence_shows_its_progress_and_keeps_what_is_finished(
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.sampled(3, "scans that are trusted")
 @pytest.mark.slow
 def test_what_was_not_seen_is_not_matched(registration, frames):
     front = simulated_scan(
@@ -110,6 +112,7 @@ def test_what_was_not_seen_is_not_matched(registration, frames):
     assert found.matched[normals[:, 2] < -0.5].mean() < 0.15
 
 
+@pytest.mark.sampled(3, "scans that are refused")
 def test_two_people_are_refused(registration, scan):
     both = np.concatenate([scan.points, scan.points + [0.9, 0.0, 0.4]])
     found = registration.solve(both)

@@ -256,7 +256,7 @@ class Watched:
         return self.result
 
 
-def test_bodies_without_model_or_shared_labels(tmp_path):
+def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     template = sphere_template()
     points = surfaces(template, 4, size=0.1)
     bodies = Bodies(
@@ -291,7 +291,7 @@ class Refusing:
 
 
 @pytest.mark.slow
-def test_on_shuffled_labels_nothing_is_said_that_is_not_so(tmp_path, nine_bodies):
+def test_on_shuffled_labels_nothing_is_said_that_is_not_so(undrawn, tmp_path, nine_bodies):
     order = np.random.default_rng(4).permutation(len(nine_bodies))
     labels = {"subject": nine_bodies.subject[order], "pose": nine_bodies.pose[order]}
     shuffled = replace(nine_bodies, **labels)

@@ -13,6 +13,7 @@ import pytest
 from autograd import grad
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from lengths import some
 from trust.adversarial_metrics import METRICS, subject_of
 from trust.adversarial_properties import CELLS, PROPERTIES, ROUNDING
 from trust.adversarial_surfaces import EPS, FAMILIES, MESHES, make, surfaces, weights
@@ -42,7 +43,7 @@ def _table():
 
 
 @pytest.mark.parametrize(("name", "metric"), CELLS, ids=map(" of ".join, CELLS))
-@settings(max_examples=25)
+@settings(max_examples=some(25, 4))
 @given(found=surfaces(), abc=weights(), seed=st.integers(0, 2**16))
 def test_property(name, metric, found, abc, seed):
     wanted = PROPERTIES[name]
@@ -51,7 +52,7 @@ def test_property(name, metric, found, abc, seed):
     wanted.check(subject, np.random.default_rng(seed))
 
 
-@settings(max_examples=60)
+@settings(max_examples=some(60, 3))
 @given(st.integers(0, 2**16), st.floats(0.0, 3.0), st.floats(-3.0, 4.0), st.floats(-6.0, 6.0))
 def test_exp_and_log_of_metric_fields(seed, anisotropy, log_lam, log_size):
     rng = np.random.default_rng(seed)
@@ -81,7 +82,7 @@ def test_exp_and_log_of_metric_fields(seed, anisotropy, log_lam, log_size):
     assert abs(metric.norm(velocity, start) - distance) <= 100 * EPS * condition * scale
 
 
-@settings(max_examples=50)
+@settings(max_examples=some(50, 3))
 @given(st.integers(0, 2**16), st.floats(-12.0, 0.0), st.booleans())
 def test_exp_and_log_of_normal_fields(seed, power, antipodal):
     template = make("plain", "open", 0.0, seed).template

@@ -262,7 +262,7 @@ def test_a_report_is_killed_time_and_again(server, undisturbed, tmp_path):
     expected, n_changes = undisturbed("report", server.inputs)
     assert n_changes > 250
     # Before every change until the folder is marked and made; then on the way, which gets shorter.
-    for change in sample((*range(1, 12), *range(20, 140, 20)), 4):
+    for change in sample((*range(1, 12), *range(20, 140, 20)), 6, first=3):
         killed = server.run("report", tmp_path, kill_at=change)
         assert killed["code"] == -signal.SIGKILL
         found = visible(content(tmp_path))
@@ -323,7 +323,7 @@ def test_a_report_has_its_folder_to_itself(server, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "operation", sample(["resumable_matrix", "geodesic", "matrix", "report"], 3)
+    "operation", sample(["resumable_matrix", "geodesic", "matrix", "report"], 4)
 )
 def test_killed_at_random_moments(server, undisturbed, operation, tmp_path):
     expected, _ = undisturbed(operation, server.inputs)

@@ -15,7 +15,7 @@ from lengths import FULL
 
 TESTS = Path(__file__).parents[1]
 ALL_CASES = 300
-CASES_A_READER = ALL_CASES if FULL else 100
+CASES_A_READER = ALL_CASES if FULL else 50
 GROUPS = {
     "meshes": ["ply text", "ply little", "ply big", "obj", "off"],
     "archives": ["arrays", "basis", "latent npz", "latent npy", "latent csv"],
