@@ -13,11 +13,13 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import one_of, real_array
+from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.correspondence import Correspondence
+from riemhuman.learned.training import Loss, trained
 from riemhuman.learned.weight_files import Weights, save_weights
 from riemhuman.surfaces.template import Template
 from riemhuman.units import refuse_other_scale
@@ -30,6 +32,11 @@ _REMEDY = "give them in the unit that the network was trained in"
 
 class Codes(Estimator):
     """Vectors that a network finds for bodies registered to a template."""
+
+    # What every network keeps of how it is trained, beside settings of its own.
+    n_steps: int
+    learning_rate: float
+    random_state: int
 
     _SETTINGS: tuple[str, ...] = ()
     # The files that ship, by what `load_pretrained` calls them.
@@ -155,6 +162,34 @@ class Codes(Estimator):
         found._start_on(weights.template)
         found._read(weights)
         return found
+
+    def _generator(self, *sizes: str) -> np.random.Generator:
+        """Refuse settings that cannot be trained with, those sizes too; return the generator."""
+        for name in (*self._SETTINGS, "n_steps", *sizes):
+            whole_number(getattr(self, name), name, minimum=1)
+        real_number(self.learning_rate, "learning_rate", minimum=0.0, strict=True)
+        return np.random.default_rng(whole_number(self.random_state, "random_state", minimum=0))
+
+    def _train(
+        self,
+        start: Mapping[str, ndarray],
+        data: Mapping[str, ndarray],
+        loss: Loss,
+        checkpoint: str | os.PathLike[str] | None,
+        progress: bool,
+    ) -> None:
+        with single_threaded_libraries():
+            self.parameters_, self.losses_ = trained(
+                start,
+                data,
+                loss,
+                n_steps=self.n_steps,
+                seed=int(self.random_state),
+                learning_rate=float(self.learning_rate),
+                checkpoint=checkpoint,
+                progress=progress,
+            )
+        self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
 
     def _settings(self) -> dict[str, int]:
         """Return the sizes of what was fitted."""

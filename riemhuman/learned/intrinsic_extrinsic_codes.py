@@ -12,10 +12,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_number, whole_number
 from riemhuman.descriptors.spectra import spectrum
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.codes import Codes, checked_template
 from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
 from riemhuman.learned.point_clouds import (
@@ -24,7 +22,6 @@ from riemhuman.learned.point_clouds import (
     initial_cloud,
     surface_points,
 )
-from riemhuman.learned.training import trained
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
@@ -169,17 +166,13 @@ class IntrinsicExtrinsicCodes(Codes):
         ArgumentError
             If bodies or parameters are wrong.
         """
-        for name in (*self._SETTINGS, "n_steps", "batch_size"):
-            whole_number(getattr(self, name), name, minimum=1)
-        seed = whole_number(self.random_state, "random_state", minimum=0)
-        rate = real_number(self.learning_rate, "learning_rate", minimum=0.0, strict=True)
+        rng = self._generator("batch_size")
         template, points = check_training_bodies(self.template, X)
         if self.n_points > template.n_vertices:
             raise ArgumentError(
                 f"n_points={self.n_points} exceeds the {template.n_vertices} vertices"
             )
         self._start_on(template)
-        rng = np.random.default_rng(seed)
         self.vertices_ = np.sort(rng.permutation(template.n_vertices)[: self.n_points])
         bar = ProgressBar(points, disable=not progress, unit="body", desc="spectra")
         values = np.log([spectrum(f, template.faces, self.n_eigenvalues).eigenvalues for f in bar])
@@ -194,28 +187,8 @@ class IntrinsicExtrinsicCodes(Codes):
         start = initial_cloud(self.n_hidden, self.n_features, rng)
         for name, (n_in, n_out) in self._sizes().items():
             start |= initial_network(name, n_in, 2 * self.n_hidden, n_out, rng)
-
-        def loss(
-            torch: ModuleType,
-            parameters: Mapping[str, Any],
-            tensors: Mapping[str, Any],
-            rng: np.random.Generator,
-        ) -> Any:
-            return self._loss(torch, parameters, tensors, rng)
-
-        with single_threaded_libraries():
-            self.parameters_, self.losses_ = trained(
-                start,
-                data,
-                loss,
-                n_steps=self.n_steps,
-                seed=seed,
-                learning_rate=rate,
-                checkpoint=checkpoint,
-                progress=progress,
-            )
+        self._train(start, data, self._loss, checkpoint, progress)
         self._place, self._spectrum = map(in_single_precision, (self._place, self._spectrum))
-        self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
         return self
 
     def on(self, template: Template, correspondence: Any = None) -> Self:

@@ -11,15 +11,12 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.codes import Codes
 from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
 from riemhuman.learned.part_features import part_arrays, read_parts
 from riemhuman.learned.parts import Parts, find_parts
-from riemhuman.learned.training import trained
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.progress import ProgressBar
 
@@ -141,10 +138,7 @@ class MetricCodes(Codes):
         ArgumentError
             If bodies or parameters are wrong.
         """
-        for name in (*self._SETTINGS, "n_steps"):
-            whole_number(getattr(self, name), name, minimum=1)
-        seed = whole_number(self.random_state, "random_state", minimum=0)
-        rate = real_number(self.learning_rate, "learning_rate", minimum=0.0, strict=True)
+        rng = self._generator()
         if not isinstance(self.metric, RiemannianMetric):
             raise ArgumentTypeError(
                 f"metric must be a metric to train on; found {type(self.metric).__name__}"
@@ -152,7 +146,6 @@ class MetricCodes(Codes):
         template, points = check_training_bodies(getattr(self.metric.space, "template", None), X)
         self._start_on(template)
         self.metric_ = repr(self.metric)
-        rng = np.random.default_rng(seed)
         some = rng.permutation(len(points))[:_BODIES_OF_PARTS]
         self.parts_ = find_parts(template, points[some], self.n_parts, rng)
         features = self.parts_.gradients(points)
@@ -193,20 +186,9 @@ class MetricCodes(Codes):
                 missed = missed + ((found - wanted) ** 2 / (wanted + 1e-3)).mean()
             return missed / len(chosen)
 
-        with single_threaded_libraries():
-            self.parameters_, self.losses_ = trained(
-                start,
-                data,
-                loss,
-                n_steps=self.n_steps,
-                seed=seed,
-                learning_rate=rate,
-                checkpoint=checkpoint,
-                progress=progress,
-            )
+        self._train(start, data, loss, checkpoint, progress)
         self._center, self._scale = map(in_single_precision, (self._center, self._scale))
         self._unit = float(in_single_precision(self._unit))
-        self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
         return self
 
     def transform(self, X: ArrayLike) -> ndarray:

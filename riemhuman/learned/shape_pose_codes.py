@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from functools import partial
 from types import MappingProxyType, ModuleType
 from typing import Any, Self
 
@@ -11,9 +12,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.codes import Codes
 from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
 from riemhuman.learned.part_features import (
@@ -22,7 +21,6 @@ from riemhuman.learned.part_features import (
     scales_of,
 )
 from riemhuman.learned.parts import Parts, find_parts
-from riemhuman.learned.training import trained
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.surfaces.template import Template
 
@@ -163,14 +161,10 @@ class ShapePoseCodes(Codes):
         FileFormatError
             If the checkpoint is of another training.
         """
-        for name in (*self._SETTINGS, "n_steps", "batch_size"):
-            whole_number(getattr(self, name), name, minimum=1)
-        seed = whole_number(self.random_state, "random_state", minimum=0)
-        rate = real_number(self.learning_rate, "learning_rate", minimum=0.0, strict=True)
+        rng = self._generator("batch_size")
         template, points = check_training_bodies(self.template, X)
         self._start_on(template)
         points, bodies_of = _by_person(points, y)
-        rng = np.random.default_rng(seed)
         some = rng.permutation(len(points))[:_BODIES_OF_PARTS]
         self.parts_ = find_parts(self._home, points[some], self.n_parts, rng)
         features, frames = self.parts_.split(points)
@@ -186,27 +180,9 @@ class ShapePoseCodes(Codes):
         }
         start = self._initial(features, bodies_of, rng)
 
-        def loss(
-            torch: ModuleType,
-            parameters: Mapping[str, Any],
-            tensors: Mapping[str, Any],
-            rng: np.random.Generator,
-        ) -> Any:
-            return self._loss(torch, parameters, tensors, bodies_of, rng)
-
-        with single_threaded_libraries():
-            self.parameters_, self.losses_ = trained(
-                start,
-                data,
-                loss,
-                n_steps=self.n_steps,
-                seed=seed,
-                learning_rate=rate,
-                checkpoint=checkpoint,
-                progress=progress,
-            )
+        loss = partial(self._loss, bodies_of=bodies_of)
+        self._train(start, data, loss, checkpoint, progress)
         self._center, self._scale = map(in_single_precision, (self._center, self._scale))
-        self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
         return self
 
     def transform(self, X: ArrayLike) -> ndarray:
@@ -317,8 +293,8 @@ class ShapePoseCodes(Codes):
         torch: ModuleType,
         parameters: Mapping[str, Any],
         data: Mapping[str, Any],
-        bodies_of: list[ndarray],
         rng: np.random.Generator,
+        bodies_of: list[ndarray],
     ) -> Any:
         size = min(self.batch_size, len(bodies_of) // 2)
         people = rng.permutation(len(bodies_of))[: 2 * size]

@@ -55,7 +55,7 @@ def retrieval_section(materials: Materials) -> Section | None:
 
 
 def _scores(materials: Materials, task: Task) -> str:
-    table = report_tables.retrieval_table(task.name, materials.results.distances, task.labels)
+    table = report_tables.score_table(task.name, materials.results.distances, task.labels)
     rival = POSE if task.metric == SHAPE else SHAPE
     said = f"{verdict(table, task.metric)} {findings.below_chance(table.rows, rival, task.labels)}"
     return f'{heading(task.question)}{materials.table(table)}<p class="note">{said}</p>'

@@ -17,13 +17,13 @@ from riemhuman.registration.folders import read_records
 from riemhuman.report import provenance
 from riemhuman.report.content import facts_of, lead_of, sections
 from riemhuman.report.materials import Materials
-from riemhuman.report.output_folder import check_folder, opened_folder, write_provenance
 from riemhuman.report.page import Section, page
 from riemhuman.report.plan import QUICK, Plan
 from riemhuman.report.registered_scans import scan_section
 from riemhuman.report.results import compute_results
 from riemhuman.retrieval.benchmark import table_metrics
 from riemhuman.retrieval.representations import available, of_extensions
+from riemhuman.storage.report_folder import check_folder, opened_folder, write_provenance
 from riemhuman.storage.result_store import Progress, ResultStore, fingerprint
 from riemhuman.storage.whole_files import write_text
 

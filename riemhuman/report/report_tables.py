@@ -25,7 +25,7 @@ _SCORES = (
 )
 
 
-def retrieval_table(task: str, distances: Mapping[str, Step], labels: ndarray) -> Table:
+def score_table(task: str, distances: Mapping[str, Step], labels: ndarray) -> Table:
     """Return how well every representation finds bodies of the same class.
 
     Parameters

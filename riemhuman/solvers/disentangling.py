@@ -13,9 +13,10 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import SurfaceSpace
-from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
+from riemhuman.solvers.minimization import WALL, LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import Result, warn_unless_converged
+from riemhuman.solvers.rounding import rounded
 from riemhuman.solvers.smooth_turn import SMOOTHING, SmoothTurn
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
 from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -23,9 +24,6 @@ from riemhuman.surfaces.deformation_basis import DeformationBasis
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.geometry.surface_metric import SurfaceMetric
-
-# Value, in units of the first, of surfaces without finite distance from the two bodies.
-_WALL = 2.0
 
 # Relative errors of vertices that count as rounding.
 _ROUNDING = 1e-12
@@ -237,7 +235,7 @@ class Disentangling:
         def objective(variables: ndarray) -> tuple[float, ndarray]:
             value, gradient = sum_.value_and_gradient(start + position(variables))
             if not np.isfinite(value):
-                return _WALL, np.zeros_like(variables)
+                return WALL, np.zeros_like(variables)
             return value / unit, factor.solve(gradient.ravel()[:, None]).ravel() / unit
 
         return LocalProblem(objective, position, unit)
@@ -264,8 +262,7 @@ class _WeightedSum:
 
     def rounding(self, surface: ndarray) -> float:
         """Return the value between surfaces that are the same to rounding errors."""
-        noise = np.random.default_rng(0).uniform(-_ROUNDING, _ROUNDING, surface.shape)
-        pair = np.stack([surface, surface * (1.0 + noise)])
+        pair = np.stack([surface, rounded(surface, _ROUNDING)])
         return sum(weight * float(metric.energy(pair)) for metric, weight, _ in self._terms)
 
     def factor(self, surface: ndarray, unit: float) -> CholeskyFactor:

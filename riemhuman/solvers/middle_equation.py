@@ -27,6 +27,7 @@ from riemhuman.kernels.drift import centroid
 from riemhuman.protocols import Basis, MetricOfSurfaces, SpaceWithFields, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.root_finding import find_root
+from riemhuman.solvers.rounding import rounded
 from riemhuman.solvers.spatial_factors import spatial_factor
 
 # A normal that turns further within one time step belongs to a triangle that has turned over.
@@ -221,9 +222,7 @@ class MiddleEquation:
 
     def _rounding(self, point: ndarray) -> float:
         """Return the energy of a step that is no longer than rounding errors."""
-        low, high = 1.0 - _ROUNDING, 1.0 + _ROUNDING
-        noise = np.random.default_rng(0).uniform(low, high, point.shape)
-        return self._squared_dist(point, self._regular(point * noise))
+        return self._squared_dist(point, self._regular(rounded(point, _ROUNDING)))
 
     def _preconditioner(
         self, middle: ndarray, scale: float

@@ -22,6 +22,9 @@ _STILL = 0.01
 _ROUND = 25
 _MEMORY = 20
 
+WALL = 10.0
+"""Value of points that a search must leave again, where objectives start at about one."""
+
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 
 

@@ -37,9 +37,25 @@ def rounding_energy(
     float
         About a squared distance that is no different from 0.
     """
-    noise = np.random.default_rng(0).uniform(-size, size, point.shape)
-    near = metric.space.projection(point * (1.0 + noise))
+    near = metric.space.projection(rounded(point, size))
     return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
+
+
+def rounded(point: ndarray, size: float) -> ndarray:
+    r"""Return a point with rounding errors, the same ones at every call.
+
+    Parameters
+    ----------
+    point : array, shape (\*shape,)
+        A point.
+    size : float
+        Largest relative error of its entries.
+
+    Returns
+    -------
+    array, shape (\*shape,)
+    """
+    return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))
 
 
 def path_floor(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:

@@ -14,15 +14,12 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManif
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.minimization import Minimum, minimize
+from riemhuman.solvers.minimization import WALL, Minimum, minimize
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.statistics.field_factors import field_factor
 from riemhuman.statistics.image_spaces import ImageSpace, image_space
 from riemhuman.statistics.nearest_surface import NearestSurface
 from riemhuman.statistics.tangent_pca import mean_point
-
-# Misfit, in units of the variance, where the line search has left the manifold.
-_WALL = 10.0
 
 # Points whose misfits are taken together, so that what they need stays in the processor's cache.
 _BLOCK = 4
@@ -270,7 +267,7 @@ class GeodesicRegression(Estimator):
             try:
                 value, gradient = slope(changes_of(variables))
             except (DegenerateSurfaceError, OutsideManifoldError):
-                return _WALL, np.zeros_like(variables)
+                return WALL, np.zeros_like(variables)
             halves = gradient.reshape(2, -1, 1)
             rows = [factor.solve(half)[:, 0] for half in halves]
             # One more, so that the stopping test is a share of the variance and not of the misfit.

@@ -1,7 +1,7 @@
 """Named arrays in .npz files: written whole or not at all, read without unpickling.
 
 What a file says of the size of an array is compared with the data that are there before any memory
-is set aside for it.
+is set aside for it. (safetensors 0.8 refuses text, and mixes up arrays in Fortran order.)
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Locks on files and folders, which the system releases when their process ends."""
+"""Locks on files and folders, which the system releases when their process ends.
+
+Unlike those of filelock 4.2, they leave no file behind and refuse a file that holds something.
+"""
 
 from __future__ import annotations
 

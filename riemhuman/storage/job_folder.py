@@ -4,6 +4,7 @@ Every file of the folder is in one of two states, whatever moment the process wa
 under its own name is whole: it was written, or laid out in full on the disk, under the name
 with ``.part`` behind it, and then renamed. Entries of a table are filled in place, and count
 only once the record beside it says so; records are written after the entries have been flushed.
+(Chunks of Zarr 3.1 take no room in advance, and a chunk that is lost is read as zeros.)
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Results kept between runs, each with a fingerprint of its inputs."""
+"""Results kept between runs, each with a fingerprint of its inputs.
+
+Whole files of finished steps; `job_folder` holds tables that are filled in place.
+"""
 
 from __future__ import annotations
 

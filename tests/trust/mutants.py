@@ -188,10 +188,10 @@ MUTANTS = [
         "storage/test_outputs.py",
     ),
     Mutant(
-        "report/output_folder.py",
+        "storage/report_folder.py",
         "    if path.is_symlink():\n",
         "    if False:\n",
-        "report/test_output_folder.py",
+        "storage/test_report_folder.py",
     ),
     Mutant(
         "storage/result_store.py",

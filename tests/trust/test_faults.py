@@ -21,7 +21,7 @@ import pytest
 from lengths import FULL, sample
 from trust.faults import Server
 
-from riemhuman.report.output_folder import opened_folder
+from riemhuman.storage.report_folder import opened_folder
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="processes fork, and the sizes of files are limited"
@@ -120,7 +120,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
     n_changes = max(n_changes for _, n_changes in expected.values())
     assert n_changes >= 4
     # Replacing what is there takes a few changes more.
-    for change in sample(range(1, n_changes + 6, STRIDES.get(operation, 1)), 5, first=2):
+    for change in sample(range(1, n_changes + 6, STRIDES.get(operation, 1)), 8, first=2):
         inputs = (server.inputs, server.others)[change % 2]
         new = expected[inputs][0]
         states = {tmp_path / "old": old}
@@ -138,6 +138,7 @@ def test_killed_before_every_change_of_a_file(server, undisturbed, operation, tm
         old = new
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("operation", WRITERS)
 def test_no_room_for_a_file(server, undisturbed, operation, tmp_path):
     old, _ = undisturbed(operation, server.others)
@@ -295,6 +296,7 @@ def test_the_clock_runs_backwards(server, undisturbed, operation, tmp_path):
             os.utime(file, (4e9, 4e9))
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     "operation", ["matrix", "basis", "geodesic", "components", "resumable_matrix"]
 )

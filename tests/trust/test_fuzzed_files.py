@@ -15,7 +15,7 @@ from lengths import FULL
 
 TESTS = Path(__file__).parents[1]
 ALL_CASES = 300
-CASES_A_READER = ALL_CASES if FULL else 50
+CASES_A_READER = ALL_CASES if FULL else 100
 GROUPS = {
     "meshes": ["ply text", "ply little", "ply big", "obj", "off"],
     "archives": ["arrays", "basis", "latent npz", "latent npy", "latent csv"],
@@ -54,6 +54,7 @@ def fuzz(tmp_path, names, first, count):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("group", GROUPS)
 def test_damaged_files(group, tmp_path):
     report = fuzz(tmp_path, GROUPS[group], 0, CASES_A_READER)

@@ -12,9 +12,9 @@ from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14, read_classes
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.report.output_folder import check_folder
 from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.storage.job_folder import JobFolder
+from riemhuman.storage.report_folder import check_folder
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 

@@ -7,14 +7,14 @@ import shutil
 import pytest
 
 from riemhuman.errors import ArgumentTypeError, FileError
-from riemhuman.report.output_folder import (
+from riemhuman.storage.array_files import save_arrays
+from riemhuman.storage.report_folder import (
     MARKER,
     SUBFOLDERS,
     check_folder,
     opened_folder,
     write_provenance,
 )
-from riemhuman.storage.array_files import save_arrays
 from riemhuman.storage.whole_files import write_text
 
 
