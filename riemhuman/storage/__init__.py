@@ -1,8 +1,8 @@
 """Files: written whole or not at all, locked, checked, and known by what they were made of.
 
-Two stores share locks, fingerprints and whole files. `ResultStore` keeps finished steps and computes
-those anew whose inputs changed; `JobFolder` fills tables larger than memory in place, and refuses
-another job. Neither can do the other's work.
+Two stores share locks, fingerprints and whole files. `ResultStore` keeps finished steps, and those
+are computed anew whose inputs changed; `JobFolder` fills tables larger than memory in place, and
+refuses another job. Neither can do the other's work.
 
 Why not the libraries of the field, as tried:
 
