@@ -174,9 +174,11 @@ class ManyDistances:
             C-contiguous.
         """
         one_of(precision, "precision", PRECISIONS)
-        checked = self.space.check_point(points, name)
-        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
-        return self.bulk.features(checked, precision)
+        return self.bulk.features(self._members(points, name), precision)
+
+    def _members(self, points: Points, name: str) -> ndarray:
+        """Return a set of points that `bulk` takes."""
+        return self.check_points(points, name)
 
     def check_points(self, points: Points, name: str = "points") -> ndarray:
         r"""Return a set of points as a float64 array, or say what is wrong with it.

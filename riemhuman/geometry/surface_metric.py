@@ -8,8 +8,10 @@ from typing import Any
 import autograd.numpy as np
 from numpy import ndarray
 
+from riemhuman.checks import check_shape
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_of_terms import MetricOfTerms
+from riemhuman.geometry.pairwise import Points
 from riemhuman.geometry.term_fields import TermFields
 from riemhuman.kernels import surface
 from riemhuman.kernels.drift import still_path
@@ -218,3 +220,8 @@ class SurfaceMetric(MetricOfTerms):
         """Return w ∫ d² dx of one term."""
         values = term.squared_dist(fields_a, fields_b) * self._sum.areas
         return term.weight * np.sum(values, axis=-1)
+
+    def _members(self, points: Points, name: str) -> ndarray:
+        points = self.space.check_point(points, name)
+        check_shape(points, name, ("n_points", *self.space.shape), batched=False)
+        return points

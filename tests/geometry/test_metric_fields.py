@@ -224,6 +224,15 @@ def test_matrices_with_a_zero_on_the_diagonal():
             SPACE.check_point(field, completion=True)
 
 
+def test_distances_of_many_fields_reach_the_completion():
+    points = SPACE.random_point(3, rng=12)
+    points[1, 3] = 0.0
+    metric = SPACE.metric
+    expected = metric.dist(points[:, None], points)
+    np.testing.assert_allclose(metric.dist_pairwise(points), expected, rtol=1e-5)
+    np.testing.assert_allclose(metric.cdist(points[:1], points[1:]), expected[:1, 1:], rtol=1e-5)
+
+
 def test_belongs_is_symmetric_to_a_tolerance():
     g = SPACE.random_point(rng=11)
     for off in (-1e-4, 1e-4):

@@ -55,7 +55,7 @@ def floor(place):
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
         ("dist", (POINTS[0], POINTS[1]), 9, 26, 0),
-        ("dist_pairwise", (POINTS,), 11, 43, 1),
+        ("dist_pairwise", (POINTS,), 11, 44, 1),
         ("energy", (POINTS,), 8, 13, 1),
     ],
 )
