@@ -21,7 +21,7 @@ from riemhuman.solvers.spatial_factors import SparseCholeskyFactor, spatial_fact
 from riemhuman.statistics.image_distances import image_distances
 
 # Steps after which the matrix is factored anew, and steps that are remembered.
-_ROUND, _DAMPED_ROUND, _MEMORY = 20, 5, 20
+_ROUND, _DAMPED_ROUND, _MEMORY = 30, 5, 20
 
 # Steps that bring less, or more, than these shares of their promise raise, or lower, the damping.
 _POOR, _GOOD = 0.25, 0.6
@@ -197,7 +197,7 @@ def _descend(
         n_evaluations += 1
     converged, message = False, "the most steps were tried"
     memory: list[tuple[ndarray, ndarray]] = []
-    damping, half_hessian, age = 0.0, factor(f, 0.0), 0
+    damping, half_hessian, age, first = 0.0, factor(f, 0.0), 0, 0
     while n_evaluations <= max_iter:
         step = -_inverse_hessian_times(half_hessian, memory, gradient)
         promise = -0.5 * float(np.sum(gradient * step))
@@ -205,12 +205,14 @@ def _descend(
         if promise <= min(tolerance * values[0], little):
             converged, message = True, "a step promises less than the tolerance"
             break
-        for length in _LENGTHS:
+        for length in _LENGTHS[first:]:
             n_evaluations += 1
             new_value, new_gradient = slope(f + length * step)
             share = (values[-1] - new_value) / (length * (2.0 - length) * promise)
             if share > _POOR:
                 break
+        # Where the last step was short, and did worse than it promised, the next begins short.
+        first = 1 if length < 1.0 and share < _GOOD else 0
         if share > 0.0:
             memory = [*memory[1 - _MEMORY :], (length * step, new_gradient - gradient)]
             f, gradient = f + length * step, new_gradient
