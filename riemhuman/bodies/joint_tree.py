@@ -80,3 +80,28 @@ def root_first(parents: np.ndarray) -> tuple[int, ...]:
         cycle = sorted(set(range(len(parents))) - set(order))
         raise ArgumentError(f"kintree_table has a cycle: joints {cycle} never reach the root")
     return tuple(order)
+
+
+def joints_between(parents: np.ndarray, first: int, last: int) -> list[int]:
+    """Return the joints on the way from one to another, both included.
+
+    Parameters
+    ----------
+    parents : array of int, shape (J,)
+        Index of each joint's parent, -1 for the root.
+    first, last : int
+        Where the way begins and ends.
+
+    Returns
+    -------
+    list of int
+    """
+    ways = []
+    for joint in (first, last):
+        way = [joint]
+        while parents[way[-1]] >= 0:
+            way.append(int(parents[way[-1]]))
+        ways.append(way)
+    up, down = ways
+    shared = next(joint for joint in up if joint in down)
+    return up[: up.index(shared) + 1] + down[: down.index(shared)][::-1]

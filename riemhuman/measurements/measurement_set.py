@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,26 +10,25 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy import sparse
-from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.correspondence import combination_of_vertices
-from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.bodies.joint_tree import joints_between
+from riemhuman.errors import ArgumentError
 from riemhuman.measurements.closest_points import closest_points
-from riemhuman.measurements.definitions import measurement_from_dict, nearest_name
+from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.geodesics import Mesh, SurfacePoint
 from riemhuman.measurements.landmarks import Place, axes_in_frame
 from riemhuman.measurements.measurement import Measurement
+from riemhuman.measurements.moved_landmarks import (
+    Landmark,
+    checked_landmark,
+    moved_landmarks,
+    nearest_triangles,
+)
 from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
-from riemhuman.storage.file_content import file_content, file_path
-from riemhuman.storage.whole_files import whole_file
+from riemhuman.measurements.set_files import read_set, write_set
 from riemhuman.surfaces.template import Template
-
-Landmark = tuple[ndarray, ndarray]
-"""Numbers of vertices, and weights that sum to one."""
-
-_FORMAT = 1
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -79,7 +77,7 @@ class MeasurementSet:
     standard_pose: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        marks = {name: _landmark(name, mark) for name, mark in self.landmarks.items()}
+        marks = {name: checked_landmark(name, mark) for name, mark in self.landmarks.items()}
         if isinstance(self.template, BodyModel):
             regressor = self.template.joint_regressor
             for name, row in zip(self.template.joint_names, regressor, strict=True):
@@ -241,17 +239,8 @@ class MeasurementSet:
         if self.model is None:
             raise ArgumentError("lengths along joints need a body model; the template is a surface")
         names = self.model.joint_names
-        ways = []
-        for joint in (first, last):
-            number = names.index(nearest_name(joint, "joint", names))
-            way = [number]
-            while self.model.parents[way[-1]] >= 0:
-                way.append(int(self.model.parents[way[-1]]))
-            ways.append(way)
-        up, down = ways
-        shared = next(number for number in up if number in down)
-        numbers = up[: up.index(shared) + 1] + down[: down.index(shared)][::-1]
-        return tuple(names[number] for number in numbers)
+        ends = (names.index(nearest_name(joint, "joint", names)) for joint in (first, last))
+        return tuple(names[number] for number in joints_between(self.model.parents, *ends))
 
     def on_surface(self, place: Place) -> SurfacePoint:
         """Return the triangle a place lies in, with barycentric coordinates.
@@ -344,27 +333,16 @@ class MeasurementSet:
                 f"{matrix.shape[0]}"
             )
         names = template.joint_names if isinstance(template, BodyModel) else ()
-        landmarks = {}
-        for name, (vertices, weights) in self.landmarks.items():
-            if name in names:
-                continue
-            row = sparse.csr_array(weights @ matrix[vertices])
-            landmarks[name] = (row.indices.astype(np.int64), row.data)
-        # A triangle of the other takes the parts of the nearest of these triangles.
-        places = matrix @ other.vertices
-        _, nearest = cKDTree(places[self.faces].mean(axis=1)).query(
-            other.vertices[other.faces].mean(axis=1)
-        )
-        parts = {}
-        for name in self.parts:
-            parts[name] = np.flatnonzero(self.in_parts((name,))[nearest])
+        marks = {name: mark for name, mark in self.landmarks.items() if name not in names}
+        nearest = nearest_triangles(matrix @ other.vertices, self.faces, other)
+        parts = {name: np.flatnonzero(self.in_parts((name,))[nearest]) for name in self.parts}
         if standard_pose is None:
             known = all(joint in names for joint in self.standard_pose)
             standard_pose = self.standard_pose if known else {}
         return MeasurementSet(
             template,
             self.measurements,
-            landmarks,
+            moved_landmarks(marks, matrix),
             parts,
             self.frame,
             self.axes if axes is None else axes,
@@ -409,23 +387,19 @@ class MeasurementSet:
             If it cannot be written.
         """
         joints = self.model.joint_names if self.model else ()
-        record = {
-            "format": _FORMAT,
-            "n_vertices": self.n_vertices,
-            "n_faces": len(self.faces),
-            "measurements": [measurement.to_dict() for measurement in self.measurements],
-            "landmarks": {
-                name: {"vertices": vertices.tolist(), "weights": weights.tolist()}
-                for name, (vertices, weights) in self.landmarks.items()
-                if name not in joints
+        write_set(
+            path,
+            {
+                "n_vertices": self.n_vertices,
+                "n_faces": len(self.faces),
+                "measurements": self.measurements,
+                "landmarks": {k: mark for k, mark in self.landmarks.items() if k not in joints},
+                "parts": self.parts,
+                "frame": self.frame,
+                "axes": self.axes,
+                "standard_pose": self.standard_pose,
             },
-            "parts": {name: _runs(faces) for name, faces in self.parts.items()},
-            "frame": list(self.frame),
-            "axes": self.axes.tolist(),
-            "standard_pose": {k: np.asarray(v).tolist() for k, v in self.standard_pose.items()},
-        }
-        with whole_file(file_path(path)) as file:
-            file.write_text(_json_text(record), encoding="utf-8")
+        )
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:
@@ -449,70 +423,9 @@ class MeasurementSet:
         FileFormatError
             If it is no such file, or is for another template.
         """
-        try:
-            record = json.loads(file_content(file_path(path)))
-            found = (record["n_vertices"], record["n_faces"])
-            surface = template.template if isinstance(template, BodyModel) else template
-            if found != (surface.n_vertices, surface.n_faces):
-                raise ArgumentError(
-                    f"it is for {found[0]} vertices and {found[1]} triangles; the template has "
-                    f"{surface.n_vertices} and {surface.n_faces}"
-                )
-            return cls(
-                template,
-                [measurement_from_dict(entry) for entry in record["measurements"]],
-                {
-                    name: (np.array(mark["vertices"]), np.array(mark["weights"]))
-                    for name, mark in record["landmarks"].items()
-                },
-                {name: _numbers(runs) for name, runs in record["parts"].items()},
-                record["frame"],
-                record["axes"],
-                record["standard_pose"],
-            )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
-            reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
-            raise FileFormatError(
-                f"{file_path(path)} does not hold measurements: {reason}"
-            ) from error
-
-
-def _landmark(name: str, mark: Any) -> Landmark:
-    vertices, weights = np.asarray(mark[0], dtype=np.int64), np.asarray(mark[1], dtype=np.float64)
-    if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > 1e-3:
-        raise ArgumentError(
-            f"landmark {name!r} must have one weight for each vertex, 1 in sum; found "
-            f"{vertices.shape} vertices and weights of sum {weights.sum():g}"
+        surface = template.template if isinstance(template, BodyModel) else template
+        return read_set(
+            path,
+            (surface.n_vertices, surface.n_faces),
+            lambda fields: cls(template, **fields),
         )
-    return vertices, weights / weights.sum()
-
-
-def _runs(numbers: ndarray) -> list[list[int]]:
-    """Return whole numbers as runs, first and last."""
-    ordered = np.unique(numbers)
-    breaks = np.flatnonzero(np.diff(ordered) > 1)
-    firsts = np.concatenate([ordered[:1], ordered[breaks + 1]])
-    lasts = np.concatenate([ordered[breaks], ordered[-1:]])
-    return np.stack([firsts, lasts], axis=1).tolist()
-
-
-def _numbers(runs: Sequence[Sequence[int]]) -> ndarray:
-    ranges = [np.arange(first, last + 1) for first, last in runs]
-    return np.concatenate(ranges) if ranges else np.empty(0, dtype=np.int64)
-
-
-def _json_text(record: Mapping[str, Any]) -> str:
-    """Return JSON with one entry a line, two levels deep."""
-    lines = []
-    for key, value in record.items():
-        if isinstance(value, dict) and value:
-            inner = ",\n".join(
-                f"  {json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in value.items()
-            )
-            lines.append(f" {json.dumps(key)}: {{\n{inner}\n }}")
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            inner = ",\n".join(f"  {json.dumps(entry, ensure_ascii=False)}" for entry in value)
-            lines.append(f" {json.dumps(key)}: [\n{inner}\n ]")
-        else:
-            lines.append(f" {json.dumps(key)}: {json.dumps(value)}")
-    return "{\n" + ",\n".join(lines) + "\n}\n"

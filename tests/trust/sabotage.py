@@ -2,9 +2,10 @@
 
 ``python tests/trust/sabotage.py --room kernels --n 60 --seed 0`` changes one operator, constant,
 comparison or condition at a time in a copy of the package, and runs tests of that room alone until
-one fails: first those that mirror the changed file, slow ones left out, then, should they pass, all
-of the room, slow ones too. It prints the share of changes that were noticed, and those that were
-not. A change that makes the tests hang counts as noticed.
+one fails: those that run the changed function, the quickest first. Which they are is recorded once,
+in a run of the room without any change; who runs a compiled function is not seen, and all tests are
+asked for it. It prints the share of changes that were noticed, and those that were not. A change
+that makes the tests hang counts as noticed.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import ast
 import contextlib
 import importlib
+import json
 import os
 import random
 import shutil
@@ -21,7 +23,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numba
 import pytest
@@ -37,6 +39,10 @@ ROOT = Path(__file__).parents[2]
 
 # Tests of files whose own name no file of tests bears.
 _MIRRORS = {
+    "geometry/geodesic_quantities.py": "geometry/test_metric.py",
+    "geometry/metric_of_terms.py": "geometry/test_surface_metric.py",
+    "geometry/samples.py": "geometry/test_manifold.py",
+    "geometry/space.py": "geometry/test_manifold.py",
     "geometry/bulk.py": "geometry/test_pairwise.py",
     "geometry/general_elastic_metric.py": "geometry/test_aligned_surfaces.py",
     "geometry/term_fields.py": "geometry/test_pullback.py",
@@ -124,6 +130,9 @@ _SPEED_ALONE = {
     },
     "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
 }
+
+# Tests that are asked first, by themselves.
+_FIRST = 40
 
 _OPERATORS = {
     ast.Add: ast.Sub,
@@ -285,11 +294,59 @@ def places_in(room: Path, names: list[str]) -> list[tuple[Path, int]]:
     return [(file, number) for file in files for number in range(_sabotage(file)[0].count)]
 
 
+class _Recorder:
+    """Writes down which functions of the package every test runs, and how long it takes."""
+
+    def __init__(self, package: Path, path: Path) -> None:
+        self._package, self._path = f"{package}{os.sep}", path
+        self._run: set[tuple[str, int]] = set()
+        self._tests: dict[str, Any] = {}
+
+    def _note(self, frame: Any, event: str, _: Any) -> None:
+        code = frame.f_code
+        if code.co_filename.startswith(self._package):
+            self._run.add((code.co_filename.removeprefix(self._package), code.co_firstlineno))
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_make_collect_report(self, collector: Any) -> Any:
+        # What a file of tests makes for all of them.
+        self._run = set()
+        sys.settrace(self._note)
+        report = yield
+        sys.settrace(None)
+        if self._run:
+            self._tests[collector.nodeid] = (0.0, sorted(self._run))
+        return report
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: Any) -> Any:
+        self._run, began = set(), time.monotonic()
+        sys.settrace(self._note)
+        result = yield
+        sys.settrace(None)
+        self._tests[item.nodeid] = (time.monotonic() - began, sorted(self._run))
+        return result
+
+    def pytest_sessionfinish(self) -> None:
+        self._path.write_text(json.dumps(self._tests), encoding="utf-8")
+
+
+class _Chosen:
+    """Runs some tests alone, in an order."""
+
+    def __init__(self, tests: list[str]) -> None:
+        self._places = {test: number for number, test in enumerate(tests)}
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        chosen = [item for item in items if item.nodeid in self._places]
+        items[:] = sorted(chosen, key=lambda item: self._places[item.nodeid])
+
+
 class _Copy:
     """A copy of the package and its tests, in which a room is tested."""
 
-    def __init__(self, folder: Path, room: str, quick: bool) -> None:
-        self.folder, self.room, self.quick = folder, room, quick
+    def __init__(self, folder: Path, room: str) -> None:
+        self.folder, self.room = folder, room
         for name in ("riemhuman", "tests"):
             ignored = shutil.ignore_patterns("__pycache__")
             shutil.copytree(ROOT / name, folder / name, ignore=ignored)
@@ -298,16 +355,40 @@ class _Copy:
         self._compiled = folder / "compiled"
         self._compiled.mkdir()
         self._output = ""
+        self._tests: dict[str, Any] = {}
 
     def check_tests(self, seconds: float) -> None:
-        """Run the tests of the room without any change, and keep what they compile."""
-        if self._run([f"tests/{self.room}"], self._compiled, seconds) != "survived":
+        """Run the tests of the room without any change, and keep what they compile and run."""
+        path = self.folder / "tests.json"
+        recorder = _Recorder(self.folder / "riemhuman", path)
+        if self._run([f"tests/{self.room}"], recorder, self._compiled, seconds) != "survived":
             sys.exit(f"{self._output}\nthe tests of the room fail without any change")
+        self._tests = json.loads(path.read_text(encoding="utf-8"))
 
-    def try_change(self, file: Path, changed: str, seconds: float) -> str:
+    def tests_of(self, file: Path, line: int) -> list[str]:
+        """Return the tests that run a line of a file, as far as is known; the quickest first."""
+        name = f"{self.room}/{file.name}"
+        tree = ast.parse(file.read_text(encoding="utf-8"))
+        around = [
+            node
+            for node in ast.walk(tree)
+            if isinstance(node, ast.FunctionDef) and node.lineno <= line <= (node.end_lineno or 0)
+        ]
+        starts = {min([n.lineno, *(d.lineno for d in n.decorator_list)]) for n in around}
+        is_compiled = any("compiled" in ast.unparse(d) for n in around for d in n.decorator_list)
+        seconds = {test: taken for test, (taken, _) in self._tests.items() if "::" in test}
+
+        def run(test: str) -> bool:
+            ran = [*self._tests[test][1], *self._tests.get(test.split("::")[0], (0, []))[1]]
+            return any(where == name and (at in starts or not starts) for where, at in ran)
+
+        chosen = [test for test in seconds if is_compiled or run(test)] or list(seconds)
+        mirror = _MIRRORS.get(name, f"{self.room}/test_{file.name}")
+        return sorted(chosen, key=lambda t: (not t.startswith(f"tests/{mirror}"), seconds[t]))
+
+    def try_change(self, file: Path, changed: str, tests: list[str], seconds: float) -> str:
         """Return "survived", "killed" or "timed out", for a file of other text."""
         source, times = file.read_text(encoding="utf-8"), file.stat()
-        mirror = _MIRRORS.get(f"{self.room}/{file.name}", f"{self.room}/test_{file.name}")
         with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
             compiled = Path(scratch)
             # What is kept on disk does not notice constants that it imports.
@@ -316,10 +397,11 @@ class _Copy:
             file.write_text(changed, encoding="utf-8")
             try:
                 end = "survived"
-                if (self.folder / "tests" / mirror).exists():
-                    end = self._run(["-m", "not slow", f"tests/{mirror}"], compiled, seconds)
-                if end == "survived" and not self.quick:
-                    end = self._run([f"tests/{self.room}"], compiled, 3 * seconds)
+                for some in (tests[:_FIRST], tests[_FIRST:]):
+                    if end == "survived" and some:
+                        files = sorted({test.split("::")[0] for test in some})
+                        end = self._run(files, _Chosen(some), compiled, seconds)
+                        seconds *= 3
             finally:
                 file.write_text(source, encoding="utf-8")
                 os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
@@ -335,13 +417,13 @@ class _Copy:
         compiling = [text for text in sources if "riemhuman.kernels.compiled import" in text]
         return any(importing in text for text in compiling)
 
-    def _run(self, tests: list[str], compiled: Path, seconds: float) -> str:
+    def _run(self, tests: list[str], plugin: Any, compiled: Path, seconds: float) -> str:
         """Run tests in a copy of this process, which has loaded what they import."""
         arguments = ["-x", "-q", "-p", "no:cacheprovider", *tests]
         with tempfile.TemporaryFile(mode="w+", encoding="utf-8") as output:
             child = os.fork()
             if child == 0:
-                self._test_and_exit(arguments, compiled, output.fileno())
+                self._test_and_exit(arguments, plugin, compiled, output.fileno())
             code = _exit_code(child, seconds)
             output.seek(0)
             self._output = output.read()
@@ -354,7 +436,9 @@ class _Copy:
             sys.exit(self._output)
         return "killed"
 
-    def _test_and_exit(self, arguments: list[str], compiled: Path, output: int) -> NoReturn:
+    def _test_and_exit(
+        self, arguments: list[str], plugin: Any, compiled: Path, output: int
+    ) -> NoReturn:
         # Its own group, so that what the tests start ends with them.
         os.setsid()
         os.dup2(output, 1)
@@ -368,7 +452,7 @@ class _Copy:
         sys.dont_write_bytecode = True
         sys.path[0] = str(self.folder)
         numba.config.reload_config()
-        code = int(pytest.main(arguments))
+        code = int(pytest.main(arguments, plugins=[plugin]))
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
@@ -395,7 +479,6 @@ def main() -> None:
     parser.add_argument("--n", type=int, default=40)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--files", nargs="*", default=[], help="of the room, these files alone")
-    parser.add_argument("--quick", action="store_true", help="the mirroring tests, not the room's")
     parser.add_argument("--only", nargs="*", default=[], help="numbers of the changes to try")
     parser.add_argument(
         "--timeout", type=float, default=120.0, help="seconds for one file of tests"
@@ -408,11 +491,10 @@ def main() -> None:
     )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        copy = _Copy(Path(folder), options.room, options.quick)
+        copy = _Copy(Path(folder), options.room)
         places = places_in(copy.folder / "riemhuman" / options.room, options.files)
         chosen = random.Random(options.seed).sample(places, min(options.n, len(places)))
-        if not options.quick:
-            copy.check_tests(10 * options.timeout)
+        copy.check_tests(20 * options.timeout)
         ends, start = [], time.monotonic()
         for number, (file, target) in enumerate(chosen, start=1):
             if options.only and str(number) not in options.only:
@@ -421,7 +503,8 @@ def main() -> None:
                 break
             saboteur, changed = _sabotage(file, target)
             began = time.monotonic()
-            ends.append(copy.try_change(file, changed, options.timeout))
+            tests = copy.tests_of(file, saboteur.line)
+            ends.append(copy.try_change(file, changed, tests, options.timeout))
             seconds = time.monotonic() - began
             text = file.read_text(encoding="utf-8").splitlines()[saboteur.line - 1].strip()
             sys.stdout.write(
