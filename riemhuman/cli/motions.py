@@ -15,11 +15,16 @@ from riemhuman.errors import ArgumentError
 from riemhuman.storage.outputs import check_file, check_folder, whole_folder
 
 if TYPE_CHECKING:
-    from riemhuman.motions import DynamicTimeWarping, MotionSpace, RateInvariantMetric
+    from riemhuman.motions import (
+        DynamicTimeWarping,
+        MotionSpace,
+        RateInvariantMetric,
+        VelocityTimeWarping,
+    )
     from riemhuman.motions.frames import Motion
 
 _PAGE = "motion.html"
-_MEASURES = ("warping", "changes", "rate-invariant")
+_MEASURES = ("warping", "changes", "velocities", "rate-invariant")
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -208,8 +213,8 @@ def _add_measure(parser: argparse.ArgumentParser) -> None:
         "--by",
         choices=_MEASURES,
         default="warping",
-        help="dynamic time warping of poses, or of their changes from each motion's mean; or the "
-        "rate-invariant distance of velocities (default: warping)",
+        help="dynamic time warping of poses, or of their changes from each motion's mean, or of "
+        "velocities; or the rate-invariant metric (default: warping)",
     )
 
 
@@ -411,18 +416,16 @@ def _space(options: argparse.Namespace, motion: Any, n_times: int = 40) -> Motio
 
 def _measure(
     options: argparse.Namespace, space: MotionSpace, n_components: int | None = None
-) -> DynamicTimeWarping | RateInvariantMetric:
-    from riemhuman.motions import DynamicTimeWarping, RateInvariantMetric
+) -> DynamicTimeWarping | VelocityTimeWarping | RateInvariantMetric:
+    from riemhuman.motions import DynamicTimeWarping, RateInvariantMetric, VelocityTimeWarping
 
     if options.by == "rate-invariant":
         return RateInvariantMetric(space, n_components=n_components)
-    return DynamicTimeWarping(
-        space.frames.metric,
-        centered=options.by == "changes",
-        between_frames=True,
-        n_components=n_components,
-        n_jobs=-1,
-    )
+    shared: dict[str, Any] = {"n_components": n_components, "n_jobs": -1}
+    if options.by == "velocities":
+        return VelocityTimeWarping(space.frames.metric, **shared)
+    centered = options.by == "changes"
+    return DynamicTimeWarping(space.frames.metric, centered=centered, between_frames=True, **shared)
 
 
 def _is_ours(name: str) -> bool:

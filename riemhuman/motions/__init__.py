@@ -11,6 +11,7 @@ from riemhuman.motions.motion_search import MotionSearch
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
+from riemhuman.motions.velocity_time_warping import VelocityTimeWarping
 from riemhuman.motions.warp import Warp
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "MotionSpace",
     "RateDependentMetric",
     "RateInvariantMetric",
+    "VelocityTimeWarping",
     "Warp",
     "even_times",
 ]

@@ -19,6 +19,7 @@ from riemhuman.motions.gram_hankel import GramHankel
 from riemhuman.motions.joint_angles import JointAngles
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
+from riemhuman.motions.velocity_time_warping import VelocityTimeWarping
 from riemhuman.retrieval.tables import TableRow, retrieval_table
 
 _FEWEST, _MOST = 24, 60
@@ -116,6 +117,9 @@ def compare_representations(
         "time warping, changes of pose": lambda: DynamicTimeWarping(
             pose, centered=True, **shared
         ).dist_pairwise(motions),
+        "time warping, velocities": lambda: VelocityTimeWarping(pose, **shared).dist_pairwise(
+            motions
+        ),
         "rate-invariant, pose metric": lambda: RateInvariantMetric(
             MotionSpace(space), n_components=_COMPONENTS
         ).dist_pairwise(motions, -1),

@@ -17,9 +17,9 @@ from riemhuman.motions.dtw_kernels import accumulate, lower_bound, trace
 from riemhuman.motions.frame_tables import (
     ExactTables,
     Frames,
-    ProjectedTables,
     costs_between,
     kept_frames,
+    tables_of,
 )
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions
 from riemhuman.motions.warp import Warp
@@ -174,9 +174,7 @@ class DynamicTimeWarping:
             If a motion is wrong, or the window admits no path.
         """
         several_motions(motions)
-        tables: Any = ExactTables(self.metric)
-        if self.n_components is not None:
-            tables = ProjectedTables(self.metric, motions, self.n_components)
+        tables = tables_of(self.metric, motions, self.n_components)
 
         def squared(one: Frames, other: Frames) -> float:
             costs = costs_between(tables, one, other)

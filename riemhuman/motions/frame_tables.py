@@ -165,6 +165,34 @@ class ProjectedTables:
         return np.maximum(squares - 2.0 * rows @ others.T, 0.0)
 
 
+def tables_of(
+    metric: RiemannianMetric, motions: Sequence[Motion], n_components: int | None
+) -> ExactTables | ProjectedTables:
+    """Return how distances of the frames of motions are found.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames.
+    motions : sequence of motions
+        The motions.
+    n_components : int or None
+        Number of principal components; None for exact distances.
+
+    Returns
+    -------
+    ExactTables or ProjectedTables
+
+    Raises
+    ------
+    ArgumentError
+        If the metric has no lower bound to take components of.
+    """
+    if n_components is None:
+        return ExactTables(metric)
+    return ProjectedTables(metric, motions, n_components)
+
+
 def kept_frames(
     tables: Any,
     motion: Motion,
@@ -200,9 +228,7 @@ def kept_frames(
     ArgumentError
         If there are fewer than two frames, or one is wrong.
     """
-    n_frames = n_frames_of(motion, name)
-    if n_frames < 2:
-        raise ArgumentError(f"{name} must have at least 2 frames; found {n_frames}")
+    n_frames = n_frames_of(motion, name, 2)
     features = tables.features(motion, name)
     if n_times is None and not centered and not between:
         return Frames(features, None, np.zeros(n_frames), None)

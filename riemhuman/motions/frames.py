@@ -94,13 +94,11 @@ def whole_motion(space: Space, motion: Motion, name: str = "motion", n_frames: i
     ArgumentError
         If a frame is wrong, or there are too few.
     """
-    found = n_frames_of(motion, name)
-    if found < n_frames:
-        raise ArgumentError(f"{name} must have at least {n_frames} frames; found {found}")
+    n_frames_of(motion, name, n_frames)
     return np.concatenate(list(frame_runs(space, motion, name)))
 
 
-def n_frames_of(motion: Motion, name: str = "motion") -> int:
+def n_frames_of(motion: Motion, name: str = "motion", minimum: int = 1) -> int:
     """Return the number of frames of a motion.
 
     Parameters
@@ -109,6 +107,8 @@ def n_frames_of(motion: Motion, name: str = "motion") -> int:
         The motion.
     name : str
         Name of the argument, for messages.
+    minimum : int
+        Frames that are needed.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def n_frames_of(motion: Motion, name: str = "motion") -> int:
     ArgumentTypeError
         If it has no length.
     ArgumentError
-        If it is empty.
+        If there are too few.
     """
     if not hasattr(motion, "__len__") or not hasattr(motion, "__getitem__"):
         raise ArgumentTypeError(
@@ -128,6 +128,8 @@ def n_frames_of(motion: Motion, name: str = "motion") -> int:
         )
     if len(motion) == 0:
         raise ArgumentError(f"{name} must have at least one frame; found none")
+    if len(motion) < minimum:
+        raise ArgumentError(f"{name} must have at least {minimum} frames; found {len(motion)}")
     return len(motion)
 
 

@@ -10,7 +10,6 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.motions.dtw_kernels import follow
 from riemhuman.motions.frame_tables import ExactTables
@@ -85,10 +84,7 @@ class MotionSearch:
             If a frame is wrong or there are too few.
         """
         whole_number(n_occurrences, "n_occurrences", minimum=1)
-        lengths = [n_frames_of(query, "query"), n_frames_of(motion, "motion")]
-        for name, length in zip(("query", "motion"), lengths, strict=True):
-            if length < 2:
-                raise ArgumentError(f"{name} must have at least 2 frames; found {length}")
+        lengths = [n_frames_of(query, "query", 2), n_frames_of(motion, "motion", 2)]
         tables = ExactTables(self.metric)
         wanted = tables.features(query, "query")
         sums, starts = np.full(lengths[0], math.inf), np.zeros(lengths[0], dtype=np.int64)

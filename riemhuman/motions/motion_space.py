@@ -184,9 +184,7 @@ class MotionSpace(Manifold):
         DegenerateSurfaceError
             If a triangle has no area, so that it has no rotation.
         """
-        n_frames = n_frames_of(motion, name)
-        if n_frames < 2:
-            raise ArgumentError(f"{name} must have at least 2 frames; found {n_frames}")
+        n_frames = n_frames_of(motion, name, 2)
         known = np.arange(float(n_frames))
         if times is not None:
             known = rising_times(times, "times", n_frames)
@@ -335,8 +333,7 @@ class MotionSpace(Manifold):
 
     def _steps(self, motion: Motion, name: str) -> ndarray:
         """Return the distances of frames that follow each other."""
-        if n_frames_of(motion, name) < 2:
-            raise ArgumentError(f"{name} must have at least 2 frames; found 1")
+        n_frames_of(motion, name, 2)
         steps: list[ndarray] = []
         last = None
         for run in frame_runs(self.frames, motion, name):

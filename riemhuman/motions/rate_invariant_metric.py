@@ -11,7 +11,6 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight, real_array, real_number, whole_number
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import MEMORY, Points
@@ -273,8 +272,7 @@ class RateInvariantMetric(RiemannianMetric):
         return _OfCurves(self)
 
     def _curve(self, motion: Motion, name: str, projection: Projection | None = None) -> Curve:
-        if n_frames_of(motion, name) < 2:
-            raise ArgumentError(f"{name} must have at least 2 frames; found 1")
+        n_frames_of(motion, name, 2)
         sides = self._velocities.segments(motion, name)
         segments, places = even_segments(sides, self.n_segments, self.smoothing)
         lengths = np.sqrt(np.einsum("ij,ij->i", segments, segments))

@@ -61,7 +61,7 @@ def test_distance_of_files_in_millimetres_over_a_template(run, refused, people, 
     assert "--unit and --up are for folders" in said
 
 
-@pytest.mark.parametrize("by", ["changes", "rate-invariant"])
+@pytest.mark.parametrize("by", ["changes", "velocities", "rate-invariant"])
 def test_matrix(run, folder, people, tmp_path, by):
     file = tmp_path / "D.npz"
     finished = run("motions", "matrix", folder, "-o", file, "--by", by, "-q")

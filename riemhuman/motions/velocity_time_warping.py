@@ -1,0 +1,213 @@
+"""Time warping of velocities, at the resolution of the coarser motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import whole_number
+from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.threads import thread_count
+from riemhuman.motions.chord_kernels import match_chords
+from riemhuman.motions.dynamic_time_warping import all_pairs
+from riemhuman.motions.frame_tables import ExactTables, tables_of
+from riemhuman.motions.frames import Motion, n_frames_of, several_motions
+from riemhuman.motions.warp import Warp
+from riemhuman.representation import constructed
+
+
+@dataclass(frozen=True)
+class _Sampled:
+    """What is kept of a motion.
+
+    Attributes
+    ----------
+    features : tuple of array, each of shape (m, ...)
+        What distances need of each frame.
+    within : array, shape (m, m)
+        Squared distances of frames.
+    chosen : array of int, shape (n,)
+        Frames between which the motion steps.
+    steps : array, shape (n - 1,)
+        Lengths of the steps.
+    """
+
+    features: tuple[ndarray, ...]
+    within: ndarray
+    chosen: ndarray
+    steps: ndarray
+
+    @property
+    def length(self) -> float:
+        return float(self.steps.sum())
+
+
+class VelocityTimeWarping:
+    r"""The distance of square root velocities, at the frames of the motion that has fewer of them.
+
+    The frames of one motion are matched with places on the other. Its steps v, from frame to frame,
+    are compared with the chords w between these places, which may pass by frames:
+
+    .. math:: d(m_1 \to m_2)^2 = \frac{1}{\sum |v_k|} \min \sum_k
+              \Big| \frac{v_k}{\sqrt{|v_k|}} - \frac{w_k}{\sqrt{|w_k|}} \Big|^2
+
+    over places that never fall, from the first frame to the last. The distance is the lesser of
+    both directions, which is mostly that from the motion of fewer frames. Two motions that do not
+    move are at 0, one that moves and one that does not at 1.
+
+    A motion is near all of its samplings, however few frames they have. The price: a motion is also
+    near a longer one that differs from it only in what one step can pass by, such as a knee lifted
+    once and three times; and the triangle inequality is not proven. No distance has it that
+    vanishes between a motion and all of its samplings, because two motions that share some frames
+    would be at 0. `RateInvariantMetric` is a metric, and takes motions of few frames for others.
+
+    In flat spaces the distance does not change when one vector is added to all frames of a motion,
+    such as a habit of holding the arms.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames, with a closed form. Inner products of steps and chords come from its
+        squared distances, see `riemhuman.motions.chord_kernels`.
+    n_steps : int
+        Number of steps of a motion, at most. If it has more frames, some are passed by.
+    n_components : int, optional
+        Number of principal components in place of exact distances in `dist_pairwise`; see
+        `riemhuman.motions.frame_tables`. By default distances are exact.
+    n_jobs : int, optional
+        Number of threads, -1 for one a core; by default one.
+
+    Raises
+    ------
+    ArgumentError
+        If a parameter is out of its range.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
+    >>> warping = rh.motions.VelocityTimeWarping(pose)
+    >>> whole, few = knees[:81], knees[:81:8]
+    >>> bool(warping.dist(whole, few) < 0.01 * warping.dist(whole, other[:81:8]))
+    True
+    """
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        *,
+        n_steps: int = 40,
+        n_components: int | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        self.metric = metric
+        self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
+        self.n_components = n_components
+        self.n_jobs = n_jobs
+        if n_components is not None:
+            whole_number(n_components, "n_components", minimum=1)
+        thread_count(n_jobs)
+
+    def __repr__(self) -> str:
+        return constructed(self)
+
+    def dist(self, m1: Motion, m2: Motion) -> float:
+        """Return the distance of two motions.
+
+        Parameters
+        ----------
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions of at least two frames.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong.
+        """
+        return self.warp(m1, m2).dist
+
+    def warp(self, m1: Motion, m2: Motion) -> Warp:
+        """Return the best re-timing: which time of one motion corresponds to which of the other.
+
+        Parameters
+        ----------
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions of at least two frames.
+
+        Returns
+        -------
+        Warp
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong.
+        """
+        tables = ExactTables(self.metric)
+        one, other = self._sampled(tables, m1, "m1"), self._sampled(tables, m2, "m2")
+        return self._matched(one, other, tables.squared(one.features, other.features))
+
+    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
+        """Return all distances within a set of motions.
+
+        Features of all frames are computed once, and kept.
+
+        Parameters
+        ----------
+        motions : sequence of motions
+            Motions of any numbers of frames, of at least two each.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+
+        Raises
+        ------
+        ArgumentError
+            If a motion is wrong.
+        """
+        several_motions(motions)
+        tables = tables_of(self.metric, motions, self.n_components)
+
+        def dist(one: _Sampled, other: _Sampled) -> float:
+            return self._matched(one, other, tables.squared(one.features, other.features)).dist
+
+        kept = [self._sampled(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        return all_pairs(dist, kept, self.n_jobs, progress)
+
+    def _sampled(self, tables: Any, motion: Motion, name: str) -> _Sampled:
+        n_frames = n_frames_of(motion, name, 2)
+        features = tables.features(motion, name)
+        within = tables.squared(features, features)
+        n_steps = min(self.n_steps, n_frames - 1)
+        chosen = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
+        return _Sampled(features, within, chosen, np.sqrt(within[chosen[:-1], chosen[1:]]))
+
+    def _matched(self, one: _Sampled, other: _Sampled, costs: ndarray) -> Warp:
+        """Return the warp of the lesser distance."""
+        squared, places = self._directed(one, other, costs)
+        back, places_back = self._directed(other, one, costs.T)
+        if squared <= back:
+            return Warp(math.sqrt(squared), one.chosen.astype(np.float64), places)
+        return Warp(math.sqrt(back), places_back, other.chosen.astype(np.float64))
+
+    def _directed(self, one: _Sampled, other: _Sampled, costs: ndarray) -> tuple[float, ndarray]:
+        places = np.empty(len(one.chosen))
+        rows = np.ascontiguousarray(costs[one.chosen])
+        total = match_chords(rows, one.steps, other.within, places)
+        if one.length == 0.0:
+            return 0.0 if other.length == 0.0 else math.inf, places
+        return max(total, 0.0) / one.length, places
