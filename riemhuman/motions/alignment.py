@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.motions.dynamic_time_warping import DynamicTimeWarping
 from riemhuman.motions.frames import Motion, n_frames_of
+from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.warp import Warp
 
-if TYPE_CHECKING:
-    from riemhuman.motions.motion_space import MotionSpace
-
-# How much of the even clock keeps a re-timing from standing still.
+# Share of the even clock in a re-timing, so that it never stands still.
 _EVEN = 1e-3
 
 
 class Alignment(Protocol):
-    """What finds the best re-timing of two motions: `DynamicTimeWarping`, `RateInvariantMetric`."""
+    """What re-times motions: `DynamicTimeWarping`, `VelocityTimeWarping`, `RateInvariantMetric`."""
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
         """Return which time of one motion corresponds to which of the other.

@@ -33,7 +33,8 @@ class DynamicTimeWarping:
     .. math:: d(m_1, m_2)^2 = \min_{path} \frac{1}{n + m} \sum_{(i, j)} w_{ij}\, d(f_i, h_j)^2
 
     over monotone paths from the first frames to the last, with the symmetric weights of Sakoe and
-    Chiba. It does not satisfy the triangle inequality; `RateInvariantMetric` does.
+    Chiba. It does not satisfy the triangle inequality; `RateInvariantMetric` does. Where the frames
+    of one motion leave out parts of the other, `VelocityTimeWarping` is nearer to 0.
 
     Parameters
     ----------
@@ -43,13 +44,13 @@ class DynamicTimeWarping:
         How far apart matched frames may be, as a share of either motion; by default any.
     n_times : int, optional
         Compare motions at this many equally spaced times, by cubic interpolation between frames;
-        by default at their frames. Motions of few frames need it to be near their own re-timings.
+        by default at their frames.
     centered : bool
-        Compare how motions change: the mean of each along its length is taken off. What people
-        have of their own, such as how they hold their arms, goes with it.
+        Whether to take off the mean of each motion along its length. This leaves what changes, and
+        takes off what belongs to a person, such as a habit of holding the arms.
     between_frames : bool
-        Match frames with places between frames, too, so that a motion is near its own re-timing
-        whatever frames were taken.
+        Whether to match frames with places between frames, too. A motion is then nearer to its own
+        re-timing.
     n_components : int, optional
         Number of principal components in place of exact distances in `dist_pairwise`; see
         `riemhuman.motions.frame_tables`. By default distances are exact.
@@ -188,8 +189,8 @@ class DynamicTimeWarping:
     ) -> tuple[ndarray, ndarray]:
         """Return the motions nearest to queries, the same that all distances would give.
 
-        Where the sum of the nearest frames alone is above the distance of those found, or a row of
-        the table is, the motion is given up.
+        A motion is given up once a lower bound, or all sums in a row of the table, are above the
+        distance of the neighbours found so far.
 
         Parameters
         ----------

@@ -1,10 +1,10 @@
 r"""Smooth curves through polygons, and polygons of equal sides along them.
 
-Transported velocities add up to a polygon in one Euclidean space. The sides of a polygon are chords
-of the motion between its frames: other frames have other chords, which point elsewhere, however
-little the motion differs. The cubic spline through the same vertices hardly depends on where the
-frames lie, and its division into equal lengths does not depend on when they were taken. Nor does
-its Gaussian mean along its length, which leaves out what is too short for either sampling to see.
+Transported velocities add up to a polygon in one Euclidean space. Its sides are chords of the
+motion between frames, and change with the frames, even where the motion is the same. The cubic
+spline through its vertices changes little. Its division into equal lengths, and its Gaussian mean
+along its length, do not depend on the times of the frames; the mean takes off what is too short for
+the frames to show.
 """
 
 from __future__ import annotations

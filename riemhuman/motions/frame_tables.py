@@ -96,7 +96,7 @@ class ExactTables:
 class ProjectedTables:
     """Distances of principal components of the lower bound that a metric of surfaces has.
 
-    None is above the metric's own. What the components leave out counts by its norm.
+    No distance is above the metric's own. What the components leave out counts by its norm.
 
     Parameters
     ----------

@@ -71,7 +71,7 @@ def sampled_frames(space: Space, motion: Motion, name: str, step: int) -> Iterat
         yield _checked(space, motion[number : number + 1], number, frame)[0]
 
 
-def whole_motion(space: Space, motion: Motion, name: str = "motion", n_frames: int = 1) -> ndarray:
+def whole_motion(space: Space, motion: Motion, name: str = "motion", minimum: int = 1) -> ndarray:
     """Return all frames of a motion, checked.
 
     Parameters
@@ -82,8 +82,8 @@ def whole_motion(space: Space, motion: Motion, name: str = "motion", n_frames: i
         The motion.
     name : str
         Name of the argument, for messages.
-    n_frames : int
-        Frames that are needed at least.
+    minimum : int
+        Frames that are needed.
 
     Returns
     -------
@@ -94,7 +94,7 @@ def whole_motion(space: Space, motion: Motion, name: str = "motion", n_frames: i
     ArgumentError
         If a frame is wrong, or there are too few.
     """
-    n_frames_of(motion, name, n_frames)
+    n_frames_of(motion, name, minimum)
     return np.concatenate(list(frame_runs(space, motion, name)))
 
 
@@ -134,7 +134,7 @@ def n_frames_of(motion: Motion, name: str = "motion", minimum: int = 1) -> int:
 
 
 def several_motions(motions: Any, name: str = "motions") -> Sequence[Motion]:
-    """Return motions, unless it is one that was given.
+    """Return several motions, or refuse a single one.
 
     Parameters
     ----------

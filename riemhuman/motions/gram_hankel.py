@@ -9,7 +9,7 @@ matrix of r rows, and G = H Hᵀ has the entries :math:`\sum_k \langle f_{i+k}, 
 sequences are as far apart as their matrices G, each over its norm, after Pierson, Daoudi and
 Arguillère, "3D shape sequence of human comparison and classification using current and varifolds"
 (arXiv 2111.13985). The kernel is the mean over random Fourier features here (Rahimi and Recht,
-2007), so that frames are vectors, and no pair of triangles is looked at.
+2007): frames become vectors, and no sum over pairs of triangles is needed.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 class GramHankel:
     """Distances of sequences by normalised products of Hankel matrices.
 
-    They do not change when all frames turn together, but with the speed they do.
+    They do not change when all frames turn together. They change with the speed.
 
     Parameters
     ----------

@@ -25,9 +25,9 @@ class MotionMean(Estimator):
 
     .. math:: \min_m \sum_k \min_{\gamma_k} \int_0^1 d(m(t), m_k(\gamma_k(t)))^2\, dt
 
-    Motions are aligned with the one in their middle; then in turn the Karcher mean of the surfaces
-    at every time is taken, over all vertices, and motions are aligned with the mean. Its clock is
-    the mean of theirs.
+    Motions are aligned with the one that is nearest to all others. The mean is then the Karcher
+    mean of the surfaces at every time, over all vertices; motions are aligned with it, and it is
+    taken again. Its clock is the mean of theirs.
 
     Parameters
     ----------

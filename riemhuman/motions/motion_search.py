@@ -38,7 +38,7 @@ class Occurrence:
 class MotionSearch:
     """Dynamic time warping of a query to any part of a motion, at any speed.
 
-    The motion is read once, in runs of frames, of which none are kept (Sakurai, Faloutsos and
+    The motion is read once, in runs of frames, and no frame is kept (Sakurai, Faloutsos and
     Yamamuro, "Stream monitoring under the time warping distance", ICDE 2007).
 
     Parameters

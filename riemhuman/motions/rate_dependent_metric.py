@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms.sum import Features
-
-if TYPE_CHECKING:
-    from riemhuman.motions.motion_space import MotionSpace
 
 
 class RateDependentMetric(RiemannianMetric):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -18,14 +18,12 @@ from riemhuman.kernels.threads import for_each
 from riemhuman.motions.dynamic_time_warping import all_pairs
 from riemhuman.motions.even_segments import even_segments
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions, whole_motion
+from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.transported_velocities import TransportedVelocities
 from riemhuman.motions.velocity_kernels import best_gain, trace_gain
 from riemhuman.motions.warp import Warp
 from riemhuman.retrieval.rows import Projection
 from riemhuman.terms.sum import Features
-
-if TYPE_CHECKING:
-    from riemhuman.motions.motion_space import MotionSpace
 
 # Velocities whose principal components stand for those of all.
 _MOST_SAMPLED = 600
@@ -66,10 +64,10 @@ class RateInvariantMetric(RiemannianMetric):
     modulo re-timing. The transported velocities of a motion add up to a curve, a cubic spline of
     the frames; it is averaged along its length, as `smoothing` says, and chords of equal arcs are
     compared; the re-timing of these polygons is found to `n_steps`. All of this is done to each
-    motion by itself, so that the triangle inequality holds. As velocities are compared, and not
-    bodies, few frames cost it more than `DynamicTimeWarping`: no spline knows what happens between
-    frames that are far apart. How a motion stands as it begins counts by the weight w alone;
-    without it, two motions that change alike in different poses would be one.
+    motion by itself, so that the triangle inequality holds. No spline knows what happens between
+    frames that are far apart: motions of few frames are better compared by `VelocityTimeWarping`,
+    which is not a metric. The pose in which a motion begins counts by the weight w alone; without
+    it, two motions that change alike in different poses would be one.
 
     Parameters
     ----------
@@ -83,12 +81,12 @@ class RateInvariantMetric(RiemannianMetric):
     start_weight : float
         w, at least 0.
     n_segments : int
-        Number of chords that stand for a motion. More of them tell finer movements apart, and need
+        Number of chords that stand for a motion. More chords tell finer movements apart, and need
         more frames.
     smoothing : float
-        Standard deviation of the Gaussian mean along the curve, as a share of its length. Of
-        movements shorter than that, such as noise and triangles that flip in the crease of a
-        joint, little is left: two samplings of a motion lose the same. At 0 all is compared.
+        Standard deviation of the Gaussian mean along the curve, as a share of its length. It takes
+        off shorter movements, such as noise and triangles that flip in the crease of a joint. At 0
+        nothing is taken off.
     n_steps : int
         Steps in which re-timing is found within each pair of segments.
     n_components : int, optional

@@ -56,15 +56,16 @@ class VelocityTimeWarping:
     .. math:: d(m_1 \to m_2)^2 = \frac{1}{\sum |v_k|} \min \sum_k
               \Big| \frac{v_k}{\sqrt{|v_k|}} - \frac{w_k}{\sqrt{|w_k|}} \Big|^2
 
-    over places that never fall, from the first frame to the last. The distance is the lesser of
-    both directions, which is mostly that from the motion of fewer frames. Two motions that do not
-    move are at 0, one that moves and one that does not at 1.
+    over places that never fall, from the first frame to the last; products of v and w below 0 count
+    as 0. The distance is the lesser of both directions, mostly that from the motion of fewer
+    frames. Two motions that stand still are at 0; one that moves and one that stands still at 1.
 
     A motion is near all of its samplings, however few frames they have. The price: a motion is also
     near a longer one that differs from it only in what one step can pass by, such as a knee lifted
-    once and three times; and the triangle inequality is not proven. No distance has it that
-    vanishes between a motion and all of its samplings, because two motions that share some frames
-    would be at 0. `RateInvariantMetric` is a metric, and takes motions of few frames for others.
+    once and three times. And the triangle inequality does not hold: two samplings of a motion are
+    both near it, and may be far from each other. No distance has it that vanishes between a motion
+    and all of its samplings, because two motions that share some frames would be at 0.
+    `RateInvariantMetric` is a metric, and takes motions of few frames for others.
 
     In flat spaces the distance does not change when one vector is added to all frames of a motion,
     such as a habit of holding the arms.

@@ -46,6 +46,10 @@ def warping(**options):
     return rh.motions.DynamicTimeWarping(space().metric, n_jobs=2, **options)
 
 
+def velocities(**options):
+    return rh.motions.VelocityTimeWarping(space().metric, n_jobs=2, **options)
+
+
 def rate_invariant():
     motions = rh.motions.MotionSpace(space())
     return rh.motions.RateInvariantMetric(motions, n_components=COMPONENTS)
@@ -53,10 +57,10 @@ def rate_invariant():
 
 def timed_pairs(measure, motions):
     begin = time.perf_counter(), time.process_time()
-    if isinstance(measure, rh.motions.DynamicTimeWarping):
-        distances = measure.dist_pairwise(motions)
-    else:
+    if isinstance(measure, rh.motions.RateInvariantMetric):
         distances = measure.dist_pairwise(motions, 2)
+    else:
+        distances = measure.dist_pairwise(motions)
     return distances, time.perf_counter() - begin[0], time.process_time() - begin[1]
 
 
@@ -65,6 +69,7 @@ def measured(name):
     measures = {
         "time warping of poses": lambda: warping(n_components=COMPONENTS),
         "time warping of changes": lambda: warping(n_components=COMPONENTS, centered=True),
+        "time warping of velocities": lambda: velocities(n_components=COMPONENTS),
         "rate-invariant": rate_invariant,
     }
     timed_pairs(measures[name](), performances()[:3])
@@ -76,6 +81,7 @@ def measured(name):
     [
         ("time warping of poses", 10),
         ("time warping of changes", 10),
+        ("time warping of velocities", 60),
         ("rate-invariant", 60),
     ],
 )
@@ -93,6 +99,7 @@ def test_all_pairs(name, seconds):
 def test_growth_is_linear_in_pairs():
     for name, measure in (
         ("time warping", warping(n_components=COMPONENTS)),
+        ("time warping of velocities", velocities(n_components=COMPONENTS)),
         ("rate-invariant", rate_invariant()),
     ):
         counts = (35, 70, 140)
@@ -123,10 +130,11 @@ def pairs_of_motions():
 
 @pytest.mark.parametrize("n_times", [None, 60, 40, 24])
 def test_known_re_timings(n_times):
-    """A motion and its own re-timing: the warp in frames, the distance beside other people's."""
+    """A motion and its own re-timing, both in so many frames: warps, and distances."""
     finer = {"n_times": 100} if n_times else {}
     measures = {
         "time warping, between frames": warping(between_frames=True, **finer),
+        "time warping of velocities": velocities(),
         "rate-invariant": rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())),
     }
     rng = np.random.default_rng(23)
@@ -156,6 +164,56 @@ def test_known_re_timings(n_times):
         assert np.median(errors) <= 1.0
         if n_times is None:
             assert share <= 2.0
+
+
+def shares_of_others(measure, motions, counts):
+    """Return distances of whole motions to their samplings, in % of those to other people's.
+
+    Samplings are at random speeds, with frames between those of the whole motions. The usual
+    distance is the median over samplings and the whole motions of the next person.
+    """
+    rng = np.random.default_rng(29)
+    own, others = [], []
+    for motion, count in zip(motions, counts, strict=True):
+        places = random_places(len(motion), count, rng)
+        few = at_places(motion, places)
+        warp = measure.warp(few, at_places(motion, np.arange(len(motion))))
+        own.append((warp.dist, np.median(np.abs(warp(np.arange(count)) - places))))
+        same = [m for m in motions if m.sequence == motion.sequence]
+        person = [m.subject for m in same].index(motion.subject)
+        others.append(measure.dist(few, same[(person + 1) % len(same)][:]))
+    distances, errors = np.array(own).T
+    return 100 * distances / np.median(others), errors
+
+
+def own_samplings(frames):
+    """Return how many frames each open motion is sampled in."""
+    if frames is not None:
+        return [frames] * len(open_motions())
+    return np.random.default_rng(31).integers(24, 61, len(open_motions())).tolist()
+
+
+@pytest.mark.parametrize("frames", [None, 60, 40, 24])
+def test_motions_and_their_own_samplings(frames):
+    """Whole motions and their re-timings at random speeds, in 24 to 60 frames or so many.
+
+    Settings were chosen on the first five people in alphabetical order; the others are the last.
+    """
+    people = sorted({motion.subject for motion in open_motions()})
+    unseen = np.array([motion.subject in people[5:] for motion in open_motions()])
+    for measure in (warping(between_frames=True), velocities()):
+        name = type(measure).__name__
+        shares, errors = shares_of_others(measure, open_motions(), own_samplings(frames))
+        print(
+            f"\n{name}, {frames or '24 to 60'} frames: own re-timing at {np.median(shares):.2f} % "
+            f"of another's, of unseen people {np.median(shares[unseen]):.2f} %; at most 2 % in "
+            f"{np.sum(shares <= 2)} of {len(shares)} motions, at worst {max(shares):.0f} %; warps "
+            f"{np.median(errors):.3f} frames off in the median, {max(errors):.2f} at most"
+        )
+        assert np.median(errors) <= 1.0
+        if isinstance(measure, rh.motions.VelocityTimeWarping):
+            assert np.median(shares) <= 2.0
+            assert np.median(shares[unseen]) <= 2.0
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.03])
@@ -197,8 +255,10 @@ def _as_curve(sides, smoothing):
     return Curve(None, chords / np.sqrt(lengths)[:, None], lengths.sum(), places)
 
 
-def test_triangle_inequality():
-    distances, *_ = measured("rate-invariant")
+@pytest.mark.parametrize("name", ["rate-invariant", "time warping of velocities"])
+def test_triangle_inequality(name):
+    """Proven of the rate-invariant metric; of time warping of velocities, observed."""
+    distances, *_ = measured(name)
     rng = np.random.default_rng(5)
     worst = max(
         distances[i, k] / (distances[i, j] + distances[j, k])
@@ -209,7 +269,9 @@ def test_triangle_inequality():
         distances[i, k] / (distances[i, j] + distances[j, k])
         for i, j, k in itertools.permutations(range(40), 3)
     )
-    print(f"\n1,000 triples: at most {worst:.3f} of the way round; of 40 motions, {tight:.3f}")
+    print(
+        f"\n{name}, 1,000 triples: at most {worst:.3f} of the way round; of 40 motions, {tight:.3f}"
+    )
     assert max(worst, tight) <= 1.0
 
 
@@ -256,6 +318,7 @@ def test_people_unlike_those_of_the_model():
         for name, measure in (
             ("poses", warping(n_components=COMPONENTS)),
             ("changes", warping(n_components=COMPONENTS, centered=True)),
+            ("velocities", velocities(n_components=COMPONENTS)),
             ("rate-invariant", rate_invariant()),
         ):
             scores = rh.retrieval.scores(timed_pairs(measure, motions)[0], names)
