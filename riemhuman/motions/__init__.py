@@ -1,4 +1,4 @@
-"""Motions as points: sequences of bodies compared, aligned and averaged, however fast they are."""
+"""Motions as points: sequences of bodies, compared, aligned and averaged at any speed."""
 
 from riemhuman.motions.alignment import even_times
 from riemhuman.motions.dynamic_time_warping import DynamicTimeWarping

@@ -21,7 +21,7 @@ class Alignment(Protocol):
     """What re-times motions: `DynamicTimeWarping`, `VelocityTimeWarping`, `RateInvariantMetric`."""
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return which time of one motion corresponds to which of the other.
+        """Return the correspondence between the times of two motions.
 
         Parameters
         ----------
@@ -63,7 +63,7 @@ def default_alignment(space: MotionSpace) -> Alignment:
 
 
 def even_times(warp: Warp, n_times: int) -> ndarray:
-    """Return the times of the second motion at equally spaced ones of the first.
+    """Return the times of the second motion at equally spaced times of the first.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def even_times(warp: Warp, n_times: int) -> ndarray:
     Returns
     -------
     array, shape (n_times,)
-        Rising from 0 to 1, the duration of the second motion.
+        Increasing from 0 to 1, as shares of the duration of the second motion.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def at_times(space: MotionSpace, motion: Motion, times: ndarray, name: str = "mo
     motion : array or sequence, shape (n_frames, V, 3)
         The motion.
     times : array, shape (n_times,)
-        Times in [0, 1] that never fall.
+        Times in [0, 1], not decreasing.
     name : str
         Name of the motion, for messages.
 

@@ -1,4 +1,4 @@
-"""Which motion is it: representations of motions compared on the open ones, re-timed."""
+"""Representations of motions, compared on the open motions after random re-timing."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _COMPONENTS = 200
 
 
 def random_places(n_frames: int, n_times: int, rng: Rng = None) -> ndarray:
-    """Return the times of a motion at random and changing speed.
+    """Return frame positions at a random, changing speed.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def random_places(n_frames: int, n_times: int, rng: Rng = None) -> ndarray:
     Returns
     -------
     array, shape (n_times,)
-        Rising, from 0 to ``n_frames - 1``.
+        Increasing from 0 to ``n_frames - 1``.
     """
     drawn = generator(rng).uniform(-np.log(_FASTEST), np.log(_FASTEST), _SPEEDS)
     speeds = np.exp(np.interp(np.linspace(0, _SPEEDS - 1, n_times - 1), range(_SPEEDS), drawn))
@@ -78,7 +78,7 @@ def compare_representations(
     resolution: str = "coarse",
     task: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
 ) -> list[TableRow]:
-    """Return how well representations find the same motion of other people.
+    """Return how well each representation finds the same motion of other people.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def compare_representations(
     resolution : {"full", "coarse"}
         Resolution of the bodies.
     task : callable
-        Takes the name of a task to a context in which it is done.
+        Maps the name of a task to the context manager in which the task runs.
 
     Returns
     -------

@@ -1,8 +1,8 @@
 """Compiled dynamic programming of time warping: least sums of costs along monotone paths.
 
 Weights are symmetric (Sakoe and Chiba, "Dynamic programming algorithm optimization for spoken word
-recognition", IEEE TASSP 26, 1978): a step in both motions weighs 2, in one of them 1. A path from
-corner to corner so weighs n + m, however it runs.
+recognition", IEEE TASSP 26, 1978): a step in both motions weighs 2, in one of them 1. Every path
+from corner to corner therefore has the weight n + m.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ def accumulate(costs: ndarray, window: float, most: float, sums: ndarray) -> int
     costs : array, shape (n, m)
         Costs of cells.
     window : float
-        How far, as a share of both motions, matched frames may be apart; infinite for any.
+        Largest distance of matched frames, as a share of each motion; infinite for no limit.
     most : float
-        Sums above this are of no interest: work ends when all are.
+        The search stops when all sums exceed this.
     sums : array, shape (n, m)
         Least sums, infinite where no path leads; written to.
 
     Returns
     -------
     int
-        Rows that were filled.
+        Number of rows filled.
     """
     n, m = costs.shape
     for i in range(n):
@@ -59,12 +59,12 @@ def accumulate(costs: ndarray, window: float, most: float, sums: ndarray) -> int
 
 @compiled
 def trace(costs: ndarray, sums: ndarray, path: ndarray) -> int:
-    """Write the path of the least sum, from its end to its beginning.
+    """Write the path of the least sum, from its last cell to its first.
 
     Parameters
     ----------
     costs, sums : array, shape (n, m)
-        Costs of cells, and what `accumulate` made of them.
+        Costs of cells, and the sums that `accumulate` found.
     path : array of int, shape (n + m, 2)
         Cells, the last first; written to.
 
@@ -90,7 +90,7 @@ def trace(costs: ndarray, sums: ndarray, path: ndarray) -> int:
 
 @compiled
 def between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> ndarray:
-    r"""Return costs of frames with the nearest places half way to the frames before and after.
+    r"""Return the costs of frames, matched also with positions between frames.
 
     At the share s of the way from y to z, a frame x is at the squared distance (1 − s) d(x, y)² +
     s d(x, z)² − s (1 − s) d(y, z)², by Stewart's theorem, which holds in flat spaces. The cost of
@@ -101,7 +101,7 @@ def between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> ndarra
     costs : array, shape (n, m)
         Squared distances of frames.
     steps_a, steps_b : array, shape (n - 1,) and (m - 1,)
-        Squared distances of frames that follow each other.
+        Squared distances of consecutive frames.
 
     Returns
     -------
@@ -135,17 +135,17 @@ def _near(here: float, there: float, step: float) -> float:
 
 @compiled
 def lower_bound(costs: ndarray, window: float) -> float:
-    """Return a sum that no path from corner to corner goes below.
+    """Return a lower bound of the sums of all paths from corner to corner.
 
-    Every frame of either motion has weight 1 in the cells it is matched in, each of which costs
-    at least the least within the window.
+    Every frame has weight 1 in the cells it is matched in, and each of these costs at least the
+    minimum within the window.
 
     Parameters
     ----------
     costs : array, shape (n, m)
         Costs of cells.
     window : float
-        How far, as a share of both motions, matched frames may be apart.
+        Largest distance of matched frames, as a share of each motion.
 
     Returns
     -------
@@ -166,22 +166,22 @@ def lower_bound(costs: ndarray, window: float) -> float:
 def follow(
     costs: ndarray, first: int, sums: ndarray, starts: ndarray, totals: ndarray, begins: ndarray
 ) -> None:
-    """Go on with paths that may begin at any frame of a long motion, and note those that end.
+    """Extend paths that may begin at any frame of a long motion, and record those that end.
 
     Parameters
     ----------
     costs : array, shape (n, k)
         Costs of a query's frames with the next k frames of the motion.
     first : int
-        Number of the first of these.
+        Number of the first of these frames.
     sums : array, shape (n,)
-        Least sums of paths up to each frame of the query, at the frame before; changed.
+        Least sums of paths up to each frame of the query, at the previous frame; updated.
     starts : array of int, shape (n,)
-        Where these paths begin; changed.
+        Frames where these paths begin; updated.
     totals : array, shape (k,)
         Least sums of paths of the whole query that end at each frame; written to.
     begins : array of int, shape (k,)
-        Where these begin; written to.
+        Frames where these begin; written to.
     """
     n, k = costs.shape
     for j in range(k):

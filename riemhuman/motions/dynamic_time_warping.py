@@ -41,7 +41,7 @@ class DynamicTimeWarping:
     metric : RiemannianMetric
         Metric on frames, with a closed form.
     window : float, optional
-        How far apart matched frames may be, as a share of either motion; by default any.
+        Largest distance of matched frames, as a share of each motion; by default there is no limit.
     n_times : int, optional
         Compare motions at this many equally spaced times, by cubic interpolation between frames;
         by default at their frames.
@@ -126,7 +126,7 @@ class DynamicTimeWarping:
         return self.warp(m1, m2).dist
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing: which time of one motion corresponds to which of the other.
+        """Return the best re-timing, as the correspondence between the times of the two motions.
 
         Parameters
         ----------
@@ -155,12 +155,12 @@ class DynamicTimeWarping:
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         """Return all distances within a set of motions.
 
-        Features of all frames are computed once, and kept.
+        Features of all frames are computed once and kept.
 
         Parameters
         ----------
         motions : sequence of motions
-            Motions of any numbers of frames, of at least two each.
+            Motions of at least two frames each; their numbers may differ.
         progress : bool
             Whether to show a progress bar.
 
@@ -187,7 +187,7 @@ class DynamicTimeWarping:
     def kneighbors(
         self, queries: Sequence[Motion], motions: Sequence[Motion], n_neighbors: int = 1
     ) -> tuple[ndarray, ndarray]:
-        """Return the motions nearest to queries, the same that all distances would give.
+        """Return the motions nearest to queries, exactly as all distances would give them.
 
         A motion is given up once a lower bound, or all sums in a row of the table, are above the
         distance of the neighbours found so far.
@@ -195,7 +195,7 @@ class DynamicTimeWarping:
         Parameters
         ----------
         queries, motions : sequence of motions
-            Motions to compare, and motions to choose from.
+            Queries, and the motions to search.
         n_neighbors : int
             Number of neighbours.
 
@@ -270,9 +270,9 @@ def best_path(costs: ndarray, window: float) -> tuple[float, ndarray]:
     Returns
     -------
     total : float
-        The sum, with symmetric weights.
+        The least sum, with symmetric weights.
     cells : array of int, shape (n_cells, 2)
-        Its cells, the first first.
+        Cells of the path, in order.
 
     Raises
     ------
@@ -299,7 +299,7 @@ def all_pairs(
     Parameters
     ----------
     dist : callable
-        Takes two items to their distance.
+        Returns the distance of two items.
     items : sequence
         The items.
     n_jobs : int or None

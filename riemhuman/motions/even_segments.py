@@ -32,20 +32,21 @@ def even_segments(
     Parameters
     ----------
     segments : array, shape (n, p)
-        Sides of the polygon. The spline passes its vertices at equally spaced times, since a motion
-        that turns back slows down there in time, and has a corner in length. Pauses take no time.
+        Sides of the polygon. The spline passes its vertices at equally spaced times: a motion that
+        turns back slows down there, but has a corner when it is parametrised by length. Pauses take
+        no time.
     n_segments : int
         Number of chords, m.
     smoothing : float
-        Standard deviation of the Gaussian mean of places along the spline, as a share of its
-        length; the ends stay.
+        Standard deviation of the Gaussian mean along the spline, as a share of its length; its ends
+        stay in place.
 
     Returns
     -------
     chords : array, shape (m, p)
         The chords.
     places : array, shape (m + 1,)
-        Where they begin and end, counted in sides of the polygon; rising from 0 to n.
+        Positions where they begin and end, in sides of the polygon, increasing from 0 to n.
     """
     n = len(segments)
     products = segments @ segments.T

@@ -1,10 +1,10 @@
-r"""Squared distances between the frames of motions, in tables that differences can be taken of.
+r"""Tables of squared distances between frames, from which motions are interpolated and centred.
 
-In a flat space :math:`|\sum_k \alpha_k x_k - \sum_l \beta_l y_l|^2`, for coefficients with one
-sum, is :math:`\sum \alpha_k\beta_l D_{kl} - u(\alpha) - u(\beta)` with :math:`u(\alpha) =
-\tfrac12 \sum \alpha_k\alpha_{k'} D_{kk'}`: motions are interpolated between frames, and their
-means taken off, by way of the squared distances D alone. Metrics of surfaces are not flat, but over
-the distance of neighbouring frames, nearly so.
+In a flat space :math:`|\sum_k \alpha_k x_k - \sum_l \beta_l y_l|^2`, for coefficients with one sum,
+is :math:`\sum \alpha_k\beta_l D_{kl} - u(\alpha) - u(\beta)` with :math:`u(\alpha) = \tfrac12 \sum
+\alpha_k\alpha_{k'} D_{kk'}`: so motions can be interpolated between frames, and their means
+subtracted, from the squared distances D alone. Metrics of surfaces are not flat, but nearly so over
+the distance of neighbouring frames.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ _MOST_SAMPLED = 600
 
 @dataclass(frozen=True)
 class Frames:
-    """What is kept of one motion.
+    """One motion, prepared for comparison.
 
     Attributes
     ----------
     features : tuple of array, each of shape (n_frames, ...)
-        What distances need of each frame.
+        Features of each frame.
     coefficients : array, shape (n_times, n_frames) or None
         Combinations of frames to be compared in place of the frames.
     spread : array, shape (n_times,)
         u of every combination.
     steps : array, shape (n_times - 1,) or None
-        Squared distances of combinations that follow each other, where places between them count.
+        Squared distances of consecutive combinations, where positions between them count.
     """
 
     features: tuple[ndarray, ...]
@@ -62,14 +62,14 @@ class ExactTables:
         self._metric = metric
 
     def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
-        """Return what distances need of each frame.
+        """Return the features of each frame.
 
         Parameters
         ----------
         motion : array or sequence, shape (n_frames, V, 3)
             The motion.
         name : str
-            Its name, for messages.
+            Name of the motion, for messages.
 
         Returns
         -------
@@ -94,7 +94,7 @@ class ExactTables:
 
 
 class ProjectedTables:
-    """Distances of principal components of the lower bound that a metric of surfaces has.
+    """Distances of principal components of a metric's lower-bound coordinates.
 
     No distance is above the metric's own. What the components leave out counts by its norm.
 
@@ -103,9 +103,9 @@ class ProjectedTables:
     metric : RiemannianMetric
         Metric with a method `lower_bound_coordinates`.
     motions : sequence of motions
-        Motions whose frames, one in so many, the components are taken of.
+        Motions from whose frames, evenly sampled, the components are computed.
     n_components : int
-        Their number, at most.
+        Largest number of components.
 
     Raises
     ------
@@ -138,7 +138,7 @@ class ProjectedTables:
         motion : array or sequence, shape (n_frames, V, 3)
             The motion.
         name : str
-            Its name, for messages.
+            Name of the motion, for messages.
 
         Returns
         -------
@@ -201,23 +201,22 @@ def kept_frames(
     centered: bool,
     between: bool,
 ) -> Frames:
-    """Return what is kept of a motion to compare it with others.
+    """Prepare a motion for comparison with others.
 
     Parameters
     ----------
     tables : ExactTables or ProjectedTables
-        How distances of frames are found.
+        Distances of frames.
     motion : array or sequence, shape (n_frames, V, 3)
         The motion, of at least two frames.
     name : str
-        Its name, for messages.
+        Name of the motion, for messages.
     n_times : int or None
-        Number of equally spaced times at which to compare it, by cubic interpolation; None for
-        its frames.
+        Number of equally spaced times to compare, by cubic interpolation; None compares frames.
     centered : bool
-        Whether its mean along its length is taken off.
+        Whether to subtract its mean along its length.
     between : bool
-        Whether places between frames count.
+        Whether positions between frames count.
 
     Returns
     -------
@@ -254,9 +253,9 @@ def costs_between(tables: Any, one: Frames, other: Frames) -> ndarray:
     Parameters
     ----------
     tables : ExactTables or ProjectedTables
-        How distances of frames are found.
+        Distances of frames.
     one, other : Frames
-        What is kept of the two.
+        The prepared motions.
 
     Returns
     -------

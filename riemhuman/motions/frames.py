@@ -1,4 +1,4 @@
-"""Frames of motions, read in runs and checked: no motion need be in memory as a whole."""
+"""Frames of motions, checked and read in runs, so that no motion needs to fit in memory."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def frame_runs(space: Space, motion: Motion, name: str = "motion") -> Iterator[n
 
 
 def sampled_frames(space: Space, motion: Motion, name: str, step: int) -> Iterator[ndarray]:
-    """Yield one frame in so many of a motion, each checked.
+    """Yield every `step`-th frame of a motion, each checked.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def sampled_frames(space: Space, motion: Motion, name: str, step: int) -> Iterat
     name : str
         Name of the argument, for messages.
     step : int
-        How many.
+        Distance between the frames.
 
     Yields
     ------
@@ -180,7 +180,7 @@ def rising_times(times: Any, name: str, n_times: int | None = None) -> ndarray:
     name : str
         Name of the argument, for messages.
     n_times : int, optional
-        How many there must be.
+        Number of times expected.
 
     Returns
     -------
@@ -189,7 +189,7 @@ def rising_times(times: Any, name: str, n_times: int | None = None) -> ndarray:
     Raises
     ------
     ArgumentError
-        If there are more or fewer, or one is not later than the one before.
+        If the number differs, or the times do not increase.
     """
     shape = ("n_times",) if n_times is None else (n_times,)
     values = real_array(times, name, shape, batched=False)

@@ -1,4 +1,4 @@
-r"""Hankel matrices of Gram matrices: sequences compared by the dynamics of their frames.
+r"""Gram-Hankel matrices: sequences compared by the dynamics of their frames.
 
 Frames are currents, in a Hilbert space with a Gaussian kernel of width σ:
 
@@ -43,11 +43,11 @@ class GramHankel:
     width : float
         Width σ of the kernel, metres.
     n_rows : int
-        Rows r of the Hankel matrix; a sequence needs as many frames.
+        Rows r of the Hankel matrix; a sequence needs at least r frames.
     n_features : int
-        Random Fourier features.
+        Number of random Fourier features.
     seed : int
-        Seed of these.
+        Seed of the random features.
 
     Examples
     --------
@@ -71,7 +71,7 @@ class GramHankel:
         whole_number(self.seed, "seed", minimum=0)
 
     def describe(self, motion: Motion, name: str = "motion") -> ndarray:
-        """Return G over its norm.
+        """Return G divided by its norm.
 
         Parameters
         ----------

@@ -22,8 +22,8 @@ class JointAngles:
     Attributes
     ----------
     metric : FlatMetric
-        Half the sum over joints of squared distances of matrices: about the sum of squared angles,
-        where they are small. `DynamicTimeWarping` takes it.
+        Half the sum over joints of squared distances of matrices, which for small angles is nearly
+        the sum of squared angles. For use with `DynamicTimeWarping`.
 
     Examples
     --------

@@ -22,16 +22,16 @@ from riemhuman.statistics.tangent_pca import TangentPCA
 class MotionComponents(Estimator):
     """Tangent principal component analysis of motions at their mean, after re-timing.
 
-    The fields of the aligned motions are points of a product, one factor for every time; there
-    exponential and logarithm have closed forms. What motions differ by in timing is not in the
-    components, but in ``mean_.times_``.
+    The fields of the aligned motions are points of a product with one factor for every time, where
+    exponential and logarithm have closed forms. Differences of timing are not in the components,
+    but in ``mean_.times_``.
 
     Parameters
     ----------
     mean : MotionMean
-        How the mean is found and motions are aligned with it.
+        Estimator of the mean, which also aligns motions with it.
     n_components : int, optional
-        Number of components; by default as many as motions span.
+        Number of components; by default as many as the motions span.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class MotionComponents(Estimator):
     scores_ : array, shape (n, n_components)
         Coordinates of the motions.
     explained_variance_, explained_variance_ratio_ : array, shape (n_components,)
-        Variance along each component, and its share of all.
+        Variance along each component, and its share of the total.
 
     Examples
     --------
@@ -101,12 +101,12 @@ class MotionComponents(Estimator):
         return self
 
     def inverse_transform(self, X: ndarray) -> ndarray:
-        """Return the motions with these coordinates: at every time, the surface of nearest fields.
+        """Return the motions with these coordinates: at every time, the nearest surface.
 
         Parameters
         ----------
         X : array, shape (n, m)
-            Coordinates along the first m components; along others they are 0.
+            Coordinates along the first m components; the others are 0.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Geodesics between motions: one performance becomes another."""
+"""Geodesics between motions."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class MotionPath:
     Attributes
     ----------
     path : array, shape (n_nodes, n_times, V, 3)
-        Motions from the first, at equally spaced times, to the second, in its clock.
+        Motions from the first to the second, at equally spaced times of the first.
     times : array, shape (n_times,)
         Times of the second motion that correspond to those of the first, as shares of its duration.
     """

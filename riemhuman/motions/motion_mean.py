@@ -34,22 +34,22 @@ class MotionMean(Estimator):
     space : MotionSpace
         Space of motions; the mean has its number of times.
     metric : PulledBackMetric, optional
-        Metric whose means of surfaces are taken. By default ``ElasticMetric(a=1, lam=1, c=1)``,
-        which sees shape and pose.
+        Metric of the means of surfaces. By default ``ElasticMetric(a=1, lam=1, c=1)``, which sees
+        shape and pose.
     alignment : Alignment, optional
-        How motions are aligned, such as `RateInvariantMetric`; by default by
-        `DynamicTimeWarping` of changes, under the metric of the frames.
+        Alignment of motions, such as `RateInvariantMetric`; by default `DynamicTimeWarping` of
+        changes, under the metric of the frames.
     nearest : NearestSurface, optional
-        How the mean of surfaces is found.
+        Solver for the mean of surfaces.
     n_iterations : int
-        Number of means taken; after the first, motions are aligned with the mean of before.
+        Number of means computed; after the first, motions are aligned with the previous mean.
     progress : bool
         Whether to show a progress bar over times.
 
     Attributes
     ----------
     estimate_ : array, shape (n_times, V, 3)
-        The mean. Its centroids are the means of theirs.
+        The mean. Its centroids are the means of the motions' centroids.
     times_ : array, shape (n, n_times)
         Times of every motion that correspond to those of the mean, as shares of its duration.
     aligned_ : array, shape (n, n_times, V, 3)
@@ -156,7 +156,7 @@ class MotionMean(Estimator):
 
 
 def elastic_metric(space: MotionSpace) -> ElasticMetric:
-    """Return the metric of shape and pose that surfaces are averaged by.
+    """Return the default metric for means, which sees shape and pose.
 
     Parameters
     ----------

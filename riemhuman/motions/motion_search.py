@@ -1,4 +1,4 @@
-"""Where in a long motion a short one occurs."""
+"""Search for a short motion in a long one."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Occurrence:
     Attributes
     ----------
     start, stop : int
-        Its first frame, and the one after its last.
+        First frame, and the frame after the last.
     dist : float
         Root mean squared distance of frames along the best re-timing.
     """
@@ -67,11 +67,11 @@ class MotionSearch:
         Parameters
         ----------
         query : array or sequence, shape (n, V, 3)
-            What to look for, at least two frames.
+            The short motion, of at least two frames.
         motion : array or sequence, shape (m, V, 3)
-            Where to look, at least two frames.
+            The long motion, of at least two frames.
         n_occurrences : int
-            How many parts to return, at most.
+            Largest number of parts to return.
 
         Returns
         -------

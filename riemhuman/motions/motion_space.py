@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 class MotionSpace(Manifold):
     """Curves of surfaces, each a point of shape (n_times, V, 3).
 
-    Metrics of motions also take motions of other numbers of frames, where they make sense of them;
-    `resample` gives every motion the same.
+    Some metrics of motions also accept other numbers of frames; `resample` gives all motions the
+    same number.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ class MotionSpace(Manifold):
     n_times : int
         Number of equally spaced times of a point.
     geodesic_solver : GeodesicSolver, optional
-        How to find the surfaces between two frames. By default every triangle turns and stretches
+        Solver for the surfaces between two frames. By default every triangle turns and stretches
         evenly, see `riemhuman.solvers.PoissonPath`: limbs keep their length, and the energy is
-        close to the least.
+        close to the minimum.
     equip : bool
         Whether to equip the space with `RateDependentMetric`.
 
@@ -154,7 +154,7 @@ class MotionSpace(Manifold):
         at: ndarray | None = None,
         name: str = "motion",
     ) -> ndarray:
-        """Return a motion at other times; between frames, on geodesics.
+        """Return a motion at other times, on geodesics between its frames.
 
         Frames are read two at a time.
 
@@ -166,9 +166,9 @@ class MotionSpace(Manifold):
             Number of equally spaced times from the first frame to the last; by default that of the
             space.
         times : array, shape (n_frames,), optional
-            Time of each frame, rising; by default 0, 1, 2, ….
+            Time of each frame, increasing; by default 0, 1, 2, ….
         at : array, shape (n,), optional
-            Times wanted, which never fall, in place of equally spaced ones.
+            Times to return, not decreasing, instead of equally spaced ones.
         name : str
             Name of the motion, for messages.
 
@@ -179,8 +179,7 @@ class MotionSpace(Manifold):
         Raises
         ------
         ArgumentError
-            If a frame is wrong, times do not rise, or times are wanted that the motion does not
-            have.
+            If a frame is wrong, times do not increase, or `at` lies outside the motion.
         DegenerateSurfaceError
             If a triangle has no area, so that it has no rotation.
         """
@@ -270,21 +269,21 @@ class MotionSpace(Manifold):
         return self.resample(motion, at=np.concatenate([[start], between, [stop]]), name=name)
 
     def trim(self, motion: Motion, share: float = 0.05, *, name: str = "motion") -> ndarray:
-        """Return a motion without the stillness at its beginning and end.
+        """Return a motion without the pauses at its beginning and end.
 
         Parameters
         ----------
         motion : array or sequence, shape (n_frames, V, 3)
             Motion of at least two frames.
         share : float
-            Frames whose steps are below this share of the longest are still.
+            Steps below this share of the longest count as pauses.
         name : str
             Name of the motion, for messages.
 
         Returns
         -------
         array, shape (n, V, 3)
-            The frames from the first step that is not still to the last.
+            The frames from the first step that is no pause to the last.
 
         Raises
         ------
@@ -299,10 +298,10 @@ class MotionSpace(Manifold):
         return whole_motion(self.frames, motion[int(moving[0]) : int(moving[-1]) + 2], name)
 
     def smooth(self, motion: Motion, n_passes: int = 1, *, name: str = "motion") -> ndarray:
-        """Return a motion with less noise: frames are drawn to the midpoints of their neighbours.
+        """Return a motion with less noise: frames move towards the midpoints of neighbours.
 
-        A pass takes each frame but the first and last half way along the geodesic to the midpoint
-        of those before and after it, which is what weights ¼, ½, ¼ are in a flat space.
+        A pass moves each frame but the first and last half way along the geodesic to the midpoint
+        of its two neighbours. In a flat space, these are the weights ¼, ½, ¼.
 
         Parameters
         ----------

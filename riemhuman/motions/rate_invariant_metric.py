@@ -1,4 +1,4 @@
-"""A distance of motions that does not change when one of them is re-timed."""
+"""A distance of motions that is invariant to re-timing."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ _MOST_SAMPLED = 600
 
 @dataclass(frozen=True)
 class Curve:
-    """What the rate-invariant distance keeps of a motion.
+    """A motion, prepared for the rate-invariant distance.
 
     Attributes
     ----------
     start : array, shape (V, 3)
         The first frame.
     directions : array, shape (n_segments, p)
-        Transported velocities, each over the root of its length; 0 where the length is 0.
+        Transported velocities, each divided by the square root of its length; 0 where that is 0.
     length : float
         Sum of the lengths.
     places : array, shape (n_segments + 1,)
-        Where the velocities begin and end, in frames.
+        Positions where the velocities begin and end, in frames.
     """
 
     start: ndarray
@@ -88,10 +88,10 @@ class RateInvariantMetric(RiemannianMetric):
         off shorter movements, such as noise and triangles that flip in the crease of a joint. At 0
         nothing is taken off.
     n_steps : int
-        Steps in which re-timing is found within each pair of segments.
+        Grid steps of the re-timing within each pair of segments.
     n_components : int, optional
         Number of principal components of velocities that `dist_pairwise` compares; by default
-        velocities are compared as they are. What components leave out counts by its norm, so that
+        velocities are compared in full. The part outside the components counts by its norm, so that
         no distance grows.
 
     Raises
@@ -149,7 +149,7 @@ class RateInvariantMetric(RiemannianMetric):
         Parameters
         ----------
         point_a, point_b : array or sequence, shape (..., n_times, V, 3)
-            Motions, one of each of any number of frames, or as many as broadcast.
+            Motions: one each, of any numbers of frames, or several that broadcast.
 
         Returns
         -------
@@ -171,7 +171,7 @@ class RateInvariantMetric(RiemannianMetric):
         Parameters
         ----------
         point_a, point_b : array or sequence, shape (..., n_times, V, 3)
-            Motions, one of each of any number of frames, or as many as broadcast.
+            Motions: one each, of any numbers of frames, or several that broadcast.
 
         Returns
         -------
@@ -224,7 +224,7 @@ class RateInvariantMetric(RiemannianMetric):
         memory: int = MEMORY,
         progress: bool = False,
     ) -> ndarray:
-        """Return all distances within a set of motions, which may be of any numbers of frames.
+        """Return all distances within a set of motions, whose numbers of frames may differ.
 
         Parameters
         ----------

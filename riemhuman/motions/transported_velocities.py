@@ -1,10 +1,10 @@
 r"""Velocities of motions, transported to one tangent space.
 
-The fields Φ(f_k) of the frames are joined by geodesics. The velocity of each, half way along it, is
-carried along the geodesic to one fixed point, the fields of a reference surface (Su,
-Kurtek, Klassen and Srivastava, "Statistical analysis of trajectories on Riemannian manifolds",
-Annals of Applied Statistics 8, 2014). There all velocities of all motions are vectors of one
-Euclidean space, in orthonormal coordinates.
+The fields Φ(f_k) of the frames are joined by geodesics. The velocity at the middle of each is
+transported along a geodesic to one fixed point, the fields of a reference surface (Su, Kurtek,
+Klassen and Srivastava, "Statistical analysis of trajectories on Riemannian manifolds", Annals of
+Applied Statistics 8, 2014). There all velocities of all motions are vectors of one Euclidean space,
+in orthonormal coordinates.
 """
 
 from __future__ import annotations

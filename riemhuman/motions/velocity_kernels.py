@@ -5,10 +5,10 @@ Two polygons with segments v_i and w_j have, after the best re-timing, the squar
 
 .. math:: F = \max \int \cos^+\angle(v, w) \sqrt{ds\, dt}
 
-over monotone matchings of arc lengths s and t. Within a pair of segments the cosine is constant,
-so that the best matching runs straight through it (Lahiri, Robinson and Klassen, "Precise matching
-of PL curves in R^N in the square root velocity framework", 2015). Where it enters and leaves, a
-number of equally spaced places on every side is tried.
+over monotone matchings of arc lengths s and t. Within a pair of segments the cosine is constant, so
+the best matching is a straight line through it (Lahiri, Robinson and Klassen, "Precise matching of
+PL curves in R^N in the square root velocity framework", 2015). Its entry and exit are searched
+among equally spaced positions on every side.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from riemhuman.kernels.compiled import compiled
 
 @compiled
 def best_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) -> float:
-    """Return F, and write the largest gains up to all places of the grid.
+    """Return F, and write the largest gains up to all points of the grid.
 
     Parameters
     ----------
     products : array, shape (n, m)
-        Inner products of segments, each over the roots of the lengths.
+        Inner products of segments, each divided by the square roots of the lengths.
     n_steps : int
         Steps on the side of a cell.
     lower : array, shape (n + 1, m, n_steps + 1)
@@ -72,23 +72,23 @@ def best_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) ->
 def trace_gain(
     products: ndarray, n_steps: int, lower: ndarray, left: ndarray, path: ndarray
 ) -> int:
-    """Write the places where the best matching enters cells, from its end to its beginning.
+    """Write the points where the best matching enters cells, from its end to its beginning.
 
     Parameters
     ----------
     products : array, shape (n, m)
-        Inner products of segments, each over the roots of the lengths.
+        Inner products of segments, each divided by the square roots of the lengths.
     n_steps : int
         Steps on the side of a cell.
     lower, left : array
-        What `best_gain` wrote.
+        Gains that `best_gain` wrote.
     path : array, shape (n + m + 2, 2)
         Places in segments of the first and of the second polygon; written to.
 
     Returns
     -------
     int
-        Number of places.
+        Number of points.
     """
     n, m = products.shape
     roots = _roots(n_steps)

@@ -1,4 +1,4 @@
-"""Which time of one motion corresponds to which of another."""
+"""The correspondence between the times of two motions."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Warp:
     dist : float
         Distance of the two motions along it.
     first, second : array, shape (n_matches,)
-        Times of the first and of the second motion that were matched; neither ever falls.
+        Matched times of the first and of the second motion; neither decreases.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Strategies: path energies, geodesics and their continuation, transport, Fréchet means."""
+"""Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means."""
 
 from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.basis_path import BasisPath

@@ -35,21 +35,22 @@ class BasisMean:
     basis : DeformationBasis, optional
         Deformations D_j; without them, the differences of the points alone.
     start : str
-        x₀: "first", the first point as in the paper; "medoid", the best of the points;
-        "euclidean", their arithmetic mean, or the medoid where that is no point of the space;
-        "lowest", the better of the last two.
+        x₀: "first", the first point as in the paper; "medoid", the best of the points; "euclidean",
+        their arithmetic mean, or the medoid if the mean is no point of the space; "lowest", the
+        better of the last two.
     with_differences : bool
-        Whether the differences of the points from x₀ join the basis. A basis of motions knows how
-        one body moves, and not how another is built; the paper's algorithm is without.
+        Whether to add the differences of the points from x₀ to the basis. A basis of motions
+        describes how one body moves, and not how bodies differ in build; the paper's algorithm does
+        without.
     companion_weight : float
-        An elastic metric of normals alone, a = 0, does not see how long an edge is: arms of its
-        means stretch and shrink like rubber. So this weight times the metric (1, 1, 0) joins it
-        in the search, both in units of c; 0 searches by the metric alone.
+        An elastic metric of normals alone, a = 0, does not see the lengths of edges: in its means,
+        arms stretch and shrink like rubber. This weight times the metric (1, 1, 0), in units of c,
+        is therefore added during the search; 0 adds nothing.
     tolerance : float
         Stop when a Newton step would gain at most this share of the variance, as far as the
         preconditioned gradient tells.
     max_iter : int
-        Most iterations.
+        Largest number of iterations.
     callback : callable, optional
         Called with (iteration, variance, point) after each iteration.
     progress : bool
@@ -102,26 +103,26 @@ class BasisMean:
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
-            x₀, instead of what `start` says.
+            x₀, instead of `start`.
 
         Returns
         -------
         MeanResult
-            `variance` is by the metric alone; `variances` are with the companion's share.
+            `variance` is that of the metric alone; `variances` include the companion metric.
 
         Raises
         ------
         ArgumentError
             If the points, weights or basis do not fit the metric's space.
         DegenerateSurfaceError
-            If triangles of the mean shrink away, as between unlike bodies for a small λ.
+            If triangles of the mean vanish, as between dissimilar bodies for a small λ.
 
         Warns
         -----
         ConvergenceWarning
             If the stopping test was not met.
         UnseenLengthsWarning
-            If neither the metric nor a companion sees how long edges are.
+            If neither the metric nor a companion sees the lengths of edges.
         """
         searched = seeing_lengths(metric, self.companion_weight)
         dispersion = Dispersion(searched, points, weights)
@@ -244,7 +245,7 @@ class _Family:
     def point_and_pull_back(
         self, coefficients: ndarray
     ) -> tuple[ndarray, Callable[[ndarray], ndarray]]:
-        """Return the point, and the map from gradients there to gradients in coefficients."""
+        """Return the point, and the map from gradients there to gradients in the coefficients."""
         shift = (coefficients @ self.directions).reshape(self.origin.shape)
         transposed, point = make_vjp(self.space.projection, self.origin + shift)
         return point, lambda gradient: self.directions @ np.ravel(transposed(gradient))

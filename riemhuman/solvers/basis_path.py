@@ -43,9 +43,9 @@ class BasisPath(ManyPaths):
     .. math:: f(t_i) = l(t_i) + \sum_j \alpha_{ij} \mathcal{D}_j
 
     for every interior time (corrected: α has one block for each of them). In the paper l is the
-    straight path (1 − t) f₀ + t f₁ (corrected) and α is found by a quasi-Newton method; that is
-    ``method="l-bfgs-b"`` or ``"bfgs"``. The default method differs twice: l is the path that turns
-    every triangle (`PoissonPath`) where that costs less energy, so that limbs bend instead of
+    straight path (1 − t) f₀ + t f₁ (corrected) and a quasi-Newton method finds α, as here with
+    ``method="l-bfgs-b"`` or ``"bfgs"``. The default method differs in two ways: l is the path that
+    turns every triangle (`PoissonPath`) where that has less energy, so that limbs bend instead of
     shrinking, and α is preconditioned by the metric's Gram matrix on the basis, averaged over the
     first and the last surface between the ends.
 
@@ -61,16 +61,16 @@ class BasisPath(ManyPaths):
     energy : PathEnergy
         Energy to minimise.
     initial : object, optional
-        Solver that gives l, with as many times. By default the one of `PoissonPath` and
-        `LinearPath` whose path costs less, and `LinearPath` for the other methods.
+        Solver for l, with as many times. By default `PoissonPath` or `LinearPath`, whichever path
+        has less energy; `LinearPath` for SciPy's methods.
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
         energy, as far as the preconditioned gradient tells.
     max_iter : int
         Most iterations.
     remove_drift : bool
-        Whether to take motions that the metric does not see, such as rigid motions of interior
-        surfaces where c = 0, out of the path found; its energy stays the same.
+        Whether to remove motions that the metric does not see from the path found, such as rigid
+        motions of interior surfaces where c = 0; its energy stays the same.
     options : mapping
         More options of SciPy's minimiser, for its methods.
     callback : callable, optional

@@ -28,7 +28,7 @@ from riemhuman.surfaces.distortion import (
 
 @dataclass(frozen=True, repr=False)
 class PathMeasures(Record):
-    """What a path of surfaces costs, and how much it distorts them.
+    """Energies of a path of surfaces, and how much it distorts them.
 
     Changes are relative, the largest along the path beyond those between its ends, see
     `riemhuman.surfaces.distortion.change_along_path`.
@@ -75,13 +75,13 @@ class PathComparison(Record):
     name : str
         Name of the solver.
     metric : str
-        Name of the metric it was given.
+        Name of its metric.
     result : PathResult
-        What it returned.
+        Result of the solver.
     measures : PathMeasures
         Measures of its path.
     seconds : float
-        Wall time it took, compilation at first use included.
+        Wall time, including compilation at first use.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class PathComparison(Record):
     seconds: float
 
     def as_row(self) -> dict[str, Any]:
-        """Return everything but the path under plain names, for a table.
+        """Return everything but the path, by name, for a table.
 
         Returns
         -------
@@ -130,7 +130,7 @@ def compare_paths(
     solvers: Mapping[str, tuple[GeodesicSolver, str]],
     reference: ndarray | None = None,
 ) -> list[PathComparison]:
-    """Find paths between two surfaces with several solvers, and measure all of them alike.
+    """Find paths between two surfaces with several solvers, and measure them in the same way.
 
     Parameters
     ----------
@@ -139,21 +139,21 @@ def compare_paths(
     start, end : array, shape (V, 3)
         Surfaces.
     solvers : mapping of str to (solver, str)
-        Each solver with the name of the metric it is given, such as
-        ``{"ours": (BasisPath(basis), "elastic"), "SRNF": (BasisPath(basis), "srnf")}``.
+        Each solver with the name of its metric, such as ``{"ours": (BasisPath(basis), "elastic"),
+        "SRNF": (BasisPath(basis), "srnf")}``.
     reference : array, shape (n_nodes, V, 3), optional
         Path to measure deviations from, such as the body model's own motion.
 
     Returns
     -------
     list of PathComparison
-        One a solver, in their order; those reached, if one was interrupted from the keyboard.
+        One for each solver, in the same order; if interrupted from the keyboard, those finished.
 
     Raises
     ------
     ArgumentError
-        If there is no metric, a solver names one that is not there, the surfaces do not fit, or
-        the reference has other times or vertices than a path.
+        If there is no metric, a solver names an unknown metric, the surfaces do not fit, or the
+        reference has other times or vertices than a path.
 
     Examples
     --------

@@ -30,11 +30,11 @@ class ExponentialResult(Result):
     path : array, shape (n_nodes, \*shape)
         Points reached, the base point first.
     energies : array, shape (n_nodes - 1,)
-        Squared speed on each segment, which the continuous geodesic keeps.
+        Squared speed on each segment, which is constant on the continuous geodesic.
     n_steps : int
-        Steps that unit time was divided into.
+        Number of steps per unit time.
     complete : bool
-        Whether all steps could be made.
+        Whether all steps were possible.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient, of all steps.
     converged : bool
@@ -74,24 +74,24 @@ class ExponentialResult(Result):
 
 @dataclass(frozen=True)
 class DiscreteExponential:
-    r"""exp by n steps, each of which makes the last point the middle of its neighbours.
+    r"""exp in n steps, by the discrete geodesic equation.
 
-    The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following
-    point solves the discrete geodesic equation, see `riemhuman.solvers.middle_equation`. The end
-    point is of second order in the time step 1/n, and the squared speed along the path stays the
-    same up to that order. On surfaces the distance of each segment is in closed form.
+    The first step is symmetric: of the points x₀ ± v/n + w, x₀ is the middle. Every following point
+    solves the discrete geodesic equation, see `riemhuman.solvers.middle_equation`. The error of the
+    end point is of second order in the time step 1/n, and the squared speed along the path is
+    constant up to that order. On surfaces the distance of each segment has a closed form.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations, joined by the velocity itself, from which the geodesic is made: one of the
-        surfaces that differ from the base point by these. By default all coordinates are free.
+        Deformations that span the geodesic together with the velocity: its surfaces differ from the
+        base point by these alone. By default all coordinates are free.
     n_steps : int
         Steps in unit time.
     tolerance : float
-        Error of each step's equation, as a share of the length of its two segments.
+        Largest error of each step's equation, as a share of the length of its two segments.
     max_iter : int
-        Most iterations of each step.
+        Largest number of iterations of each step.
 
     Examples
     --------
@@ -129,12 +129,12 @@ class DiscreteExponential:
         tangent_vec : array, shape (\*shape,)
             Initial velocity v.
         base_point : array, shape (\*shape,)
-            Where to start.
+            Initial point.
 
         Returns
         -------
         ExponentialResult
-            With what was reached, where a triangle degenerates on the way.
+            If a triangle degenerates on the way, it holds the part that was reached.
 
         Raises
         ------
@@ -152,14 +152,14 @@ class DiscreteExponential:
         return self._walk(metric, [base_point], n_steps, n_steps, velocity / n_steps)
 
     def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
-        r"""Go on beyond the end of a discrete geodesic, with the time step it has.
+        r"""Continue a discrete geodesic beyond its end, with the same time step.
 
         Parameters
         ----------
         metric : RiemannianMetric
             The metric.
         path : array, shape (n_nodes, \*shape)
-            Path over unit time, of at least two points; the last two decide.
+            Path over unit time, of at least two points; only the last two matter.
         n_steps : int
             Number of points to add.
 
@@ -189,30 +189,30 @@ class DiscreteExponential:
     ) -> tuple[ndarray, ndarray]:
         r"""Return the derivatives of a function of a path by its initial velocity and point.
 
-        By these autograd differentiates through `metric.exp`.
+        Autograd uses them to differentiate through `metric.exp`.
 
         Parameters
         ----------
         metric : RiemannianMetric
             A metric of surfaces.
         path : array, shape (n_nodes, \*shape)
-            What `solve` found.
+            Result of `solve`.
         tangent_vec : array, shape (\*shape,)
-            The initial velocity it was found for.
+            Its initial velocity.
         covectors : array, shape (n_nodes, \*shape)
-            Derivatives of the function by the points of the path.
+            Derivatives of the function with respect to the points of the path.
 
         Returns
         -------
         by_tangent_vec, by_base_point : array, shape (\*shape,)
-            Exact where the equations determine the path but for motions that the metric does not
-            see, as those of closed surfaces do.
+            Exact where the equations determine the path up to motions that the metric does not see,
+            as for closed surfaces.
 
         Raises
         ------
         NotDefinedError
-            If there is a basis, which the velocity joins: the result jumps where the velocity
-            leaves it; or if points are no surfaces.
+            If there is a basis, where the result jumps as the velocity leaves its span; or if
+            points are no surfaces.
 
         Warns
         -----

@@ -86,11 +86,11 @@ class DiscreteLogarithm:
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations, joined by the difference of the ends, from which the geodesic is made: one
-        of the surfaces that differ from the start by these. Where a path that turns limbs costs
-        at least 1 % less, its displacements join them too; the inverse is then
-        ``DiscreteExponential(basis.joined(result.path - base_point))``. By default all
-        coordinates are free.
+        Deformations that span the geodesic together with the difference of the ends: its surfaces
+        differ from the start by these alone. If a path that turns limbs has at least 1 % less
+        energy, its displacements are added; the inverse is then
+        ``DiscreteExponential(basis.joined(result.path - base_point))``. By default all coordinates
+        are free.
     n_steps : int
         Steps in unit time.
     geodesic_solver : object, optional
@@ -98,9 +98,9 @@ class DiscreteLogarithm:
         or `PathStraightening` without, both with
         narrow tolerances.
     tolerance : float
-        Error of the backward step's equation, as a share of the length of its two segments.
+        Largest error of the backward step's equation, as a share of the length of its two segments.
     max_iter : int
-        Most iterations of the backward step.
+        Largest number of iterations of the backward step.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Bodies with one body's shape and another's pose: the paper's metrics as a generative pair."""
+"""Bodies with the shape of one body and the pose of another."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ class DisentanglingResult(Result):
     surface : array, shape (V, 3)
         The surface.
     turned : array, shape (V, 3)
-        The body of the shape, turned as that of the pose.
+        Body A, turned into the pose of B.
     value : float
-        The weighted sum of the squared distances from the body of the shape and from `turned`.
+        The weighted sum of the squared distances from A and from `turned`.
     values : array, shape (n_iterations + 1,)
         The same at the start and after each iteration, before any basis.
     shape_dist, pose_dist : float
@@ -74,13 +74,14 @@ class DisentanglingResult(Result):
 
 @dataclass(frozen=True)
 class Disentangling:
-    r"""A body A in the pose of a body B, A's own in every detail.
+    r"""A body A in the pose of a body B, with all details of A.
 
     .. math:: \arg\min_f\; w_s\, d_{shape}(f, A)^2 + w_p\, d_{pose}(f, A_B)^2
 
-    A_B is A turned as B stands by a smooth field of rotations, see `SmoothTurn`: normals of B
-    itself tell its build, a face or a chest, as well as its pose. The search starts from A_B and
-    shares the strain of the joints with their neighbours. The result stands where B does.
+    A_B is A, turned into the pose of B by a smooth field of rotations, see `SmoothTurn`: the
+    normals of B itself show its build, such as face and chest, as well as its pose. The search
+    starts from A_B and shares the strain of the joints with their neighbours. The result stands
+    where B does.
 
     For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
     the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.
@@ -88,13 +89,13 @@ class Disentangling:
     Parameters
     ----------
     basis : DeformationBasis, optional
-        Deformations that bodies make as they move. With it the result is the surface nearest to
-        the minimiser, by the sum of squares, that differs from A by these alone.
+        Deformations of bodies in motion. With a basis, the result differs from A by these alone: it
+        is the nearest such surface to the minimiser, in least squares.
     shape_weight, pose_weight : float
         w_s and w_p.
     smoothing : float
-        Time of the heat flow of the rotations, as a share of the template's area. The more, the
-        less of B's build comes along, and the rounder joints bend.
+        Time of the heat flow of the rotations, as a share of the template's area. The longer, the
+        less of B's build is carried over, and the rounder joints bend.
     tolerance : float
         Stop when a Newton step would gain at most this share of the value, as far as the
         preconditioned gradient tells.
@@ -148,9 +149,9 @@ class Disentangling:
         shape_metric, pose_metric : SurfaceMetric
             Metrics on surfaces over one template.
         shape : array, shape (V, 3)
-            Body A, whose shape is wanted.
+            Body A, which gives the shape.
         pose : array, shape (V, 3)
-            Body B, whose pose is wanted.
+            Body B, which gives the pose.
         initial : array, shape (V, 3), optional
             Surface to start from.
 

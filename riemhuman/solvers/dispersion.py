@@ -80,7 +80,7 @@ class Dispersion:
         return float(self.weights @ self.squared_dists(point))
 
     def medoid(self) -> int:
-        """Return which of the points has the least V.
+        """Return the index of the point with the least V.
 
         Returns
         -------
@@ -106,7 +106,7 @@ class Dispersion:
         return float(self._used[1] @ squared), gradient
 
     def curvature(self, value: float) -> float:
-        """Return by what multiple the metric's matrix is about the Hessian of V.
+        """Return the factor by which the metric's matrix approximates the Hessian of V.
 
         Parameters
         ----------
@@ -120,7 +120,7 @@ class Dispersion:
         return 2.0
 
     def floor(self, point: ndarray) -> float:
-        r"""Return how much of V is no more than rounding errors.
+        r"""Return the part of V that is due to rounding errors.
 
         Parameters
         ----------
@@ -153,7 +153,7 @@ class MeanDistance(Dispersion):
     weights : array, shape (n,), optional
         Weights w_i ≥ 0, not all 0; by default all are 1.
     smoothing : float
-        ε > 0, at most so much more than the mean distance is S. Distances have no gradient at 0.
+        ε > 0. S exceeds the mean distance by at most ε; distances alone have no gradient at 0.
     """
 
     def __init__(
@@ -184,7 +184,7 @@ class MeanDistance(Dispersion):
         return 1.0 / value
 
     def floor(self, point: ndarray) -> float:
-        """Return how much of S is no more than rounding errors."""
+        """Return the part of S that is due to rounding errors."""
         return float(self._smooth(np.array(super().floor(point))))
 
     def _smooth(self, squared: ndarray) -> ndarray:
@@ -199,15 +199,15 @@ class StreamedDispersion(Dispersion):
     metric : RiemannianMetric
         A metric whose distance has a closed form or a solver.
     points : sequence, shape (n, \*shape)
-        An array, which may be mapped from a file, or any object whose slices are points.
+        An array, which may be mapped from a file, or any object whose slices are arrays of points.
     weights : array, shape (n,)
         Weights of at least 0 that sum to one.
     batch_size : int
-        Points that are read together.
+        Number of points read together.
     sample : array, shape (m, \*shape)
-        Some of the points, which stand for all where one value a point is enough.
+        Some of the points, used instead of all where that is enough.
     of_batch : callable
-        Takes metric, points and weights of a batch to what is averaged over the batches.
+        Maps metric, points and weights of a batch to the quantity that is averaged over batches.
     """
 
     def __init__(
@@ -237,11 +237,11 @@ class StreamedDispersion(Dispersion):
         return value, gradient
 
     def curvature(self, value: float) -> float:
-        """Return by what multiple the metric's matrix is about the Hessian."""
+        """Return the factor by which the metric's matrix approximates the Hessian."""
         return self._one.curvature(value)
 
     def floor(self, point: ndarray) -> float:
-        """Return how much of the value is no more than rounding errors."""
+        """Return the part of the value that is due to rounding errors."""
         return self._one.floor(point)
 
     def _batches(self) -> Iterator[tuple[float, Dispersion]]:
@@ -261,7 +261,7 @@ def check_weights(weights: ndarray | None, n_points: int) -> ndarray:
     weights : array_like, shape (n_points,), optional
         Weights of at least 0, not all 0; by default all are the same.
     n_points : int
-        How many there must be.
+        Number of points.
 
     Returns
     -------

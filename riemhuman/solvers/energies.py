@@ -13,7 +13,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 
 @dataclass(frozen=True)
 class SegmentEnergy:
-    """n Σ d²(x_i, x_{i+1}) over n segments, by the metric's closed form where it has one.
+    """n Σ d²(x_i, x_{i+1}) over n segments, in closed form where the metric has one.
 
     It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
     is refined in time.

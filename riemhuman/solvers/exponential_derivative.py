@@ -1,9 +1,9 @@
-r"""Derivatives of discrete geodesics by their velocity and their start, by the adjoint method.
+r"""Derivatives of discrete geodesics with respect to initial velocity and point: adjoint method.
 
-Of every three neighbours x, y, z on a discrete geodesic, y makes E = d²(x, y) + d²(y, z)
-stationary, see `riemhuman.solvers.middle_equation`. What is known of the derivatives of a function
-by z is handed on to x and y, from the end to the start, each time at the price of one linear
-equation with the second derivatives of E.
+For every three neighbours x, y, z on a discrete geodesic, y makes E = d²(x, y) + d²(y, z)
+stationary, see `riemhuman.solvers.middle_equation`. Derivatives of a function with respect to z are
+passed on to x and y, from the end to the start, by solving one linear equation with the second
+derivatives of E for each point.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _SIDES = np.array([1.0, 0.0, 1.0])
 def derivatives_of_exponential(
     metric: RiemannianMetric, path: ndarray, velocity: ndarray, covectors: ndarray
 ) -> tuple[ndarray, ndarray]:
-    r"""Return the derivatives of a function of a discrete geodesic by its velocity and start.
+    r"""Return the derivatives of a function of a discrete geodesic, see the module.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def derivatives_of_exponential(
     velocity : array, shape (\*shape,)
         The initial velocity it was found for.
     covectors : array, shape (n_nodes, \*shape)
-        Derivatives of the function by the points.
+        Derivatives of the function with respect to the points.
 
     Returns
     -------

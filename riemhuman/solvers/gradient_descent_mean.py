@@ -20,12 +20,12 @@ _SMALLEST_STEP = 1e-6
 class GradientDescentMean:
     """x ← exp_x(step · Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
-    The step is halved where the variance would rise.
+    The step is halved where the variance would increase.
 
     Parameters
     ----------
     step : float
-        First step; 1 takes the mean of the logarithms.
+        First step; 1 follows the mean of the logarithms.
     tolerance : float
         Stop when the norm of the mean of the logarithms is at most this share of the standard
         deviation.

@@ -1,4 +1,4 @@
-"""Property checks for manifolds: what every space owes, tried on a few random points."""
+"""Property checks for manifolds, on a few random points."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _MOST_COORDINATES = 1000
 def check_manifold(
     space: Manifold, rng: Rng = 0, *, tolerance: float = 1e-9, n_points: int = _N_POINTS
 ) -> PropertyReport:
-    """Try on a few random points whether the parts of a manifold belong together.
+    """Check the consistency of a manifold on a few random points.
 
-    Random points and what `projection` makes of arrays nearby must belong to it, and arrays of
-    another shape or with NaN must not; `to_tangent` must be a linear projection, in a stack as for
-    each point alone, to tangent spaces of the manifold's dimension (for points of at most 1000
-    numbers); random tangent vectors must be tangent.
+    Random points, and arrays near them after `projection`, must belong to it, and arrays of another
+    shape or with NaN must not; `to_tangent` must be a linear projection, in a stack as for each
+    point alone, to tangent spaces of the manifold's dimension (for points of at most 1000 numbers);
+    random tangent vectors must be tangent.
 
     In a test of your own, ``report = check_manifold(space)`` is followed by
     ``assert report.passed, report``.

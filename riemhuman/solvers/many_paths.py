@@ -1,4 +1,4 @@
-"""Many geodesics at once, by any solver."""
+"""Many geodesics at once, with any solver."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from riemhuman.solvers.results import PathResult, whole_path_result
 
 
 class ManyPaths:
-    """What makes a geodesic solver solve many pairs of points."""
+    """A base class that lets a geodesic solver solve many pairs of points."""
 
     def solve_many(
         self: GeodesicSolver,
@@ -37,7 +37,7 @@ class ManyPaths:
         pairs : array or sequence, shape (n_pairs, 2, \*shape)
             Pairs of end points: an array, or anything with a length whose items are two points.
         n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one. Paths do not depend on it.
+            Number of threads, -1 for one per core; by default one. Paths do not depend on it.
         progress : bool
             Whether to show a progress bar.
 
@@ -49,12 +49,12 @@ class ManyPaths:
         Raises
         ------
         ArgumentError
-            If an item is not two points, or two for which `solve` refuses; the error names it.
+            If an item is not two points, or `solve` refuses them; the error names the item.
 
         Warns
         -----
         ConvergenceWarning
-            If some paths have not converged: one warning that counts them.
+            If some paths have not converged; one warning counts them.
         """
         n_threads = thread_count(n_jobs)
 

@@ -1,4 +1,4 @@
-"""Property checks for metrics: what every Riemannian metric owes, tried on a few points."""
+"""Property checks for metrics, on a few points."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def check_metric(
     *,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
-    r"""Try on a few points whether a metric is one, and whether its parts belong together.
+    r"""Check on a few points that a metric is a metric, and that its methods agree.
 
     The inner product must be symmetric, linear, positive and the same for points in a stack as for
-    each alone; `covector` must represent it. Where `squared_dist` is in closed form, it must be a
-    metric's (zero on the diagonal with zero gradient, symmetric, with the triangle inequality,
-    the same in a stack), and for small steps ε along a tangent vector v
+    each alone; `covector` must represent it. Where `squared_dist` has a closed form, it must
+    satisfy the axioms of a metric (zero on the diagonal with zero gradient, symmetric, with the
+    triangle inequality, the same in a stack), and for small steps ε along a tangent vector v
 
     .. math:: d^2(x, x + \varepsilon v) = \varepsilon^2 \langle v, v\rangle_x + O(\varepsilon^3).
 

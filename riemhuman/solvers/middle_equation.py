@@ -1,14 +1,13 @@
 r"""The discrete geodesic equation: of three points, the second is halfway between the others.
 
-Of all points y, the middle one of a discrete geodesic (x, y, z) makes d²(x, y) + d²(y, z)
-stationary,
+The middle point y of a discrete geodesic (x, y, z) makes d²(x, y) + d²(y, z) stationary,
 
 .. math:: \partial_y\left(d^2(x, y) + d^2(y, z)\right) = 0.
 
-Solved for z it goes on along a geodesic; for y it halves a segment; for x = y − v + w and
-z = y + v + w it starts a geodesic with a velocity (Rumpf and Wirth, "Variational time
+Solved for z, the equation continues a geodesic; solved for y, it halves a segment; solved for x = y
+− v + w and z = y + v + w, it starts a geodesic with a velocity (Rumpf and Wirth, "Variational time
 discretization of geodesic calculus", IMA Journal of Numerical Analysis 35, 2015; the symmetric
-start is ours, and makes the whole of second order in the time step).
+start is ours, and makes the scheme second order in the time step).
 """
 
 from __future__ import annotations
@@ -56,7 +55,7 @@ class Triple(NamedTuple):
     n_iterations, n_evaluations : int
         Iterations, and evaluations of the equation.
     error : float
-        What is left of the equation, as a share of the length of the two segments.
+        Residual of the equation, as a share of the length of the two segments.
     converged : bool
         Whether the error is within the tolerance.
     """
@@ -70,7 +69,7 @@ class Triple(NamedTuple):
 
 @dataclass(frozen=True)
 class MiddleEquation:
-    """The equation on one metric, with the unknown point in a basis or free in all coordinates.
+    """The equation for one metric, with the unknown point in a basis or free in all coordinates.
 
     In variables preconditioned by the metric's matrix at the middle point, the derivative of the
     equation is the identity up to the length of the segments; see `riemhuman.solvers.root_finding`.
@@ -94,7 +93,7 @@ class MiddleEquation:
     max_iter: int = 50
 
     def next_point(self, before: ndarray, middle: ndarray) -> Triple:
-        r"""Go on from two points by as much again.
+        r"""Continue from two points by one more segment of the same velocity.
 
         Parameters
         ----------
@@ -240,7 +239,7 @@ class MiddleEquation:
 
 
 def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
-    r"""Return how a point has left the manifold within one step, or "" if it has not.
+    r"""Return how a step has left the manifold, or "" if it has not.
 
     Points leave the manifold where they do not belong to it, and where a triangle is inverted: its
     normal has turned by more than 120 degrees.
@@ -283,7 +282,7 @@ def _sizes_away(space: Any, before: ndarray, after: ndarray) -> float:
 
 
 def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
-    r"""Return which triangle of a surface is about to vanish, or "" if none is.
+    r"""Return which triangle of a surface is about to vanish, or "" if none.
 
     Parameters
     ----------

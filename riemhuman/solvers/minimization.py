@@ -1,4 +1,4 @@
-"""Minimisation through SciPy, with a history, interruption, and a test that fits the metric."""
+"""Minimisation with SciPy, with a history, interruption, and a stopping test of its own."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ Objective = Callable[[ndarray], tuple[float, ndarray]]
 
 @dataclass(frozen=True, repr=False)
 class Minimum(Result):
-    """What a minimisation has reached.
+    """The result of a minimisation.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ def minimize(
     Parameters
     ----------
     objective : callable
-        Takes x to its value and gradient.
+        Returns value and gradient at x.
     start : array, shape (n,)
         Starting point.
     method : str
@@ -107,12 +107,12 @@ def minimize(
     max_iter : int
         Most iterations.
     expected_decrease : float, optional
-        For variables in which the Hessian is about the identity: stop when ½‖gradient‖², what a
-        Newton step would still gain, is at most this share of the value, or when many iterations
-        together have gained a small part of that, as at a minimum where the function has a kink.
-        Replaces SciPy's tests, one of which takes a single short step for convergence.
+        For variables in which the Hessian is about the identity: stop when ½‖gradient‖², the gain
+        of a Newton step, is at most this share of the value, or when many iterations together have
+        gained a small part of that, as at a minimum where the function has a kink. Replaces SciPy's
+        tests, one of which mistakes a single short step for convergence.
     floor : float
-        Value at which to stop, for minima that may be zero: what is below are rounding errors.
+        Value at which to stop, for minima that may be zero: smaller values are rounding errors.
     options : mapping, optional
         More options of SciPy's method.
     callback : callable, optional
@@ -120,7 +120,7 @@ def minimize(
     progress : bool
         Whether to show a progress bar.
     description : str
-        What the progress bar says.
+        Text of the progress bar.
 
     Returns
     -------
@@ -202,14 +202,14 @@ def minimize(
 
 @dataclass(frozen=True)
 class LocalProblem:
-    """A minimisation in variables that suit the neighbourhood of one point.
+    """A minimisation in preconditioned variables around one point.
 
     Attributes
     ----------
     objective : callable
-        Takes variables to value and gradient, in units of `unit`; 0 stands for the point itself.
+        Maps variables to value and gradient, in units of `unit`; 0 is the point itself.
     position : callable
-        Takes variables to x.
+        Maps variables to x.
     unit : float
         Unit of the values.
     """
@@ -237,17 +237,17 @@ def minimize_in_rounds(
     Parameters
     ----------
     local_problem : callable
-        Takes x to the problem in preconditioned variables around it.
+        Maps x to the problem in preconditioned variables around it.
     start : array
         Starting point.
     max_iter : int
-        Most iterations of all rounds together.
+        Largest number of iterations of all rounds together.
     expected_decrease : float
         Stopping test, see `minimize`.
     floor : float
         Value at which to stop, see `minimize`.
     iterations_per_round : int
-        Most iterations of one round.
+        Largest number of iterations of one round.
     options : mapping, optional
         More options of SciPy's method.
     callback : callable, optional
@@ -255,7 +255,7 @@ def minimize_in_rounds(
     progress : bool
         Whether to show a progress bar.
     description : str
-        What the progress bar says.
+        Text of the progress bar.
 
     Returns
     -------
@@ -319,7 +319,7 @@ def _is_met(expected_decrease: float, value: float, gradient: ndarray) -> bool:
 
 
 def stands_still(expected_decrease: float, values: list[float]) -> bool:
-    """Return whether many iterations have gained a small part of the decrease that would do.
+    """Return whether many iterations have gained only a small part of the required decrease.
 
     Parameters
     ----------

@@ -54,24 +54,24 @@ class ModelParameters(NamedTuple):
 
 @dataclass(frozen=True)
 class ModelPath(ManyPaths):
-    """The path of a body model whose parameters run evenly from one body's to another's.
+    """The path of a body model whose parameters change evenly from one body to another.
 
-    The SMPL path of section 5.2 of the paper. It runs between the model's own surfaces, which are
-    near the end points but not the same; the result's message says how near.
+    The SMPL path of section 5.2 of the paper. It runs between surfaces of the model, which are near
+    the end points but not equal to them; the result's message states the distance.
 
     Parameters
     ----------
     model : callable
-        Body model: takes betas, pose and trans to surfaces, as `BodyModel` does.
+        Body model: maps betas, pose and trans to surfaces, as `BodyModel` does.
     n_nodes : int
         Number of points of the path, both ends included.
     rotations : str
-        "axis-angle" interpolates the axis-angle vectors linearly, as the paper; "geodesic" turns
-        every joint about one axis, by the shortest way.
+        "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic" turns
+        every joint about one axis by the smallest angle.
     energy : PathEnergy
-        Energy that the result states.
+        Energy that the result reports.
     parameters : callable, optional
-        Takes a surface, shape (V, 3), to its `ModelParameters`, where `solve` is not told them.
+        Maps a surface, shape (V, 3), to its `ModelParameters`, for calls of `solve` without them.
 
     Examples
     --------

@@ -1,10 +1,10 @@
 r"""Motions and changes of shape of one body replayed on another.
 
-A triangle with its normal goes from frame P₀ to frame P on body A; the matrix S = P P₀⁻¹ that takes
-it there is applied to the same triangle of body B, and the surface whose derivatives come closest
-to the results solves a Poisson equation (Sumner and Popović, "Deformation transfer for triangle
-meshes", SIGGRAPH 2004; `riemhuman.surfaces.poisson`). B so keeps its own metric field, changed by
-as much as A's, and takes the turns of A's triangles.
+A triangle of body A and its normal move from frame P₀ to frame P; the matrix S = P P₀⁻¹ of this
+change is applied to the same triangle of body B, and the surface whose derivatives come closest to
+the results solves a Poisson equation (Sumner and Popović, "Deformation transfer for triangle
+meshes", SIGGRAPH 2004; `riemhuman.surfaces.poisson`). B thus keeps its own metric field, changed by
+as much as A's, and its triangles turn as those of A.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ class MotionTransfer:
         stands as the source does; "body": axes are carried from the source's triangles to the
         target's by the rotation between them, for a target in another pose.
     transfer : str
-        "change": the target takes the changes of the source since the reference; where it holds
-        the reference's pose a little otherwise, it ends as much beside the source's, hands on the
-        head instead of above it. "pose": in every frame the target stands as the source does,
-        however it stands itself.
+        "change": the target repeats the changes of the source since the reference; if its initial
+        pose differs a little, its later poses differ as much, so that hands may end beside the head
+        instead of on it. "pose": the target takes the pose of the source in every frame, whatever
+        its own initial pose.
 
     Raises
     ------
     ArgumentError
-        If one of them is none of these, or poses are transferred about the axes of the body.
+        If an option is unknown, or poses are to be transferred about the axes of the body.
 
     Examples
     --------
@@ -96,15 +96,15 @@ class MotionTransfer:
         target : array, shape (V, 3)
             Body to be moved.
         reference : array, shape (V, 3), optional
-            The source as the target stands, by default the first frame: where a frame is the
-            reference, the result is the target. Only changes have one.
+            The source in the target's pose, by default the first frame: for a frame equal to the
+            reference, the result is the target. Not used for poses.
 
         Returns
         -------
         array, shape (n_frames, V, 3)
-            It is placed so that what is still on the source, planted feet above all, is still:
-            vertices' displacements agree in the mean with weights 1/(d² + 1 cm²), d the
-            displacement. Of poses, the first is where the source is, by the centroid.
+            It is placed so that parts which rest on the source also rest on the target, above all
+            planted feet: mean displacements of vertices agree, with weights 1/(d² + 1 cm²) of the
+            displacement d. For poses, the first frame has the centroid of the source.
 
         Raises
         ------
@@ -140,10 +140,10 @@ class MotionTransfer:
 
 @dataclass(frozen=True)
 class ShapeTransfer:
-    """A change of shape seen in one pose, made in another.
+    """A change of shape, transferred to another pose.
 
-    The difference between two bodies in one pose is given to a surface of the first body in
-    another pose: its triangles take the same stretches along axes that turn with them.
+    The difference between two bodies in one pose is applied to the first body in another pose: its
+    triangles undergo the same stretches, along axes that turn with them.
 
     Examples
     --------
@@ -207,7 +207,7 @@ class _Transfer:
             self._axes = nearest_rotations(gradients)
 
     def moved(self, surface: ndarray, placed_as: ndarray | None = None) -> ndarray:
-        """Return the target deformed as the reference is in becoming this surface."""
+        """Return the target, deformed as the reference is deformed into this surface."""
         frames = triangle_frames(surface, self._operator)
         gradients = deformation_gradients(self._frames, frames)
         if self._axes is not None:

@@ -23,7 +23,7 @@ from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 @dataclass(frozen=True, repr=False)
 class TransportResult(Result):
-    r"""A tangent vector carried along a path, and how.
+    r"""A tangent vector, transported along a path.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class TransportResult(Result):
     path : array, shape (n_nodes, \*shape)
         The path.
     n_iterations, n_evaluations : int
-        Iterations and evaluations of the rungs' equations; 0 where closed forms served.
+        Iterations and evaluations of the rungs' equations; 0 for closed forms.
     converged : bool
         Whether all equations were solved within the tolerance.
     message : str
@@ -68,7 +68,7 @@ class _Geometry(Protocol):
         """Return the point halfway between two points."""
 
     def reflected(self, point: ndarray, middle: ndarray) -> ndarray:
-        """Return the point that lies as far behind the middle."""
+        """Return the reflection of a point in the middle."""
 
     def displacement(self, before: ndarray, middle: ndarray, after: ndarray) -> ndarray:
         """Return half the difference of two points as seen from the one between them."""
@@ -101,7 +101,7 @@ class _Ladder:
         end_point: ndarray | None = None,
         path: ndarray | None = None,
     ) -> TransportResult:
-        r"""Carry a tangent vector along a geodesic, or along a path.
+        r"""Transport a tangent vector along a geodesic, or along a path.
 
         Parameters
         ----------
@@ -116,7 +116,7 @@ class _Ladder:
         end_point : array, shape (\*shape,), optional
             End of the geodesic.
         path : array, shape (n_nodes, \*shape), optional
-            Path from the base point, with one rung a segment; exactly one of the three is given.
+            Path from the base point, with one rung per segment; exactly one of the three is given.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class _Ladder:
         ArgumentError
             If a point, the path, the vector or the basis does not fit the metric's space.
         NotDefinedError
-            If there is neither a path, nor a closed form nor a solver for geodesics.
+            If there is no path, and neither a closed form nor a solver for geodesics.
 
         Warns
         -----
@@ -208,33 +208,33 @@ class _Ladder:
 
 
 class PoleLadder(_Ladder):
-    r"""Transport along geodesics that are the diagonals of parallelograms.
+    r"""Parallel transport along the diagonals of geodesic parallelograms.
 
-    Of each segment (p, q) with midpoint m, the ends exp_p(±w) are reflected in m; the results lie
-    at ∓w' of q. Exact on symmetric spaces, as spheres and their products; else the result is of
-    second order in the length of the segments (Guigui and Pennec, "Numerical accuracy of ladder
-    schemes for parallel transport on manifolds", Foundations of Computational Mathematics 22,
-    2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
+    For each segment (p, q) with midpoint m, the points exp_p(±w) are reflected in m; the results
+    are exp_q(∓w'). Exact on symmetric spaces, such as spheres and their products; otherwise the
+    error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
+    of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
+    22, 2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
     see `riemhuman.solvers.middle_equation`.
 
     Parameters
     ----------
     n_rungs : int
-        Segments of a geodesic in closed form; a solver's path has its own.
+        Number of segments of a closed-form geodesic; a solver's path has its own.
     basis : DeformationBasis, optional
-        Deformations, joined by those of the path and the vector, within which discrete segments
-        are sought; by default all coordinates. Inner products of two vectors are kept if both
-        are in the basis.
+        Deformations that span the discrete segments together with those of the path and the vector;
+        by default all coordinates are free. Inner products of two vectors are preserved if both are
+        in the span of the basis.
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
     exact : bool
-        Whether the metric's `parallel_transport` is used where it has one.
+        Whether to use the metric's own `parallel_transport` where it has a closed form.
     scale : float
         Length of the sides exp_p(±w) in units of the segment.
     tolerance : float
-        Error of each equation, as a share of the length of its two segments.
+        Largest error of each equation, as a share of the length of its two segments.
     max_iter : int
-        Most iterations of each equation.
+        Largest number of iterations of each equation.
 
     Examples
     --------
@@ -258,28 +258,29 @@ class PoleLadder(_Ladder):
 
 
 class SchildLadder(_Ladder):
-    r"""Transport along the sides of parallelograms.
+    r"""Parallel transport along the sides of geodesic parallelograms.
 
-    Of each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
-    lie at ±w' of q. Of first order in the length of the segments in general, and second with the
-    two signs averaged, as here; see `PoleLadder` for the parameters and the source.
+    For each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
+    are exp_q(±w'). The error is of first order in the length of the segments in general, and of
+    second order when the two signs are averaged, as here. See `PoleLadder` for the parameters and
+    the source.
 
     Parameters
     ----------
     n_rungs : int
-        Segments of a geodesic in closed form; a solver's path has its own.
+        Number of segments of a closed-form geodesic; a solver's path has its own.
     basis : DeformationBasis, optional
         Deformations within which discrete segments are sought.
     geodesic_solver : object, optional
         Solver for the geodesic, by default the metric's own.
     exact : bool
-        Whether the metric's `parallel_transport` is used where it has one.
+        Whether to use the metric's own `parallel_transport` where it has a closed form.
     scale : float
         Length of the sides exp_p(±w) in units of the segment.
     tolerance : float
-        Error of each equation, as a share of the length of its two segments.
+        Largest error of each equation, as a share of the length of its two segments.
     max_iter : int
-        Most iterations of each equation.
+        Largest number of iterations of each equation.
 
     Examples
     --------

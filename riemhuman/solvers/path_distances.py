@@ -1,4 +1,4 @@
-"""Distances by the lengths of paths, beside the closed form that bounds them from below."""
+"""Lengths of paths as distances, with the closed form as a lower bound."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ from riemhuman.solvers.results import PathResult, Result
 class PathDistances(Result):
     """Distances within a set of points by the lengths of paths between them.
 
-    The metric's own distance, where a pullback has it in closed form, is that of the ends in a
-    larger space; the length of a path within the surfaces bounds the geodesic distance from above.
-    The truth is between the two.
+    The closed-form distance of a pull-back metric is that of the ends in a larger space, a lower
+    bound of the geodesic distance; the length of a path within the surfaces is an upper bound.
 
     Attributes
     ----------
@@ -36,7 +35,7 @@ class PathDistances(Result):
     converged : bool
         Whether all solvers' stopping tests were met.
     message : str
-        How many were.
+        How many paths converged.
 
     Examples
     --------
@@ -55,7 +54,7 @@ class PathDistances(Result):
 
     @property
     def excess(self) -> ndarray:
-        """By how much lengths exceed the bounds, per cent, of the pairs i < j in their order."""
+        """By how much lengths exceed the bounds, per cent, for the pairs i < j in order."""
         pairs = np.triu_indices(len(self.lengths), 1)
         with np.errstate(divide="ignore", invalid="ignore"):
             return 100.0 * (self.lengths[pairs] / self.bounds[pairs] - 1.0)
@@ -69,12 +68,12 @@ def path_distances(
     n_jobs: int | None = None,
     progress: bool = False,
 ) -> PathDistances:
-    r"""Return the lengths of paths between all points of a set, each pair solved one way.
+    r"""Return the lengths of paths between all points of a set, each pair in one direction.
 
     Parameters
     ----------
     solver : GeodesicSolver
-        Finds the paths.
+        Solver for the paths.
     metric : RiemannianMetric
         The metric.
     points : array or sequence, shape (n, \*shape)
@@ -130,7 +129,7 @@ class PairsOfPoints(Sequence[Any]):
 
 
 def row_of(metric: RiemannianMetric, result: PathResult) -> ndarray:
-    """Return what a table keeps of a path.
+    """Return the row of a path in the table.
 
     Parameters
     ----------
@@ -150,14 +149,14 @@ def row_of(metric: RiemannianMetric, result: PathResult) -> ndarray:
 
 
 def distances_of(n_points: int, rows: ndarray) -> PathDistances:
-    """Return the table that the rows of all pairs make.
+    """Return the table of the rows of all pairs.
 
     Parameters
     ----------
     n_points : int
         Number of points n.
     rows : array, shape (n (n − 1)/2, 6)
-        What `row_of` gives of each pair.
+        Row of each pair, see `row_of`.
 
     Returns
     -------

@@ -58,13 +58,13 @@ _STIFFNESS = 0.2
 class PathStraightening(ManyPaths):
     """Paths of least energy in all coordinates of all interior points, on any manifold.
 
-    Coordinates are those of the arrays; `projection` brings them back to the manifold, and steps
-    that leave it (`belongs`) are refused. The minimisation is L-BFGS with the inverse of the
+    Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
+    steps that leave it (`belongs`) are rejected. The minimisation is L-BFGS with the inverse of the
     metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
-    straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) where
-    that costs less, first with few segments where that is asked for, then with all. Where a limb
-    may turn either way, both ways are tried, as by `BasisPath`, whose energies it so undercuts with
-    the same ends: by the pairs tried, and certainly with ``initial=BasisPath(...)``.
+    straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) if that
+    has less energy, first with few segments if `coarse_segments` are given, then with all. Where a
+    limb may turn either way, both ways are tried, as in `BasisPath`. Its energies were lower than
+    those of `BasisPath` for all pairs tried, and are never higher with ``initial=BasisPath(...)``.
 
     Parameters
     ----------
@@ -73,15 +73,15 @@ class PathStraightening(ManyPaths):
     energy : PathEnergy
         Energy to minimise.
     initial : object, optional
-        Solver whose path, with as many nodes, is another start: where it costs less than what the
-        coarse levels lead to, the last level starts from it.
+        Solver whose path, with as many nodes, is another start: if it has less energy than the
+        result of the coarse levels, the last level starts from it.
     coarse_segments : tuple of int
-        Numbers of segments of the coarse levels, in rising order.
+        Numbers of segments of the coarse levels, increasing.
     tolerance : float
         The solver stops when a Newton step would gain at most this share of the energy, as far as
         the preconditioned gradient tells.
     max_iter : int
-        Most iterations, on each level.
+        Largest number of iterations on each level.
     remove_drift : bool
         Whether to take motions that the metric does not see, such as rigid motions of interior
         surfaces where c = 0, out of the path found; its energy stays the same.
@@ -139,7 +139,7 @@ class PathStraightening(ManyPaths):
         Returns
         -------
         PathResult
-            `energies` are those of the finest level; evaluations on coarser ones are counted in.
+            `energies` are those of the finest level; `n_evaluations` includes coarser levels.
 
         Raises
         ------
@@ -211,7 +211,7 @@ class _Descent:
         self._n_evaluations = 0
 
     def run(self, levels: list[int]) -> PathResult:
-        """Descend on all levels; the last may start where it began."""
+        """Minimise on all levels."""
         solver, metric = self._solver, self._metric
         floor = path_floor(metric, solver.energy, self._whole)
         if _energy(metric, solver.energy, self._whole) <= floor:

@@ -1,4 +1,4 @@
-"""Paths that turn every triangle: a start for geodesics that a straight path would collapse."""
+"""Paths that turn every triangle: initial paths where a straight one would collapse."""
 
 from __future__ import annotations
 
@@ -34,9 +34,9 @@ _RIVAL = 1.1
 class PoissonPath(ManyPaths):
     """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
 
-    Triangles turn the shorter way. Where neighbours then turn different ways, as in a limb that
-    turns by about half a turn, each limb, the largest first, turns the shorter way or like its
-    neighbours, whichever costs less energy; so do all smaller parts together.
+    Triangles turn by the smaller angle. Where neighbours then turn in different directions, as in a
+    limb that makes about half a turn, each limb, the largest first, turns by the smaller angle or
+    like its neighbours, whichever has less energy; so do all smaller parts together.
 
     Parameters
     ----------
@@ -89,10 +89,10 @@ class PoissonPath(ManyPaths):
 def turned_paths(
     metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
 ) -> list[tuple[ndarray, float]]:
-    """Return the path of least energy whose triangles turn one way or the other, and its rivals.
+    """Return the path of least energy whose triangles turn one way or the other, and alternatives.
 
-    All are compared at all times: on few of them the chords of large turns cost too little, and a
-    limb that shrinks or swings too far looks cheap.
+    All are compared at all times: at few times the chords of large rotations have too little
+    energy, which favours limbs that shrink or swing too far.
 
     Parameters
     ----------
@@ -108,8 +108,8 @@ def turned_paths(
     Returns
     -------
     list of (array of shape (n_nodes, V, 3), float)
-        Paths with their energies. After the best follow those with a whole limb that turns the
-        other way, if they cost little more.
+        Paths with their energies: the best, then those with a whole limb that turns the other way,
+        if their energy is only a little higher.
 
     Raises
     ------
@@ -134,7 +134,7 @@ def turned_paths(
 
     @cache
     def candidate(ways: tuple[bool, ...]) -> tuple[float, ndarray]:
-        """Return energy and path where some parts turn alike."""
+        """Return energy and path if some parts turn like their neighbours."""
         turns = shorter.copy()
         for part, is_alike in zip(parts, ways, strict=True):
             turns[part] = (alike if is_alike else shorter)[part]

@@ -2,7 +2,8 @@ r"""Variables in which the energy of a path over a basis is nearly a sum of squa
 
 Near a straight path the Hessian of the energy of n segments, in the coefficients α of the interior
 times, is close to 2n (D ⊗ G): D = tridiag(−1, 2, −1) couples the times, G is the metric's Gram
-matrix on the basis. With Cholesky factors of both, α = L_D^{-T} β L_G^{-1} makes it the identity.
+matrix on the basis. With Cholesky factors of both, the change of variables α = L_D^{-T} β L_G^{-1}
+makes the Hessian the identity.
 """
 
 from __future__ import annotations

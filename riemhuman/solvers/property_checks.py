@@ -1,4 +1,4 @@
-"""Reports on properties that metrics, manifolds, solvers or data sets must have."""
+"""Reports on the properties of metrics, manifolds, solvers and data sets."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from riemhuman.representation import Record
 
 @dataclass(frozen=True)
 class PropertyCheck:
-    """How far an object is from having a property.
+    """The error of an object in one property.
 
     Attributes
     ----------
     name : str
-        The property.
+        Name of the property.
     error : float
-        By how much it is violated, relative to the size of what is compared; NaN where one was
-        returned.
+        By how much it is violated, relative to the size of the compared values; NaN where the
+        object returns NaN.
     tolerance : float
         Largest error that passes.
 
@@ -52,7 +52,7 @@ class PropertyCheck:
 
 @dataclass(frozen=True, repr=False)
 class PropertyReport(Record):
-    """The properties of an object that were checked; printed, a table of them.
+    """The properties of an object that were checked; it prints as a table.
 
     Attributes
     ----------
@@ -75,12 +75,12 @@ class PropertyReport(Record):
 
     @property
     def failures(self) -> tuple[PropertyCheck, ...]:
-        """The properties that it lacks."""
+        """The properties that failed."""
         return tuple(check for check in self.checks if not check.holds)
 
     @property
     def passed(self) -> bool:
-        """Whether it has them all."""
+        """Whether all properties hold."""
         return not self.failures
 
     def __str__(self) -> str:
@@ -94,14 +94,14 @@ def property_report(
     properties: Mapping[str, Callable[[], float]],
     tolerances: Mapping[str, float] | float,
 ) -> PropertyReport:
-    """Return how far an object is from having properties.
+    """Return the errors of an object in several properties.
 
     Parameters
     ----------
     subject : object
         The object.
     properties : mapping of str to callable
-        By name, what returns the error. What refuses the arrays that it is given, because another
+        Functions that return the errors, by name. One that refuses its arrays, because another
         property fails, has the error NaN.
     tolerances : float, or mapping of str to float
         Largest error that passes, by name.
@@ -130,7 +130,7 @@ def difference(found: Any, expected: Any, size: float) -> float:
     found, expected : array
         Arrays.
     size : float
-        What to compare differences with.
+        Size to compare differences with.
 
     Returns
     -------
@@ -144,14 +144,14 @@ def difference(found: Any, expected: Any, size: float) -> float:
 
 
 def excess(smaller: Any, larger: Any, size: float) -> float:
-    """Return by how much an inequality is violated at most, relative to a size.
+    """Return by how much an inequality is violated, relative to a size.
 
     Parameters
     ----------
     smaller, larger : array
-        Sides of the inequality.
+        The two sides of the inequality.
     size : float
-        What to compare differences with.
+        Size to compare differences with.
 
     Returns
     -------

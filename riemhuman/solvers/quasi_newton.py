@@ -50,16 +50,18 @@ def descend(
     Parameters
     ----------
     objective : callable
-        Takes x to value and gradient; the value is infinite outside the domain.
+        Returns value and gradient at x; the value is infinite outside the domain.
     start : array, shape (n,)
         Where to start.
     inverse_hessian : callable
-        Symmetric positive operator, near the inverse Hessian up to a factor that is found.
+        Symmetric positive operator that approximates the inverse Hessian up to a factor, which is
+        estimated.
     max_iter : int
         Most iterations.
     expected_decrease : float
-        Stop when a Newton step would gain at most this share of the value, as far as the operator
-        and the last steps tell, or when many iterations together have gained a small part of that.
+        Stop when a Newton step would gain at most this share of the value, as estimated from the
+        operator and the last steps, or when many iterations together have gained a small part of
+        that.
     floor : float
         Value at which to stop, for minima that may be zero.
     callback : callable, optional
@@ -125,12 +127,12 @@ def descend(
 
 
 def estimated_gap(newton: float, values: Sequence[float] | ndarray) -> float:
-    """Return an estimate of how far the last of some values is above the minimum.
+    """Return an estimate of how far the last value is above the minimum.
 
     Parameters
     ----------
     newton : float
-        What a Newton step would gain, as far as an operator near the inverse Hessian tells.
+        Estimated gain of a Newton step.
     values : sequence of float
         Values at the start and after each iteration.
 
@@ -152,16 +154,16 @@ def descend_in_rounds(
     callback: Callable[[int, float, ndarray], object] | None = None,
     **settings: Any,
 ) -> Minimum:
-    """Minimise a smooth function, with the operator formed anew after every round.
+    """Minimise a smooth function, with a new operator in every round.
 
     Parameters
     ----------
     objective : callable
-        Takes x to value and gradient.
+        Returns value and gradient at x.
     start : array, shape (n,)
         Where to start.
     inverse_hessian_at : callable
-        Takes x to an operator for `descend`.
+        Returns the operator for `descend` at x.
     max_iter : int
         Most iterations of all rounds together.
     callback : callable, optional

@@ -1,4 +1,4 @@
-"""What solvers return."""
+"""Results of solvers."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FEWEST_VERTICES = 100
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Result(Record):
-    """What every solver says of how it ended; subclasses add what it has found.
+    """How a solver ended; subclasses add what it found.
 
     Attributes
     ----------
@@ -55,7 +55,7 @@ class Result(Record):
 
     @property
     def outcome(self) -> dict[str, Any]:
-        """How the solver ended, by name: what a result made from this one passes on."""
+        """How the solver ended, by name."""
         return {field.name: getattr(self, field.name) for field in fields(Result)}
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -145,11 +145,11 @@ class PathResult(Result):
     energies : array, shape (n_iterations + 1,)
         Energy at the start and after each iteration.
     lower_bound : float
-        Squared distance of the ends where the metric has it in closed form, else 0: no path has
-        less energy, by segments or in the limit of many.
+        Squared distance of the ends where the metric has a closed form, else 0: no path has less
+        energy, discrete or continuous.
     gap : float
-        Estimate, in per cent of the energy, of how far it is above the energy that the solver
-        would converge to if it went on; nan where a path was not sought by its energy.
+        Estimate, in per cent of the energy, of how much further iterations would reduce it; nan for
+        paths that do not minimise energy.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of energy and gradient.
     converged : bool
@@ -209,12 +209,12 @@ class MeanResult(Result):
 
 
 def whole_path_result(found: FoundPath) -> PathResult:
-    """Return what any geodesic solver has found, with defaults for what it leaves out.
+    """Complete the result of a geodesic solver with defaults.
 
     Parameters
     ----------
     found : FoundPath
-        What a solver returned: at least a path and its energy.
+        Result of a solver: at least a path and its energy.
 
     Returns
     -------
@@ -229,12 +229,12 @@ def whole_path_result(found: FoundPath) -> PathResult:
 
 
 def whole_mean_result(found: FoundMean) -> MeanResult:
-    """Return what any mean solver has found, with defaults for what it leaves out.
+    """Complete the result of a mean solver with defaults.
 
     Parameters
     ----------
     found : FoundMean
-        What a solver returned: at least a point and its variance.
+        Result of a solver: at least a point and its variance.
 
     Returns
     -------
@@ -256,7 +256,7 @@ def warn_unless_converged(solver: object, result: Result) -> None:
     solver : object
         The solver; the warning names its class.
     result : Result
-        What it found.
+        Its result.
 
     Warns
     -----

@@ -17,7 +17,7 @@ _MOST_HALVINGS = 8
 
 
 class Root(NamedTuple):
-    """What a search for a root has reached.
+    """The result of a search for a root.
 
     Attributes
     ----------
@@ -44,22 +44,21 @@ def find_root(
 ) -> Root:
     """Find a root of a function whose derivative is near the identity.
 
-    Anderson acceleration of x ← x − F(x): of the last steps and what they changed in F, the
-    combination that would have cancelled F best (Walker and Ni, "Anderson acceleration for
-    fixed-point iterations", SIAM Journal on Numerical Analysis 49, 2011). Steps that leave the
-    domain, or make F much larger, are halved.
+    Anderson acceleration of x ← x − F(x): the combination of the last steps that would have reduced
+    F most (Walker and Ni, "Anderson acceleration for fixed-point iterations", SIAM Journal on
+    Numerical Analysis 49, 2011). Steps that leave the domain, or make F much larger, are halved.
 
     Parameters
     ----------
     function : callable
-        Takes x to F(x), shape (n,), or to None outside its domain. Where lengths are not
-        Euclidean but by a positive matrix A, it takes x to F(x) and A F(x).
+        Maps x to F(x), shape (n,), or to None outside its domain. If lengths are measured by a
+        positive matrix A, it maps x to F(x) and A F(x).
     start : array, shape (n,)
         Where to start.
     tolerance : float
         Norm of F at which to stop.
     max_iter : int
-        Most steps.
+        Largest number of steps.
 
     Returns
     -------
@@ -107,7 +106,7 @@ class _Memory:
         self._products = np.empty((0, 0))
 
     def add(self, step: ndarray, change: ndarray, dual: ndarray) -> None:
-        """Remember a step, and forget the oldest of too many."""
+        """Remember a step, and forget the oldest ones."""
         if len(self._steps) == _MEMORY:
             for kept in (self._steps, self._changes, self._duals):
                 del kept[0]
@@ -122,7 +121,7 @@ class _Memory:
             self._products = np.column_stack([self._products, column])
 
     def direction(self, value: ndarray, dual: ndarray) -> ndarray:
-        """Return the next step from where the function is F, with A F."""
+        """Return the next step from a point with the values F and A F."""
         direction = -value
         if not self._steps:
             return direction

@@ -1,4 +1,4 @@
-"""The energies of rounding errors, below which a minimum that may be zero need not be sought."""
+"""Energies of rounding errors, below which a minimum that may be zero counts as zero."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def rounding_energy(
     Returns
     -------
     float
-        About a squared distance that is no different from 0.
+        A squared distance that cannot be told from 0.
     """
     near = metric.space.projection(rounded(point, size))
     return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
@@ -59,7 +59,7 @@ def rounded(point: ndarray, size: float) -> ndarray:
 
 
 def path_floor(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
-    r"""Return the energy that a path would have if it stood still but for rounding errors.
+    r"""Return the energy of a constant path with rounding errors.
 
     Parameters
     ----------

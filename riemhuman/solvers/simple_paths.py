@@ -18,7 +18,7 @@ from riemhuman.solvers.results import PathResult
 
 @dataclass(frozen=True)
 class LinearPath(ManyPaths):
-    """The straight path (1 − t) x₀ + t x₁, brought back to the manifold where that is needed.
+    """The straight path (1 − t) x₀ + t x₁, projected to the manifold where necessary.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ def check_initial_path(
     start, end : array, shape (\*shape,)
         End points.
     n_nodes : int
-        Number of times it must have.
+        Number of times expected.
     initial_path : array_like, shape (n_nodes, \*shape)
         Path, whose ends may be off by rounding.
 
@@ -204,7 +204,7 @@ def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
 def known_path(
     metric: RiemannianMetric, energy: PathEnergy, path: ndarray, message: str, gap: float = np.nan
 ) -> PathResult:
-    r"""Return the result of a solver that need not search.
+    r"""Return the result of a solver that does not search.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def known_path(
     message : str
         How it was found.
     gap : float
-        How far its energy is above the least, in per cent, where that is known.
+        How far its energy is above the minimum, in per cent, where known.
 
     Returns
     -------
@@ -229,7 +229,7 @@ def known_path(
 
 
 def percentage(gap: float, energy: float) -> float:
-    """Return the gap of an energy to its minimum in per cent of the energy, 0 of no energy.
+    """Return the gap of an energy to its minimum in per cent of the energy, 0 if the energy is 0.
 
     Parameters
     ----------

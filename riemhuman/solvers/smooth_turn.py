@@ -1,9 +1,10 @@
-r"""One body in the pose of another, its own in every detail.
+r"""One body in the pose of another, with all its own details.
 
-The polar rotations R of the triangles, from body A to body B, hold two things: how B stands, which
-varies from bone to bone, and how B is built, which varies around a limb and within a face. The heat
-flow of R over the template (`riemhuman.surfaces.triangle_heat`) keeps the first. A's triangles,
-turned by the smooth field, are put together by a Poisson equation (`riemhuman.surfaces.poisson`).
+The polar rotations R of the triangles, from body A to body B, contain two things: the pose of B,
+which varies from bone to bone, and the build of B, which varies around a limb and within a face.
+The heat flow of R over the template (`riemhuman.surfaces.triangle_heat`) keeps the first. A's
+triangles, turned by the smooth field, are put together by a Poisson equation
+(`riemhuman.surfaces.poisson`).
 """
 
 from __future__ import annotations
@@ -35,17 +36,17 @@ _STRAIN_OF_BENDS = 0.37
 
 
 class SmoothTurn:
-    """Turns one body as another one stands, whatever the build of the other.
+    """Brings one body into the pose of another, whatever the build of the other.
 
     Parameters
     ----------
     space : AlignedSurfaces
         Space of the surfaces.
     smoothing : float
-        Time of the heat flow as a share of the template's area, above 0. The more, the less of the
-        other's build comes along, and the rounder joints bend.
+        Time of the heat flow as a share of the template's area, above 0. The longer, the less of
+        the other's build is carried over, and the rounder joints bend.
     n_rounds : int
-        How often the flow of the rotations that are missing joins the first: rounds bring back
+        Number of rounds, each of which adds the smoothed remainder of the rotations: they restore
         the bends of joints, long waves sooner than short ones.
     """
 
@@ -65,9 +66,9 @@ class SmoothTurn:
         Parameters
         ----------
         shape : array, shape (V, 3)
-            Body to be turned, whose triangles have an area.
+            Body to bring into the pose; its triangles have an area.
         pose : array, shape (V, 3)
-            Body that says how it stands, and where.
+            Body that gives the pose and the position.
 
         Returns
         -------

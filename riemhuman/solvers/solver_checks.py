@@ -1,4 +1,4 @@
-"""Property checks for solvers: what the protocols ask, tried on a few points."""
+"""Property checks for solvers, on a few points."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def check_solver(
     *,
     tolerance: float = 1e-6,
 ) -> PropertyReport:
-    r"""Try on a few points whether a solver keeps the contract of its kind.
+    r"""Check on a few points that a solver fulfils the contract of its kind.
 
     See `riemhuman.protocols` for the contracts. Paths must run between the points, with the energy
-    that they have; exponential and logarithm must begin in the direction asked for; a mean must be
-    no worse than any of the points and follow the weights; transport must be linear and leave
-    vectors alone where it goes nowhere. No solver may change what it is given, and each must find
-    the same twice.
+    that they have; exponential and logarithm must start in the given direction; a mean must be no
+    worse than any of the points and follow the weights; transport must be linear, and the identity
+    along a constant path. No solver may change its arguments, and each must return the same result
+    twice.
 
     In a test of your own, ``report = check_solver(solver, metric, points)`` is followed by
     ``assert report.passed, report``.
@@ -56,11 +56,11 @@ def check_solver(
     solver : object
         The solver.
     metric : RiemannianMetric
-        A metric that it is made for.
+        A metric that the solver is made for.
     points : array, shape (n, \*shape)
         Two points or more, all different.
     kind : {"geodesic", "exp", "log", "transport", "mean"}, optional
-        What it solves; by default that is told by the names of the arguments of `solve`.
+        Kind of the solver; by default inferred from the argument names of `solve`.
     tolerance : float
         Largest relative error; that of first-order terms is 0.01.
 
@@ -131,11 +131,11 @@ class _Sample:
 
     @property
     def vector(self) -> ndarray:
-        """A tangent vector at the start, as long as the straight way to the end."""
+        """A tangent vector at the start, as long as the straight line to the end."""
         return np.asarray(self.metric.space.to_tangent(self.end - self.start, self.start))
 
     def arguments(self, kind: str) -> tuple[ndarray | None, ...]:
-        """Return something to solve."""
+        """Return arguments for `solve`."""
         return {
             "geodesic": (self.start, self.end),
             "exp": (_SHORT * self.vector, self.start),

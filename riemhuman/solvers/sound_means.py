@@ -1,4 +1,4 @@
-"""What a mean needs beside its metric to be a body: lengths that are seen, triangles with area."""
+"""Safeguards of means of bodies: lengths must be seen, triangles must keep their area."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SHRUNK = 1e-2
 
 
 def seeing_lengths(metric: Any, weight: float) -> Any:
-    """Return the metric to search a mean by: with a companion where it does not see lengths.
+    """Return the metric for the search of a mean, with a companion where it does not see lengths.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
     Warns
     -----
     UnseenLengthsWarning
-        If the metric returned says that it does not see lengths.
+        If the returned metric does not see lengths.
     """
     if isinstance(metric, MetricWithCompanion) and weight > 0:
         metric = metric.seeing_lengths(weight)
@@ -51,18 +51,18 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
 
 
 class AreaCheck:
-    """Refuses surfaces whose triangles have shrunk away.
+    """Refuses surfaces whose triangles have collapsed.
 
-    Pointwise, metric fields are points of a cone. Where most of them are farther than a right
-    angle apart, θ > π/2, as those of unlike bodies are for small λ, the nearer to the tip of the
-    cone, a triangle without area, the less is the mean squared distance.
+    Pointwise, metric fields are points of a cone. If most of them are more than a right angle
+    apart, θ > π/2, as for dissimilar bodies and small λ, the mean squared distance decreases
+    towards the tip of the cone, a triangle without area.
 
     Parameters
     ----------
     space : Manifold
-        The space; only surfaces are looked at.
+        The space; only surfaces are checked.
     points : array, shape (n, V, 3)
-        Points whose mean is sought.
+        Points whose mean is searched.
     """
 
     def __init__(self, space: Any, points: ndarray) -> None:
@@ -73,17 +73,17 @@ class AreaCheck:
             self._areas = np.median([triangle_areas(f, self._faces) for f in points], axis=0)
 
     def refuse_collapse(self, point: ndarray) -> None:
-        """Refuse a surface whose triangles have shrunk away.
+        """Refuse a surface whose triangles have collapsed.
 
         Parameters
         ----------
         point : array, shape (V, 3)
-            Where the search is.
+            Current point of the search.
 
         Raises
         ------
         DegenerateSurfaceError
-            If a triangle has less than a hundredth of the area it has on the points, in the median.
+            If a triangle has less than a hundredth of its median area on the points.
         """
         if self._faces is None:
             return

@@ -38,7 +38,7 @@ class SparseCholeskyFactor(CholeskyFactor):
     matrix : sparse array, shape (K, K)
         Symmetric positive semidefinite matrix.
     ridge : float
-        Share of its diagonal that is added to it.
+        Share of the diagonal that is added to the matrix.
     """
 
     def __init__(self, matrix: Any, ridge: float = _RIDGE) -> None:
@@ -68,7 +68,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         )
 
     def inverse(self, columns: ndarray) -> ndarray:
-        """Return A⁻¹ X, by the elimination itself: much faster than by its triangles.
+        """Return A⁻¹ X, by the factorisation; much faster than two triangular solves.
 
         Parameters
         ----------
@@ -169,9 +169,9 @@ def spatial_factor(
 ) -> CholeskyFactor:
     r"""Return a factor of the metric's matrix M in all coordinates, averaged over points.
 
-    Metrics with a method `metric_matrix` give the matrix itself. Of others the block of each entry
-    i along a point's first axis is estimated as (Σ_j M_ij M_ijᵀ)^½, by the action of M on random
-    vectors: M_ii itself where the metric couples no entries, as on fields.
+    Metrics with a method `metric_matrix` give the matrix itself. Otherwise the block of each entry
+    i along a point's first axis is estimated as (Σ_j M_ij M_ijᵀ)^½ from the action of M on random
+    vectors; this is M_ii where the metric couples no entries, as on fields.
 
     Parameters
     ----------
@@ -183,8 +183,8 @@ def spatial_factor(
         The matrix is divided by it.
     stiffness : float
         On surfaces, weight of the Dirichlet energy of deformations beside M, in units of its mean
-        diagonal entry. Where the metric does not see a deformation to first order, as bends if
-        c = 0 and stretches if a = 0, its distances between surfaces further apart do.
+        diagonal entry. Deformations that the metric does not see to first order, such as bending if
+        c = 0 and stretching if a = 0, still affect its distances between surfaces further apart.
     ridge : float
         Share of the diagonal that is added to a matrix of surfaces.
 

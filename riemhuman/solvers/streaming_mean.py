@@ -33,21 +33,21 @@ _SMOOTHING = 1e-6
 
 @dataclass(frozen=True)
 class StreamingMean(BasisMean):
-    r"""`BasisMean` of points that are read batch by batch, such as those of an array in a file.
+    r"""`BasisMean` for points that are read batch by batch, such as an array in a file.
 
-    The mean of a sample, evenly spaced among the points, is the start; from there all points are
-    read once an evaluation of the variance. The result is the mean over the basis, and over the
-    differences of the sample from its mean; its variance exceeds the least by a few times
-    `tolerance`, as a share, so that it is about √tolerance standard deviations off.
+    The search starts from the mean of a sample, evenly spaced among the points; then every
+    evaluation of the variance reads all points once. The result is the mean over the basis and the
+    differences of the sample from its mean. Its variance exceeds the minimum by a few times
+    `tolerance`, as a share, so that the mean is about √tolerance standard deviations off.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
         Deformations D_j; without them, the differences of the sample alone.
     start : str
-        Where the mean of the sample is sought from, as in `BasisMean`.
+        Start of the search for the mean of the sample, as in `BasisMean`.
     with_differences : bool
-        Whether the differences of the sample from its mean join the basis.
+        Whether to add the differences of the sample from its mean to the basis.
     companion_weight : float
         Weight of lengths beside an elastic metric of normals alone, as in `BasisMean`.
     tolerance : float
@@ -104,7 +104,7 @@ class StreamingMean(BasisMean):
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
-            Where the mean of the sample is sought from, instead of what `start` says.
+            Start of the search for the mean of the sample, instead of `start`.
 
         Returns
         -------
@@ -160,20 +160,20 @@ class StreamingMean(BasisMean):
 class StreamingMedian(StreamingMean):
     r"""The point x̄ = x₀ + Σ_j β_j D_j of least weighted mean distance Σ_i w_i d(x_i, x̄).
 
-    As `StreamingMean`, points are read batch by batch. The search starts at the mean of a sample
-    and goes on to the median of the sample; from there all points are read once an evaluation. The
-    result is the median over the basis, and over the differences of the sample from its mean; its
-    mean distance exceeds the least by a few times `tolerance`, as a share, and by a millionth at
-    most, since distances are smoothed where they have no gradient.
+    As in `StreamingMean`, points are read batch by batch. The search goes from the mean of a sample
+    to the median of the sample; then every evaluation reads all points once. The result is the
+    median over the basis and the differences of the sample from its mean. Its mean distance exceeds
+    the minimum by a few times `tolerance`, as a share, and by at most another millionth, since
+    distances are smoothed where they have no gradient.
 
     Parameters
     ----------
     basis : DeformationBasis, optional
         Deformations D_j; without them, the differences of the sample alone.
     start : str
-        Where the mean of the sample is sought from, as in `BasisMean`.
+        Start of the search for the mean of the sample, as in `BasisMean`.
     with_differences : bool
-        Whether the differences of the sample from its mean join the basis.
+        Whether to add the differences of the sample from its mean to the basis.
     companion_weight : float
         Weight of lengths beside an elastic metric of normals alone, as in `BasisMean`.
     tolerance : float
@@ -221,20 +221,20 @@ class StreamingMedian(StreamingMean):
         weights : array, shape (n,), optional
             Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
-            Where the mean of the sample is sought from, instead of what `start` says.
+            Start of the search for the mean of the sample, instead of `start`.
 
         Returns
         -------
         MeanResult
             `variance` is the weighted mean of squared distances, by the metric alone; `variances`
-            are weighted mean distances, with the companion's share.
+            are weighted mean distances and include the companion metric.
 
         Raises
         ------
         ArgumentError
             If the points, weights or basis do not fit the metric's space.
         DegenerateSurfaceError
-            If triangles of the median shrink away, as between unlike bodies for a small λ.
+            If triangles of the median vanish, as between dissimilar bodies for a small λ.
 
         Warns
         -----

@@ -1,4 +1,4 @@
-"""Clusters of points of which only the distances are known."""
+"""Clusters of points, from their distances alone."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ LINKAGES = ("average", "complete", "single")
 
 
 class KMedoids(Estimator):
-    """The k points with the least sum of distances of all points to the nearest of them.
+    """The k points that minimise the sum of distances of all points to the nearest of them.
 
-    Partitioning around medoids [1]_: medoids are chosen one after the other, each the best there
-    is, and then exchanged for other points, the best exchange first, while the sum falls [2]_.
-    Further runs begin at random medoids.
+    Partitioning around medoids [1]_: medoids are chosen one by one, always the best, and then
+    exchanged for other points, the best exchange first, as long as the sum decreases [2]_. Further
+    runs start from random medoids.
 
     Parameters
     ----------
@@ -36,14 +36,14 @@ class KMedoids(Estimator):
     Attributes
     ----------
     medoid_indices_ : array of int, shape (n_clusters,)
-        The medoids, in rising order.
+        The medoids, in increasing order.
     labels_ : array of int, shape (n,)
-        Of each point, which of the medoids is nearest; points at distance 0 from several medoids
-        belong to the first, a medoid to itself.
+        Nearest medoid of each point. Points at distance 0 from several medoids belong to the first;
+        a medoid belongs to itself.
     inertia_ : float
         Sum of the distances to the nearest medoid.
     n_iter_ : int
-        Exchanges of the best run.
+        Number of exchanges in the best run.
 
     References
     ----------
@@ -110,7 +110,7 @@ class KMedoids(Estimator):
         Parameters
         ----------
         X : array_like, shape (m, n)
-            Distances of points to all those the medoids were found among.
+            Distances from the points to all points given to `fit`.
 
         Returns
         -------
@@ -143,7 +143,7 @@ class KMedoids(Estimator):
 
 
 class HierarchicalClustering(Estimator):
-    """Clusters joined two by two, the nearest first, by scikit-learn.
+    """Agglomerative clusters, by scikit-learn.
 
     Parameters
     ----------
@@ -152,7 +152,7 @@ class HierarchicalClustering(Estimator):
     linkage : {"average", "complete", "single"}
         Distance of two clusters: the mean, largest or smallest of their points.
     distance_threshold : float, optional
-        Clusters this far apart are not joined.
+        Clusters at this distance or more are not joined.
 
     Attributes
     ----------
@@ -162,7 +162,7 @@ class HierarchicalClustering(Estimator):
         The two clusters joined at each step; below n they are points, n + i is the result of
         step i.
     distances_ : array, shape (n - 1,)
-        Distance of the two.
+        Distance of the two clusters.
 
     Examples
     --------

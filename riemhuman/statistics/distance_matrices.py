@@ -1,4 +1,4 @@
-"""The check that statistics on precomputed distances share."""
+"""The check of precomputed distances."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Factors of a metric's matrix for preconditioning, product by product."""
+"""Factors of a metric's matrix for preconditioning; of products, one for each factor."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from riemhuman.solvers.spatial_factors import spatial_factor
 
 
 class BlockwiseFactor(CholeskyFactor):
-    """Cholesky factors of the diagonal blocks of a matrix that has no others.
+    """Cholesky factors of a block diagonal matrix.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ class BlockwiseFactor(CholeskyFactor):
 
 
 def field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
-    r"""Return a factor of the metric's matrix at a point, of products one of each factor.
+    r"""Return a Cholesky factor of the metric's matrix at a point.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ class FrechetMean(Estimator):
     n_iter_ : int
         Iterations of the solver.
     result_ : MeanResult
-        All that the solver says.
+        The solver's whole result.
 
     Examples
     --------
@@ -108,9 +108,9 @@ class GeometricMedian(FrechetMean):
         Strategy for Fréchet means, by default that of `FrechetMean`; or `StreamingMedian`, for the
         median itself, with its own tolerance.
     tolerance : float
-        Stop when a round lowers the sum of distances by at most this share.
+        Stop when a round decreases the sum of distances by at most this share.
     max_iter : int
-        Most rounds.
+        Largest number of rounds.
 
     Attributes
     ----------
@@ -119,7 +119,7 @@ class GeometricMedian(FrechetMean):
     variance_ : float
         Weighted mean of the squared distances to it.
     n_iter_ : int
-        Rounds.
+        Number of rounds.
     result_ : MeanResult
         Point and variance; `variances` holds the weighted mean distance after every round.
 
@@ -166,8 +166,8 @@ class GeometricMedian(FrechetMean):
         Warns
         -----
         ConvergenceWarning
-            If the sum of distances was still falling after the last round, or the search was
-            interrupted from the keyboard; the point is then the best so far.
+            If the sum of distances was still decreasing after the last round, or the search was
+            interrupted from the keyboard; the result is then the best point so far.
         """
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
@@ -209,7 +209,7 @@ class GeometricMedian(FrechetMean):
 
 
 def default_mean_solver(metric: RiemannianMetric) -> MeanSolver:
-    """Return a solver for Fréchet means that a metric can be used with.
+    """Return a solver for Fréchet means that suits a metric.
 
     Parameters
     ----------
@@ -220,7 +220,7 @@ def default_mean_solver(metric: RiemannianMetric) -> MeanSolver:
     -------
     GradientDescentMean or BasisMean
         The first where geodesics have a closed form; else the second, over the differences of the
-        points. By strategies, logarithms are those of geodesics, whose lengths are not the
-        distances of pull-backs, and their mean is no descent direction.
+        points. Logarithms found by strategies belong to geodesics, whose lengths are not the
+        distances of pull-backs; their mean is no descent direction.
     """
     return GradientDescentMean() if metric.has_closed_form_geodesic else BasisMean()

@@ -1,4 +1,4 @@
-"""Geodesic regression: how points change with one number, such as a height or an age."""
+"""Geodesic regression of points on a number, such as a height or an age."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _BLOCK = 4
 class GeodesicRegression(Estimator):
     r"""The geodesic that minimises :math:`\sum_i d(\exp_p((t_i - \bar t) v), y_i)^2` [1]_.
 
-    It starts from the straight line that fits the logarithms at the Karcher mean, and both p and v
-    are refined by a quasi-Newton method with the gradient of the sum itself.
+    The search starts from the straight line that fits the logarithms at the Karcher mean; a
+    quasi-Newton method with the exact gradient of the sum then refines p and v.
 
-    Surfaces are taken to their fields Φ(f) = (g, n), where geodesics have a closed form, and a
-    prediction is the surface of nearest fields, see `TangentPCA`.
+    Surfaces are mapped to their fields Φ(f) = (g, n), where geodesics have a closed form; a
+    prediction is the surface with the nearest fields, see `TangentPCA`.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ class GeodesicRegression(Estimator):
     mean : array, shape (\*shape,), or object, optional
         The Karcher mean or a solver for it, as in `TangentPCA`.
     image : {"auto", "fields", "points"}
-        Where geodesics run, as in `TangentPCA`.
+        Space of the geodesics, as in `TangentPCA`.
     nearest : NearestSurface, optional
-        How surfaces are found from fields.
+        Solver that finds surfaces from fields.
     tolerance : float
         The refinement stops when a Newton step would gain at most this share of the sum of squared
-        distances to the mean, as far as the preconditioned gradient tells.
+        distances to the mean, as estimated from the preconditioned gradient.
     max_iter : int
-        Most iterations of the refinement; 0 keeps the regression in the tangent space.
+        Largest number of iterations; 0 keeps the regression in the tangent space.
 
     Attributes
     ----------
@@ -61,7 +61,7 @@ class GeodesicRegression(Estimator):
     velocity_ : array, shape (\*image_shape,)
         v, tangent at the intercept, for a change of t by 1.
     n_iter_ : int
-        Iterations of the refinement.
+        Number of iterations of the refinement.
 
     References
     ----------
@@ -121,8 +121,8 @@ class GeodesicRegression(Estimator):
         Raises
         ------
         ArgumentError
-            If the numbers are all the same, or not as many as the points, or a refinement is
-            asked for where `exp` comes from a solver and has no derivative.
+            If the numbers are all the same, or their number is not that of the points, or a
+            refinement is requested where `exp` comes from a solver and has no derivative.
         OutsideManifoldError
             If a point has no logarithm at the mean, or the geodesic leaves the manifold.
 
@@ -175,7 +175,7 @@ class GeodesicRegression(Estimator):
         Raises
         ------
         OutsideManifoldError
-            If the geodesic leaves the manifold before.
+            If the geodesic leaves the manifold before that.
         """
         self._require_fit("velocity_")
         times = _numbers(X) - self.center_
@@ -186,7 +186,7 @@ class GeodesicRegression(Estimator):
     def score(self, X: ndarray, y: ndarray) -> float:
         r"""Return R² = 1 − Σ_i d(prediction, y_i)²/Σ_i d(mean, y_i)².
 
-        The mean is that of the points the regression was fitted to.
+        The mean is that of the points given to `fit`.
 
         Parameters
         ----------
@@ -247,7 +247,7 @@ class GeodesicRegression(Estimator):
             return np.sum(metric.squared_dist(predictions, images)) / (len(times) * spread)
 
         def slope(changes: ndarray) -> tuple[float, ndarray]:
-            """Return the misfit and its gradient, few points at a time."""
+            """Return the sum of squared distances and its gradient, a few points at a time."""
             pull_back, start = make_vjp(line, changes)
             value, gradient = 0.0, np.zeros_like(start)
             for first in range(0, len(times), _BLOCK):

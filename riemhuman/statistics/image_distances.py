@@ -1,4 +1,4 @@
-"""Distances of a surface from points of the image space, with their slopes."""
+"""Distances of a surface from points of the image space, with their gradients."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SMALLEST = 1e-6
 
 
 class ImageDistances(Protocol):
-    """The weighted mean of squared distances from a few points of the image space."""
+    """The weighted mean of squared distances from points of the image space."""
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
         """Return the mean and its gradient in the vertices.
@@ -43,7 +43,7 @@ class ImageDistances(Protocol):
         """
 
     def nearby(self, surface: ndarray) -> ndarray:
-        """Return a surface that may be nearer to the points, or the same.
+        """Return a surface that may be nearer to the points, or the same surface.
 
         Parameters
         ----------
@@ -105,10 +105,10 @@ class _OfElasticMetric:
     def nearby(self, surface: ndarray) -> ndarray:
         """Return the surface whose derivatives are nearest to those of one target's triangles.
 
-        The metric does not see how a triangle is turned within its plane: it is as near as can be
-        to the surface before, a few times over, with the extrapolation of Anderson from two rounds
-        (Peng et al., "Anderson acceleration for geometry optimization", ACM TOG 37, 2018). Errors
-        are relative to the triangles' sizes, as those of normals are.
+        The metric does not see rotations of a triangle within its plane. They are chosen as near as
+        possible to the previous surface, in a few rounds with the extrapolation of Anderson from
+        two rounds (Peng et al., "Anderson acceleration for geometry optimization", ACM TOG 37,
+        2018). Errors are relative to the triangles' sizes, as those of normals are.
         """
         if len(self._targets) > 1 or not self._sees_all:
             return surface

@@ -1,4 +1,4 @@
-"""Where statistics are done: in the space itself, or in that of the fields of surfaces."""
+"""The space of the statistics: that of the points, or that of the fields of surfaces."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SAMPLE = 64
 
 
 class ImageSpace(Protocol):
-    """A space with exponential and logarithm that stands for the space of the points."""
+    """A space with exponential and logarithm, where images stand for the points."""
 
     metric: RiemannianMetric
 
@@ -43,7 +43,7 @@ class ImageSpace(Protocol):
         """
 
     def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the points whose images are nearest to these.
+        r"""Return the points with the nearest images.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class ImageSpace(Protocol):
         """
 
     def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return whether a point is one to be shown, beside one that is.
+        r"""Return whether a point is sound, compared with one that is.
 
         Parameters
         ----------
@@ -111,7 +111,7 @@ class Points:
         return points
 
     def restore(self, images: ndarray, start: ndarray) -> ndarray:
-        r"""Return the images, freed of rounding errors off the manifold.
+        r"""Return the images, projected to the manifold to remove rounding errors.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class Points:
         return self.metric.space.projection(images)
 
     def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return True: every point of a manifold is.
+        r"""Return True: every point of a manifold is sound.
 
         Parameters
         ----------
@@ -158,15 +158,15 @@ class Points:
 class Fields:
     r"""The fields Φ(f) of surfaces, in the space where the metric measures their distances.
 
-    There geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). Points of that space need not
-    come from a surface; the nearest surface stands for them.
+    There geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). A point of that space need not
+    come from a surface; it is then replaced by the nearest surface.
 
     Parameters
     ----------
     metric : PulledBackMetric
         A metric on surfaces.
     nearest : NearestSurface
-        How the nearest surface is found.
+        Solver for the nearest surface.
     """
 
     def __init__(self, metric: Any, nearest: NearestSurface) -> None:
@@ -224,7 +224,7 @@ class Fields:
         return not inverted_triangles(point, reference, space.template.faces).any()
 
     def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean over all vertices, by a search from near a mean of the fields.
+        r"""Return the Karcher mean over all vertices, searched from near a mean of the fields.
 
         Parameters
         ----------
@@ -254,7 +254,7 @@ class Fields:
 
 
 def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> ImageSpace:
-    """Return the space in which statistics of a metric are done.
+    """Return the space for the statistics of a metric.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Image
         The metric of the points.
     kind : {"auto", "fields", "points"}
         "fields" for metrics on surfaces that are pulled back from one with exp and log; "points"
-        for metrics that have them; "auto" takes the first where there is a map to pull back by.
+        for metrics that have them; "auto" is "fields" for pull-backs, else "points".
     nearest : NearestSurface, optional
         How surfaces are found from fields.
 
@@ -273,7 +273,7 @@ def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Image
     Raises
     ------
     ArgumentError
-        If the kind is none of these, or fields are asked for where there are none.
+        If the kind is unknown, or "fields" is requested for a metric that is no pull-back.
     """
     pulled_back = isinstance(metric, PulledBackMetric)
     if one_of(kind, "image", KINDS) == "auto":

@@ -1,4 +1,4 @@
-"""Which triangles of a surface are turned over, against what their neighbourhood says."""
+"""Inverted triangles: those whose normals contradict the deformation of their neighbourhood."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from riemhuman.errors import DegenerateSurfaceError
 def inverted_triangles(points: ndarray, reference: ndarray, faces: ndarray) -> ndarray:
     r"""Tell which triangles of a surface are inverted with respect to a reference.
 
-    A triangle and its normal go from the reference to the surface by a deformation gradient. Let A
-    be the mean of these over the neighbourhood of a triangle, all that share a corner with it,
-    by their areas in the reference. It should take the normal n of the triangle to the direction
-    of :math:`\det(A)\, A^{-\top} n`; inverted are triangles whose normal points against this.
+    A deformation gradient takes each triangle and its normal from the reference to the surface. Let
+    A be the mean of these over all triangles that share a corner with a given one, weighted by
+    their areas in the reference. A should take the normal n of the triangle to the direction of
+    :math:`\det(A)\, A^{-\top} n`; the triangle is inverted if its normal points the other way.
 
     Parameters
     ----------
     points : array, shape (..., V, 3)
         Surfaces.
     reference : array, shape (V, 3)
-        A surface taken to be sound, such as a mean.
+        A surface without inverted triangles, such as a mean.
     faces : array of int, shape (F, 3)
         Triangles.
 

@@ -1,4 +1,4 @@
-"""Which weights (a, λ, c) of the elastic metric tell labels apart best."""
+"""Weights (a, λ, c) of the elastic metric, fitted to labels."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ Score = Callable[[ndarray, ndarray], float]
 
 
 class MetricWeights(Estimator):
-    r"""Weights (a, λ, c) of `ElasticMetric` fitted to labels, with a score on people not seen.
+    r"""Weights (a, λ, c) of `ElasticMetric` that separate labels best, scored on held-out groups.
 
     The squared distance is :math:`a\,d_\lambda^2 + c\,d_n^2`, so for every λ two matrices hold the
     distances of all a and c. Only the ratio of the two matters, and the best one is found exactly:
     the share of triplets (a body, one of its class, one of another) in the right order changes at
-    finitely many ratios. With a score of one's own, ratios on a grid are tried.
+    finitely many ratios. With another score, ratios on a grid are tried.
 
-    The score on what was not seen comes from cross-validation over groups: the bodies of one fold
-    of the groups are set aside, λ and the ratio are chosen with the others alone, and the bodies
-    set aside are scored. Triplets have a query that was set aside, and any items; a score of one's
-    own sees the distances among the bodies set aside.
+    The held-out score comes from cross-validation over groups: the bodies of one fold of the groups
+    are held out, λ and the ratio are chosen with the others alone, and the held-out bodies are
+    scored. Triplets then have a held-out query and any items; another score sees the distances
+    among the held-out bodies.
 
     Parameters
     ----------
@@ -39,18 +39,18 @@ class MetricWeights(Estimator):
     lams : sequence of float
         Values of λ to try.
     scoring : callable, optional
-        Takes distances (n, n) and labels (n,) to a number, the higher the better, such as
-        ``lambda distances, labels: scores(distances, labels).first_tier``. By default the share of
-        triplets in the right order.
+        Maps distances (n, n) and labels (n,) to a score, the higher the better, such as ``lambda
+        distances, labels: scores(distances, labels).first_tier``. By default the share of triplets
+        in the right order.
     tolerance : float
-        Shares of triplets this close to the best are as good: of them, one term alone is
-        preferred to two, and else the middle of their widest interval is taken.
+        Shares of triplets this close to the best count as equal. Among them, a single term is
+        preferred to two; otherwise the middle of their widest interval is taken.
     n_folds : int
         Number of folds.
     n_ratios : int
-        Number of mixtures tried with a score of one's own, the two pure metrics included.
+        Number of ratios tried with `scoring`, the two pure metrics included.
     max_triplets : int
-        At most about so many triplets, chosen at random.
+        Approximate largest number of triplets, chosen at random.
     rng : int or numpy.random.Generator
         Seed of folds and triplets, or the generator to draw from.
     n_jobs : int, optional
@@ -59,15 +59,15 @@ class MetricWeights(Estimator):
     Attributes
     ----------
     a_, lam_, c_ : float
-        The weights, the larger of a and c being 1; λ is 0 where a is.
+        The weights; the larger of a and c is 1, and λ is 0 where a is 0.
     metric_ : ElasticMetric
-        The metric with them.
+        The metric with these weights.
     fit_score_ : float
-        Score on the bodies it was fitted to.
+        Score on all bodies, to which it was fitted.
     held_out_score_ : float
-        Mean score on bodies set aside.
+        Mean score on held-out bodies.
     held_out_scores_ : array, shape (n_folds,)
-        The same of each fold.
+        Score of each fold.
     fold_weights_ : list of tuple of float
         (a, λ, c) chosen without each fold.
 
@@ -115,7 +115,7 @@ class MetricWeights(Estimator):
         self.n_jobs = n_jobs
 
     def fit(self, X: ndarray, y: Sequence[Hashable] | ndarray, groups: Any = None) -> Self:
-        """Find the weights, and score weights found without each fold on it.
+        """Find the weights, and the held-out scores.
 
         Parameters
         ----------
@@ -124,8 +124,8 @@ class MetricWeights(Estimator):
         y : sequence of hashable, length n
             Label of each, such as who it is or which pose it holds.
         groups : sequence of hashable, length n, optional
-            What must not be on both sides of a split, such as the person; by default every
-            surface is a group.
+            Group of each surface, such as the person, which is never on both sides of a split; by
+            default every surface is a group.
 
         Returns
         -------
@@ -135,8 +135,8 @@ class MetricWeights(Estimator):
         Raises
         ------
         ArgumentError
-            If there are fewer groups than folds, the labels are of one class, or no two surfaces
-            share one.
+            If there are fewer groups than folds, all labels are the same, or no two surfaces share
+            a label.
         """
         lams = [real_number(lam, "lams", minimum=0.0, strict=True) for lam in self.lams]
         if not lams:

@@ -1,4 +1,4 @@
-"""The surface whose fields are nearest to given fields: the way back from Φ(f) = (g, n)."""
+"""The surface whose fields Φ(f) = (g, n) are nearest to given fields."""
 
 from __future__ import annotations
 
@@ -47,21 +47,21 @@ class NearestSurface:
     functional of section 4 of the paper with no basis. The minimisation is a quasi-Newton method
     that starts from the metric's matrix at f, which is about half the Hessian.
 
-    A metric of metric fields alone (c = 0) hardly sees how a surface bends, and one of normals
-    alone (a = 0) not how large its triangles are. A companion metric, of small weight, keeps what
-    is not seen as it is at the start: ε d_companion(f, start)² joins the functional.
+    A metric of metric fields alone (c = 0) hardly sees how a surface bends, and a metric of normals
+    alone (a = 0) does not see the size of triangles. A companion metric of small weight keeps the
+    unseen part as it is at the start: ε d_companion(f, start)² is added to the functional.
 
     Parameters
     ----------
     companion : ElasticMetric, optional
-        Companion. By default, of an `ElasticMetric` whose weight a or c is 0, the part that it
-        lacks; of other metrics there is none.
+        Companion. By default, an `ElasticMetric` whose weight a or c is 0 gets the part that it
+        lacks, and other metrics none.
     companion_weight : float
         ε, of at least 0.
     tolerance : float
-        Stop when a step promises to lower the functional by at most this share of its first value.
+        Stop when the predicted decrease is at most this share of the first value of the functional.
     max_iter : int
-        Most steps tried.
+        Largest number of steps tried.
 
     Examples
     --------
@@ -107,8 +107,8 @@ class NearestSurface:
         Returns
         -------
         MeanResult
-            `variance` is the weighted mean squared distance, without the companion's share;
-            `variances` are with it.
+            `variance` is the weighted mean squared distance without the companion's part, which
+            `variances` include.
 
         Raises
         ------

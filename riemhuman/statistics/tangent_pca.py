@@ -29,23 +29,23 @@ class TangentPCA(Estimator):
     r"""Principal directions of logarithms at the Karcher mean, orthonormal in the metric there.
 
     With :math:`v_i = \log_{\bar x} x_i` less their average, the directions :math:`u_k` maximise
-    :math:`\sum_i \langle v_i, u_k\rangle_{\bar x}^2` [1]_. They are found from the n × n matrix of
-    inner products of the :math:`v_i`, which has the eigenvalues of the generalised problem
+    :math:`\sum_i \langle v_i, u_k\rangle_{\bar x}^2` [1]_. They are computed from the n × n matrix
+    of inner products of the :math:`v_i`, which has the eigenvalues of the generalised problem
     :math:`G C G u = \sigma^2 G u` with the metric's matrix G.
 
-    Surfaces are taken to their fields Φ(f) = (g, n), where metrics of this library measure
-    distances and have geodesics in closed form: there are the logarithms, and a combination of
-    directions is brought back to the surface of nearest fields, see `NearestSurface`. So the
-    weights of the metric say what is analysed: (1, 1, 0) how a body is built, whatever its pose,
-    (0, 0, 1) how it stands, (1, 1, 1) both. Where λ is so small that triangles have no
-    logarithm (θ ≥ π, as with the λ = 1e-4 of retrieval), `fit` says so.
+    Surfaces are mapped to their fields Φ(f) = (g, n), where geodesics have a closed form.
+    Logarithms are taken there, and a combination of directions is mapped back to the surface with
+    the nearest fields, see `NearestSurface`. The weights of the metric thus decide what is
+    analysed: (1, 1, 0) how a body is built, whatever its pose, (0, 0, 1) how it stands, (1, 1, 1)
+    both. If λ is so small that triangles have no logarithm (θ ≥ π, as with the λ = 1e-4 of
+    retrieval), `fit` raises an error.
 
     Parameters
     ----------
     space : Manifold
         A manifold equipped with a metric.
     n_components : int, optional
-        Number of directions; by default as many as the logarithms span.
+        Number of directions; by default the dimension that the logarithms span.
     mean : array, shape (\*shape,), or object, optional
         The point of tangency, or a solver for it, such as `BasisMean`. By default the Karcher mean
         by `GradientDescentMean`, of surfaces by `NearestSurface`.
@@ -64,10 +64,10 @@ class TangentPCA(Estimator):
     explained_variance_ : array, shape (n_components,)
         Sample variance of the coordinate along each.
     explained_variance_ratio_ : array, shape (n_components,)
-        The same as a share of the variance along all directions.
+        The same, as a share of the total variance.
     offset_ : array, shape (\*image_shape,)
-        Average of the logarithms; not 0 for surfaces, where the mean is the best surface and not
-        the best field.
+        Average of the logarithms; not 0 for surfaces, whose mean is the best surface and not the
+        best field.
     n_components_ : int
         Number of directions.
 
@@ -226,12 +226,12 @@ class TangentPCA(Estimator):
     def inverse_transform(self, X: ndarray) -> ndarray:
         r"""Return the points with these coordinates, exp(offset + Σ_k z_k u_k).
 
-        Of surfaces, those with the nearest fields.
+        For surfaces, return those with the nearest fields.
 
         Parameters
         ----------
         X : array, shape (n, m)
-            Coordinates z along the first m ≤ n_components directions; along others they are 0.
+            Coordinates z along the first m ≤ n_components directions; the others are 0.
 
         Returns
         -------
@@ -271,9 +271,8 @@ class TangentPCA(Estimator):
         rng : int or numpy.random.Generator
             Seed, or the generator to draw from.
         accept : callable, optional
-            Takes a point to whether it is acceptable; others are drawn anew. By default surfaces
-            with triangles inverted against the mean are, see `inverted_triangles`, and nothing
-            else.
+            Tells whether a point is acceptable; others are redrawn. By default surfaces with
+            inverted triangles are rejected, see `inverted_triangles`, and nothing else.
 
         Returns
         -------
@@ -282,7 +281,7 @@ class TangentPCA(Estimator):
         Raises
         ------
         ArgumentError
-            If not one in a hundred points is accepted.
+            If fewer than one in a hundred points are accepted.
         OutsideManifoldError
             If a geodesic leaves the manifold.
         """
@@ -310,17 +309,17 @@ class TangentPCA(Estimator):
 
 
 def mean_point(mean: Any, space: Manifold, image: ImageSpace, points: ndarray) -> ndarray:
-    r"""Return the mean that was asked for.
+    r"""Return the point of tangency.
 
     Parameters
     ----------
     mean : array, object or None
-        The point itself, or a solver with a method ``solve(metric, points)``, or None for that of
-        the image space.
+        The point, a solver with a method ``solve(metric, points)``, or None for the mean of the
+        image space.
     space : Manifold
         The space of the points.
     image : ImageSpace
-        Where statistics are done.
+        Space of the statistics.
     points : array, shape (n, \*shape)
         Points.
 

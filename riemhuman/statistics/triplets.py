@@ -1,4 +1,4 @@
-"""How often a body is nearer to one of its class than to one of another, and the best mixture."""
+"""Triplets in the right order: how often a body is nearer to its own class than to another."""
 
 from __future__ import annotations
 
@@ -39,18 +39,19 @@ class Triplets:
         max_triplets: int,
         rng: np.random.Generator,
     ) -> Triplets:
-        """Return all triplets, or a random choice of them where they are too many.
+        """Return all triplets, or a random subset of them.
 
         Parameters
         ----------
         classes : array of int, shape (n,)
             Class of every item.
         queries, items : array of int
-            Indices of those that ask, and of those that are found; a query does not find itself.
+            Indices of the queries, and of the items they are compared with; no query is its own
+            item.
         max_triplets : int
-            At most about so many triplets.
+            Approximate largest number of triplets.
         rng : numpy.random.Generator
-            For the choice.
+            Generator for the random subset.
 
         Returns
         -------
@@ -84,7 +85,7 @@ class Triplets:
         return cls(query, same, other, weight / len(parts))
 
     def margins(self, squared: ndarray) -> ndarray:
-        """Return by how much the other class is farther than the own, shape (m,).
+        """Return by how much the item of another class is farther, shape (m,).
 
         Parameters
         ----------
@@ -116,8 +117,8 @@ class Triplets:
     ) -> tuple[float, float]:
         """Return the β in [0, 1] whose (1 − β) · first + β · second has the best share, exactly.
 
-        The margin of every triplet is linear in β, so the share changes only where one of them
-        is 0. Where one metric alone does as well, β is 0 or 1; else it is the middle of the widest
+        The margin of every triplet is linear in β, so the share changes only where one of them is
+        0. If one metric alone does as well, β is 0 or 1; otherwise it is the middle of the widest
         of the best intervals.
 
         Parameters
@@ -125,7 +126,7 @@ class Triplets:
         first, second : array, shape (n, n)
             Squared distances under two metrics.
         tolerance : float
-            Shares this close to the best are as good.
+            Shares this close to the best count as equal.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Are two groups of points drawn from the same distribution? A permutation test on distances."""
+"""A permutation test of whether two groups of points come from the same distribution."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, repr=False)
 class TwoSampleResult(Record):
-    """What a two-sample test found.
+    """The result of a two-sample test.
 
     Attributes
     ----------
     statistic : float
         Energy statistic of the two groups.
     p_value : float
-        Chance of a statistic as large, were the labels exchangeable.
+        Probability of a statistic at least as large, if the labels were exchangeable.
     n_permutations : int
-        Splits the statistic was compared with.
+        Number of splits the statistic was compared with.
     exact : bool
-        Whether these are all splits there are, each once.
+        Whether these are all possible splits, each once.
     statistics : array, shape (n_permutations,)
-        Their statistics.
+        Statistics of the splits.
 
     Examples
     --------
@@ -72,11 +72,11 @@ def two_sample_test(
     .. math:: \frac{nm}{n+m}\left(2\,\overline{d(x, y)} - \overline{d(x, x')} -
               \overline{d(y, y')}\right),
 
-    with means over all pairs, those of a point with itself included. Where there are at most
-    `n_permutations` + 1 splits into groups of these sizes, all are taken, and the p-value is the
-    share of them whose statistic is as large, the observed one among them. Else it is
-    (b + 1)/(m + 1), b of m random splits having a statistic as large [2]_: never 0, and at every
-    level the test rejects too seldom rather than too often.
+    with means over all pairs, including pairs of a point with itself. If there are at most
+    `n_permutations` + 1 splits into groups of these sizes, all are used, and the p-value is the
+    share of them whose statistic is at least as large as the observed one. Otherwise it is (b +
+    1)/(m + 1), where b of m random splits have a statistic at least as large [2]_: it is never 0,
+    and the test is conservative at every level.
 
     Parameters
     ----------
@@ -85,8 +85,8 @@ def two_sample_test(
     in_first : array_like of bool, shape (n,)
         Which points are in the first group.
     units : array_like, shape (n,), optional
-        What is exchangeable, where it is not the single point: the person each surface shows, say.
-        All points of a unit are in one group, and change it together.
+        Exchangeable unit of each point, such as the person that a surface shows; by default every
+        point. All points of a unit are in one group, and change it together.
     n_permutations : int
         Number of random splits.
     rng : int or numpy.random.Generator
@@ -99,7 +99,7 @@ def two_sample_test(
     Raises
     ------
     ArgumentError
-        If the distances are none, a group has no point, or a unit has points in both.
+        If the distances are not valid, a group is empty, or a unit has points in both groups.
 
     References
     ----------
