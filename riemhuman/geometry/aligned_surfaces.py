@@ -36,8 +36,8 @@ class AlignedSurfaces(Manifold):
     equip : bool
         Whether to equip the manifold with `ElasticMetric`.
     scale : {"template"} or None
-        Whether surfaces more than eight times as large or as small as the template are refused,
-        because they must be in another unit. None takes surfaces of any size.
+        "template" refuses surfaces more than eight times as large or as small as the template,
+        which are evidently in another unit; None accepts any size.
 
     Examples
     --------
@@ -73,7 +73,7 @@ class AlignedSurfaces(Manifold):
         point : array, shape (..., V, 3)
             Candidate surfaces.
         atol : float
-            Not used: degenerate triangles are told by their angles.
+            Not used: degenerate triangles are recognised by their angles.
         """
         point, finite = self._candidates(point, "point")
         if point.ndim == 3 and len(point) > 2:
@@ -127,7 +127,7 @@ class AlignedSurfaces(Manifold):
         return square_root(surface.dot(normals, normals))
 
     def normals(self, point: ndarray) -> ndarray:
-        """Return a normal of every triangle, as long as the triangle's area; see `normal_field`.
+        """Return the normal of every triangle, with the triangle's area as its length.
 
         Parameters
         ----------
@@ -275,7 +275,7 @@ class AlignedSurfaces(Manifold):
         ------
         ArgumentError
             If the number of vertices is not the template's, an entry is not finite, areas would
-            leave the range of double precision, or a surface must be in another unit than the
+            leave the range of double precision, or a surface is evidently in another unit than the
             template.
         """
         point = point_array(point, name, self.shape)
@@ -304,7 +304,7 @@ class AlignedSurfaces(Manifold):
         return moderate_lengths(real_array(tangent_vec, name, self.shape), name)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
-        """Refuse surfaces that must be in another unit than the template; see `scale`.
+        """Refuse surfaces that are evidently in another unit than the template; see `scale`.
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
-"""How metrics do bulk work: what they keep of each point, and distances from what is kept of two.
+"""Bulk work of metrics: features kept of each point, and distances from these features.
 
-A metric has one of these as its `bulk`; all its distances of many pairs go through it.
+A metric's `bulk` is one of these; it computes the distances of many pairs.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from riemhuman.terms.sum import Features
 
 
 class Bulk(Protocol):
-    """What keeps features of points, and takes distances of features."""
+    """Features of points, and distances computed from them."""
 
     n_arrays: int
 
     def features(self, points: ndarray, precision: str) -> Features:
-        r"""Return what a distance needs to know of each point.
+        r"""Return the features from which distances are computed.
 
         Parameters
         ----------
         points : array, shape (n, \*shape)
             Points.
         precision : {"single", "double"}
-            Precision to keep them in.
+            Precision of the features.
 
         Returns
         -------
@@ -65,7 +65,7 @@ class Bulk(Protocol):
 
 
 class PairByPair(Bulk):
-    """The points themselves, and one distance after the other.
+    """Bulk work without features: points are kept whole, and distances are computed one by one.
 
     Parameters
     ----------
@@ -98,12 +98,13 @@ class PairByPair(Bulk):
 
 
 class SumOfFactors(Bulk):
-    """Features of the factors of a product, one after the other.
+    """Bulk work of a product: the features of all its factors.
 
     Parameters
     ----------
     parts : sequence of tuple
-        Of every factor that counts: how to take its component of points, its weight, its bulk.
+        For every factor of nonzero weight: the map from points to its component, its weight, and
+        its bulk.
     """
 
     def __init__(self, parts: Sequence[tuple[Callable[[ndarray], ndarray], float, Bulk]]) -> None:
@@ -141,9 +142,9 @@ class OfImages(Bulk):
     Parameters
     ----------
     bulk : Bulk
-        That of the other metric.
+        Bulk work of the other metric.
     map : callable
-        Takes points to their images.
+        Map from points to their images.
     """
 
     def __init__(self, bulk: Bulk, map: Callable[[ndarray], ndarray]) -> None:

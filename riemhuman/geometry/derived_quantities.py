@@ -1,4 +1,4 @@
-"""What every Riemannian metric has once its inner product, distances and curvature are known."""
+"""Quantities derived from the inner product, distances and curvature of a metric."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class DerivedQuantities:
     """Unit vectors, diameters and curvature of a metric.
 
     A part of `RiemannianMetric`, whose other methods it uses. Subclasses that know their curvature
-    define `curvature_form`, and `injectivity_radius` where that is known too.
+    define `curvature_form`, and `injectivity_radius` if they know that too.
     """
 
     def normalize(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Return tangent vectors scaled to norm 1; those of norm 0 stay.
+        r"""Return tangent vectors scaled to norm 1; zero vectors stay zero.
 
         Parameters
         ----------
@@ -124,7 +124,7 @@ class DerivedQuantities:
         tangent_vec_b: ndarray,
         base_point: ndarray | None = None,
     ) -> ndarray:
-        r"""Return the sectional curvature of the planes of two tangent vectors.
+        r"""Return the sectional curvature of the planes spanned by two tangent vectors.
 
         .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
 

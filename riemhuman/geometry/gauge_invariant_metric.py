@@ -1,4 +1,4 @@
-"""Metrics that see what moves a surface out of itself, and not how it slides along itself."""
+"""Metrics of the normal part of deformations, which do not see a surface slide along itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from riemhuman.terms.normal_projection import NormalPartTerm
 
 
 class GaugeInvariantMetric(MidpointMetric):
-    r"""A first-order metric of the part of a deformation along the normals.
+    r"""A first-order metric, applied to the normal part of deformations.
 
     .. math:: ((h, k))_f = G_f(P_f h, P_f k), \qquad P_f = n n^\top
 
@@ -35,8 +35,7 @@ class GaugeInvariantMetric(MidpointMetric):
     ----------
     metric : RiemannianMetric
         A first-order metric G on surfaces: `ElasticMetric`, `SRNFMetric`, `GeneralElasticMetric`,
-        `SobolevMetric` with a0 = a2 = 0, or any sum of terms that treat all directions of a
-        surface alike.
+        `SobolevMetric` with a0 = a2 = 0, or any sum of isotropic terms.
     geodesic_solver : object, optional
         Strategy for geodesics.
     exp_solver, log_solver, transport_solver : object, optional
@@ -45,20 +44,20 @@ class GaugeInvariantMetric(MidpointMetric):
     Raises
     ------
     ArgumentTypeError
-        If the metric is no first-order metric on surfaces.
+        If the metric is not a first-order metric on surfaces.
 
     Notes
     -----
     Motions along the surface cost nothing: there is no closed-form distance, the Gram matrix is
     semidefinite, and the surfaces of a path of least energy are free to slide along themselves.
-    Unlike G, the metric sees translations. Triangles of the template must be oriented alike.
+    Unlike G, the metric sees translations. The triangles of the template must be consistently
+    oriented.
 
     Paths over smooth deformations, such as mesh harmonics, are found in some tens of iterations.
-    Over a basis of motions, between poses far apart, the energy still falls after hundreds, and
-    not because surfaces slide: φ is what it is, and a motion without any stretching, a translation
-    too, costs φ² times the squared curvatures. Fingers that are carried far cost most of all. The
-    way of least energy swells them while they travel, far from anything near the straight path,
-    and some cost of sliding does not change that.
+    Over a basis of motions, between distant poses, the energy still decreases after hundreds.
+    Sliding is not the reason: a motion without stretching, even a translation, costs φ² times the
+    squared curvatures, and fingers that move far cost most. The path of least energy swells them as
+    they travel, far from the straight path, and a small cost of sliding does not change that.
 
     Examples
     --------

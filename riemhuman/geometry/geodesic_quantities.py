@@ -1,4 +1,4 @@
-"""Exponentials, logarithms, geodesics and transport of a metric that has no closed form of them."""
+"""Exponentials, logarithms, geodesics and transport, for metrics without closed forms."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from riemhuman.protocols import (
 
 
 class GeodesicQuantities:
-    """What follows from geodesics, by the metric's solvers.
+    """Exponential, logarithm, geodesics and parallel transport, by the metric's solvers.
 
     A part of `RiemannianMetric`. Subclasses with a closed form override its methods.
     """
@@ -36,8 +36,8 @@ class GeodesicQuantities:
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the end point of the geodesic with this initial velocity after unit time.
 
-        Where the class has no closed form, `exp_solver` follows one geodesic after the other;
-        autograd differentiates through one that is a `DifferentiableExpSolver`.
+        Where the class has no closed form, `exp_solver` computes the geodesics one by one; autograd
+        differentiates through a `DifferentiableExpSolver`.
 
         Parameters
         ----------
@@ -73,7 +73,7 @@ class GeodesicQuantities:
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
         r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
 
-        Where the class has no closed form, `log_solver` finds one after the other.
+        Where the class has no closed form, `log_solver` computes the logarithms one by one.
 
         Parameters
         ----------
@@ -114,7 +114,7 @@ class GeodesicQuantities:
     ) -> ndarray:
         r"""Transport tangent vectors in parallel along geodesics.
 
-        Where the class has no closed form, `transport_solver` carries one after the other.
+        Where the class has no closed form, `transport_solver` transports the vectors one by one.
 
         Parameters
         ----------
@@ -176,8 +176,8 @@ class GeodesicQuantities:
         Returns
         -------
         callable
-            Takes times in [0, 1], shape (n_times,) or a number, to points, shape
-            (..., n_times, \*shape).
+            Maps times in [0, 1], shape (n_times,) or a number, to points, shape (..., n_times,
+            \*shape).
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""The abstract Riemannian metric: two primitives, and all that follows from them."""
+"""The abstract Riemannian metric: two primitives, and everything derived from them."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
 
     Notes
     -----
-    A metric gets its parameters at construction and keeps them.
+    The parameters of a metric are set at construction and never change.
 
     Examples
     --------
@@ -128,7 +128,7 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
         tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
             Tangent vectors.
         base_point : array, shape (..., \*shape), optional
-            Base point; needed unless the inner product is the same at all of them.
+            Base point; needed unless the inner product is the same at every point.
 
         Returns
         -------

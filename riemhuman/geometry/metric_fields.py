@@ -343,7 +343,7 @@ class EbinMetric(RiemannianMetric):
     ) -> Callable[[Any], ndarray]:
         """Return the geodesic; between two points, the minimal path of the completion.
 
-        Where θ ≥ π, or an end point is degenerate, that path runs straight through g = 0.
+        If θ ≥ π, or an end point is degenerate, that path runs straight through g = 0.
 
         Parameters
         ----------
@@ -357,7 +357,7 @@ class EbinMetric(RiemannianMetric):
         Returns
         -------
         callable
-            Takes times, shape (n_times,), to metric fields, shape (..., n_times, F, 2, 2).
+            Maps times, shape (n_times,), to metric fields, shape (..., n_times, F, 2, 2).
         """
         if end_point is None or initial_tangent_vec is not None:
             return super().geodesic(initial_point, end_point, initial_tangent_vec)

@@ -1,4 +1,4 @@
-"""What metrics on aligned surfaces have in common that are sums of terms."""
+"""The base of metrics on aligned surfaces that are sums of terms."""
 
 from __future__ import annotations
 
@@ -112,8 +112,8 @@ class MetricOfTerms(RiemannianMetric):
     def energy(self, path: ndarray) -> ndarray:
         """Return the energy of paths.
 
-        One path runs in compiled loops, which autograd knows with their gradient; several run by
-        the definition.
+        The energy of one path is computed in compiled loops, with a gradient for autograd; that of
+        several paths by the definition.
 
         Raises
         ------

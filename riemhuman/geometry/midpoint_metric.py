@@ -1,4 +1,4 @@
-"""Metrics on surfaces by their inner product alone, with path energies in compiled loops."""
+"""Metrics on surfaces defined by their inner product alone, with compiled path energies."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class MidpointMetric(MetricOfTerms):
     driver = SumOfQuadraticTerms
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        """Take translations out of a path, where no term sees them.
+        """Remove translations from a path if no term sees them.
 
         Returns
         -------

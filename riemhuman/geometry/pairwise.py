@@ -45,7 +45,7 @@ class ManyDistances:
 
     @property
     def bulk(self) -> Bulk:
-        """How distances of many pairs are computed; by default one after the other."""
+        """How distances of many pairs are computed; by default one by one."""
         metric: Any = self
         return PairByPair(metric.squared_dist)
 
@@ -65,15 +65,15 @@ class ManyDistances:
         points : array or sequence, shape (n, \*shape)
             Points; a memory-mapped array, or any sequence, is sliced as it is needed.
         n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one. It does not change a bit of the
-            result.
+            Number of threads, -1 for one per core; by default one. The result does not depend on
+            it.
         precision : {"single", "double"}
-            In what precision metrics with compiled loops keep and compare features of the points:
-            relative errors stay below 1e-5, or at rounding errors of double precision. Pairs too
-            close for single precision are noticed and computed in double.
+            Precision in which metrics with compiled loops compare features of the points: relative
+            errors stay below 1e-5 in single precision, and at rounding errors in double. Pairs too
+            close for single precision are detected and computed in double.
         memory : int
-            Bytes of features held at once. Where those of all points are more, they are computed
-            anew for every block of rows.
+            Bytes of features held at once. If those of all points need more, they are recomputed
+            for every block of rows.
         progress : bool
             Whether to show a progress bar.
 
@@ -112,7 +112,7 @@ class ManyDistances:
         n_jobs : int, optional
             Number of threads, -1 for one a core; by default one.
         precision : {"single", "double"}
-            In what precision metrics with compiled loops work.
+            Precision in which metrics with compiled loops work.
         memory : int
             Bytes of features held at once.
         progress : bool
@@ -125,7 +125,7 @@ class ManyDistances:
         return distances(self, points_a, points_b, n_jobs, precision, memory, progress)
 
     def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
-        r"""Return which of some points is nearest; of several equally near, the first.
+        r"""Return the index of the nearest of some points; of several equally near, the first.
 
         Parameters
         ----------
@@ -154,17 +154,17 @@ class ManyDistances:
     def features(
         self, points: Points, precision: str = "double", name: str = "points"
     ) -> tuple[ndarray, ...]:
-        r"""Return what a distance needs to know of each point, computed once a point.
+        r"""Return the features from which distances are computed, once for each point.
 
-        Distances of features are the work of `bulk`. The first axis of every array is that of the
-        points, so features may be sliced, stored and mapped from memory.
+        `bulk` computes distances from features. The first axis of every array is that of the
+        points, so features may be sliced, stored and memory-mapped.
 
         Parameters
         ----------
         points : array or sequence, shape (n, \*shape)
             Points.
         precision : {"single", "double"}
-            Precision to keep them in, where there are compiled loops for both.
+            Precision of the features, for metrics with compiled loops.
         name : str
             Name of the points, for messages.
 
@@ -207,7 +207,8 @@ def squared_dist_rectangle(
 ) -> ndarray:
     """Return all squared distances between two sets, those of close pairs in double precision.
 
-    Bits do not depend on how a larger table is cut into rectangles, nor on the number of threads.
+    Results depend neither on how a larger table is divided into rectangles, nor on the number of
+    threads.
 
     Parameters
     ----------
@@ -217,8 +218,7 @@ def squared_dist_rectangle(
         Features of both sets, see `RiemannianMetric.features`; the same object twice for the
         distances within one set.
     points_a, points_b : sequence
-        The points the features are of, looked at only where a pair is too close for features in
-        single precision.
+        The points of the features, used only for pairs too close for features in single precision.
     n_jobs : int, optional
         Number of threads, -1 for one a core; by default one.
 

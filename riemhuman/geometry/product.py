@@ -102,7 +102,7 @@ class ProductManifold(Manifold):
         point : array, shape (..., size)
             Points of the product.
         index : int
-            Which factor.
+            Index of the factor.
 
         Returns
         -------
@@ -181,7 +181,7 @@ class ProductManifold(Manifold):
 class ProductMetric(RiemannianMetric):
     """The weighted sum of the metrics of the factors.
 
-    A factor of weight 0 is left out of distances and inner products, and not even looked at.
+    A factor of weight 0 takes no part in distances and inner products, and is not evaluated.
 
     Parameters
     ----------
@@ -276,7 +276,7 @@ class ProductMetric(RiemannianMetric):
         return self._join("log", point, base_point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return the least of the factors, each times the root of its weight."""
+        """Return the least of the factors' radii, each times the square root of its weight."""
         base_point = self.space.check_point(base_point, "base_point")
         radii = [
             np.sqrt(weight) * factor.metric.injectivity_radius(self.space.component(base_point, k))
@@ -297,7 +297,7 @@ class ProductMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        """Transport in every factor.
+        """Transport tangent vectors in every factor.
 
         Raises
         ------

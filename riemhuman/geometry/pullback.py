@@ -36,7 +36,7 @@ class PullbackMetric(RiemannianMetric):
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
     exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
+        Strategies for `exp`, `log` and `parallel_transport`, which have no closed form either.
 
     Examples
     --------

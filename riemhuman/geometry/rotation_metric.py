@@ -1,4 +1,4 @@
-"""The metric of rotations: how much, and which way, every part of a surface turns."""
+"""The metric of rotations of the parts of a surface."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ class RotationMetric(PullbackMetric):
     `time`, as between matrices, and the nearest rotations are compared. Together, g and R before
     diffusion determine the surface up to a translation, which g and the normals do not.
 
-    It tells how people stand, like normals do, and better: the folds and hollows of a build turn
-    normals this way and that within a limb's thickness, over which diffusion averages. Rotations
-    of one of two surfaces are seen, translations and scale are not.
+    Like normals, it tells how people stand, and more reliably: a person's build turns normals back
+    and forth within the thickness of a limb, and diffusion averages over that length. The metric
+    sees a rotation of one of two surfaces, but neither translation nor scale.
 
     Parameters
     ----------
     space : AlignedSurfaces
         The space of surfaces.
     time : float, optional
-        How long heat flows, in squared units of the template, such as m²: it spreads by √(4 time).
-        By default a 720th of the template's area. On an adult, √(4 time) is then the thickness
-        of a limb, 10 cm. At 0 there is no diffusion.
+        Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
+        time). By default a 720th of the template's area. On an adult, √(4 time) is then the
+        thickness of a limb, 10 cm. At 0 there is no diffusion.
     geodesic_solver : object, optional
         Strategy for geodesics, which have no closed form.
     exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have none either.
+        Strategies for `exp` and `log`, which have no closed form either.
 
     Examples
     --------
@@ -187,7 +187,7 @@ class RotationMetric(PullbackMetric):
         return gram / len(surfaces)
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        """Take translations, which the metric does not see, out of a path.
+        """Remove translations, which the metric does not see, from a path.
 
         Returns
         -------

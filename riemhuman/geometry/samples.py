@@ -1,4 +1,4 @@
-"""How many random points are drawn, how far they spread, and how they are handed over."""
+"""Number, spread and shape of random samples."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def sample_count(n_samples: int) -> int:
 
 
 def sample_bound(bound: float) -> float:
-    """Return how far random points spread, at least 0.
+    """Return the spread of random points, at least 0.
 
     Parameters
     ----------

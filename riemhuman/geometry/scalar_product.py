@@ -99,7 +99,7 @@ class ScalarProductMetric(RiemannianMetric):
         return self.scale * energy, self.scale * gradient
 
     def length(self, path: ndarray) -> ndarray:
-        r"""Return the length of the metric, times the root."""
+        r"""Return the length of the metric, times the square root of the number."""
         return np.sqrt(self.scale) * self.underlying_metric.length(path)
 
     def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
@@ -107,7 +107,7 @@ class ScalarProductMetric(RiemannianMetric):
         return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        r"""Return the path as the metric does."""
+        r"""Remove drift as the metric does."""
         return self.underlying_metric.remove_drift(path)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
@@ -131,7 +131,7 @@ class ScalarProductMetric(RiemannianMetric):
         )
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the radius of the metric, times the root."""
+        r"""Return the radius of the metric, times the square root of the number."""
         return np.sqrt(self.scale) * self.underlying_metric.injectivity_radius(base_point)
 
     def curvature_form(

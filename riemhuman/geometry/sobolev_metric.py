@@ -50,13 +50,14 @@ class SobolevMetric(MidpointMetric):
 
     Notes
     -----
-    a0 alone sees translations: with a0 = 0 they cost nothing. Besides, the metric must not be blind
-    to a whole family of deformations: a0 > 0, or two of a1, b1 and c1, or a2 > 0 on a mesh without
-    border. On an open mesh the Laplacian is taken at the vertices that triangles surround, so that
-    a2 does not see harmonic deformations.
+    Only a0 sees translations: with a0 = 0 they cost nothing. The metric must not be blind to any
+    other family of deformations: a0 > 0, or two of a1, b1 and c1, or a2 > 0 on a mesh without
+    border. On an open mesh the Laplacian is computed at interior vertices only, so that a2 does not
+    see harmonic deformations.
 
-    The surface halfway between two others is thinner where triangles turn: steps of a path should
-    turn them by little, and its energy bounds no distance from above or below.
+    The midpoint of two surfaces is thinner where triangles turn. The steps of a path should
+    therefore turn them only a little, and its energy is neither an upper nor a lower bound of a
+    distance.
 
     With a0 = d1 = a2 = 0 the metric is that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and
     c = c1.

@@ -1,4 +1,4 @@
-"""Exponentials that a strategy finds, as autograd knows them."""
+"""Exponentials computed by a solver, with derivatives for autograd."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from riemhuman.protocols import DifferentiableExpSolver, ExpSolver
 def solved_geodesic(
     tangent_vec: ndarray, base_point: ndarray, metric: Any, solver: ExpSolver
 ) -> ndarray:
-    r"""Return what a strategy finds of the geodesic with an initial velocity.
+    r"""Return the geodesic that a solver finds for an initial velocity, or its end point.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ def solved_geodesic(
     Returns
     -------
     array, shape (n_nodes, \*shape)
-        The path, where the strategy has derivatives; otherwise the end alone.
+        The path if the solver has derivatives; otherwise the end point alone.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What metrics know of a space: its points and tangent vectors are arrays of one shape."""
+"""The space that metrics need: its points and tangent vectors are arrays of one shape."""
 
 from __future__ import annotations
 
@@ -54,8 +54,8 @@ class Space(ABC):
         Returns
         -------
         array of bool, shape (...)
-            Arrays of another shape are no points; there is one answer for each of their leading
-            axes, if they have so many.
+            Arrays of another shape are not points; there is one answer for each index of their
+            leading axes.
         """
 
     @abstractmethod

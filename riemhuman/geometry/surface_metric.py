@@ -80,7 +80,7 @@ class SurfaceMetric(MetricOfTerms):
     ) -> tuple[ndarray, ndarray]:
         """Return the squared distances of a surface from others, and the gradient of their sum.
 
-        In compiled loops, which look at each triangle of the surface once.
+        Computed in compiled loops, which read each triangle of the surface once.
 
         Returns
         -------
@@ -100,16 +100,16 @@ class SurfaceMetric(MetricOfTerms):
 
     @property
     def sees_lengths(self) -> bool:
-        """Whether a term sees how long the edges of surfaces are."""
+        """Whether a term sees the lengths of edges."""
         return any(term.sees_lengths for term in self.terms)
 
     def remove_drift(self, path: ndarray) -> ndarray:
-        """Take rigid motions out of a path that the metric does not see.
+        """Remove rigid motions that the metric does not see from a path.
 
-        No term sees translations of a surface, and some see no rotations either: a minimiser of
-        the energy is free to drift. Of all paths that differ by such motions of the interior
-        surfaces, this one keeps as much of the body as it can on the straight path between the
-        ends, by the sum of distances.
+        No term sees translations of a surface, and some see no rotations either: a minimiser of the
+        energy is free to drift. Of all paths that differ by such motions of the interior surfaces,
+        this one is nearest to the straight path between the ends, by the sum of the vertices'
+        distances.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Compilation by numba, whose results are kept on disk wherever the disk allows.
+"""Compilation by numba, with a cache on disk.
 
 The one module that imports numba: `riemhuman.kernels.compiled` does so when there is something to
 compile.
@@ -27,8 +27,8 @@ _said = False
 def njit(**options: Any) -> Callable[[Function], Any]:
     """Return a decorator that compiles a function at its first call and keeps the result on disk.
 
-    Where the disk cannot be written, the function is compiled anew in every process, and a
-    warning says so once: numba itself refuses to work there.
+    If the disk cannot be written, the function is compiled again in every process, and one warning
+    says so; numba alone would refuse to work.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def njit(**options: Any) -> Callable[[Function], Any]:
     Warns
     -----
     UserWarning
-        If what is compiled cannot be kept.
+        If the compiled function cannot be kept on disk.
     """
 
     def decorate(function: Function) -> Any:

@@ -1,10 +1,10 @@
 """Functions that are compiled when they are first called, not when they are imported.
 
-Loading numba takes longer than a single distance does, so a function marked `compiled` waits. The
-first call of any of them takes all that are marked so far: in the modules that define them, every
-marked name, defined or imported there, is bound to its compiled function. Machine code comes from
-the disk where it is there; see `riemhuman.kernels.compilation`. Marked functions are functions of
-modules: one composed at run time would be compiled anew in every process.
+Loading numba takes longer than a single distance, so a function marked `compiled` is compiled at
+its first call, together with all functions marked so far: in the modules that define them, every
+marked name, defined or imported there, is bound to its compiled function. Machine code is read from
+disk if it is there; see `riemhuman.kernels.compilation`. Marked functions are functions of modules:
+one composed at run time would be compiled anew in every process.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _waiting: list[Compiled] = []
 
 
 class Compiled:
-    """What stands for a compiled function until the first call.
+    """The placeholder of a compiled function until the first call.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def compiled(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     Parameters
     ----------
     function : callable
-        The function, in what numba understands of Python and NumPy.
+        The function, in the part of Python and NumPy that numba understands.
     **options
         Options of `numba.njit`, such as ``fastmath``.
 

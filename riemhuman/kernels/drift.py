@@ -15,7 +15,7 @@ _SMALLEST = 1e-4
 
 
 def still_path(path: ndarray, weights: ndarray, *, rotations: bool) -> ndarray:
-    r"""Move interior surfaces rigidly so that as much as can be stays on the straight path.
+    r"""Move interior surfaces rigidly, as near as possible to the straight path.
 
     Each surface f_i takes the rigid motion of least :math:`\sum_v w_v \|R f_i(v) + b - l_i(v)\|`,
     with l the straight path between the ends, by reweighted Procrustes alignment. The sum of

@@ -1,4 +1,4 @@
-"""Functions whose value and gradient come from a faster code, as autograd knows them."""
+"""Autograd primitives whose value and gradient come from faster code."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ def with_known_gradient(
     Parameters
     ----------
     value_and_gradient : callable
-        Takes a plain array to its value and gradient.
+        Returns value and gradient for a plain array.
     definition : callable
         The same function in differentiable operations.
 
     Returns
     -------
     callable
-        Takes an array, plain or traced by autograd, to its value.
+        Returns the value for an array, plain or traced by autograd.
     """
 
     @primitive

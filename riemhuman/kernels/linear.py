@@ -15,8 +15,8 @@ from numpy import ndarray
 def entry(values: ndarray, *index: int | slice) -> ndarray:
     """Return ``values[..., *index]``.
 
-    Registered as an autograd primitive, because autograd adds the transpose of any indexing up
-    entry by entry, as it must where an index occurs twice.
+    Registered as an autograd primitive, because autograd accumulates the transpose of indexing
+    entry by entry, in case an index occurs twice.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def entry(values: ndarray, *index: int | slice) -> ndarray:
 
 @primitive
 def entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) -> ndarray:
-    """Return zeros but for one entry of the last axes, the transpose of `entry`.
+    """Return zeros except for one entry of the last axes, the transpose of `entry`.
 
     Parameters
     ----------
@@ -76,9 +76,8 @@ def differential(map: Callable[[Any], Any], tangent_vec: ndarray, base_point: nd
     r"""Apply the differential of a map to tangent vectors, :math:`d_x\varphi(v)`.
 
     The transposed differential :math:`w \mapsto d_x\varphi^T w` that reverse-mode automatic
-    differentiation gives is linear in w, so its own gradient along v is
-    :math:`d_x\varphi(v)`. This asks for nothing but reverse-mode rules, which every autograd
-    function has.
+    differentiation gives is linear in w, so its own gradient along v is :math:`d_x\varphi(v)`. This
+    needs only reverse-mode rules, which every autograd function has.
 
     Parameters
     ----------

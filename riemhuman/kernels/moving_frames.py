@@ -1,4 +1,4 @@
-r"""Orthonormal frames of the triangles of many surfaces, for compiled loops to share.
+r"""Orthonormal frames of the triangles of many surfaces, shared by compiled loops.
 
 At corners q₁, q₂, q₃ of a triangle, e₁ runs along q₂ − q₁, e₂ across it within the plane and e₃ is
 the normal; q₂ − q₁ = p e₁ and q₃ − q₁ = q e₁ + r e₂. Surfaces are stored vertex by vertex, with all
@@ -229,7 +229,7 @@ def add_area_slope(
     area : float
         Area.
     factor : float
-        What to multiply by.
+        Factor of the slope.
     """
     xx = edges[0, 0] ** 2 + edges[0, 1] ** 2 + edges[0, 2] ** 2
     xy = edges[0, 0] * edges[1, 0] + edges[0, 1] * edges[1, 1] + edges[0, 2] * edges[1, 2]

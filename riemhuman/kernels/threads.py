@@ -148,9 +148,9 @@ def for_each(task: Callable[[Item], Any], items: Iterable[Item], n_threads: int)
 
 @contextmanager
 def single_threaded_libraries() -> Iterator[None]:
-    """Keep libraries in the calling thread, for code that alternates them with threads of its own.
+    """Keep libraries in the calling thread, for code that runs threads of its own.
 
-    The threads of OpenBLAS and OpenMP wait for work in a busy loop, on cores that others need.
+    Idle threads of OpenBLAS and OpenMP wait in a busy loop, on cores that others need.
 
     Yields
     ------
@@ -190,9 +190,9 @@ class _SharedLimit:
                 self._limiter = None
 
     def keep_own(self) -> None:
-        """Go on in a child process, where of all threads the one that forked has survived.
+        """Continue in a child process, where only the thread that forked exists.
 
-        A limit that others had set stays until the next who enters leaves.
+        A limit set by other threads stays until the next user leaves.
         """
         self._lock = threading.Lock()
         self._users = [user for user in self._users if user == threading.get_ident()]

@@ -1,4 +1,4 @@
-"""Sums over the triangles of all pairs of surfaces, tile by tile, from what is kept of each.
+"""Sums over the triangles of all pairs of surfaces, tile by tile, from their features.
 
 Rows of features are filled up with zeros, which add nothing to a distance, to whole vector
 registers: F⁺ is F rounded up to a multiple of `LANES`. Sums run over chunks of triangles, always
@@ -49,7 +49,7 @@ def slices(n: int, size: int) -> Iterator[slice]:
 
 
 def of_one_kind(array: ndarray) -> ndarray:
-    """Return a read-only C-contiguous array, the one kind that loops are compiled for.
+    """Return a read-only C-contiguous array, the kind that loops are compiled for.
 
     Loops over another kind would be compiled again, and could add up in another order.
 
@@ -73,7 +73,7 @@ def padded(shape: tuple[int, ...], precision: str) -> ndarray:
     Parameters
     ----------
     shape : tuple of int
-        The shape without what fills up the rows.
+        The shape without the padding of rows.
     precision : {"single", "double"}
         Precision of the array.
 

@@ -1,4 +1,4 @@
-"""Deformation gradients of triangles: what takes a triangle and its normal to another."""
+"""Deformation gradients, the maps of triangles and their normals to others."""
 
 from __future__ import annotations
 

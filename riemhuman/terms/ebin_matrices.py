@@ -1,4 +1,4 @@
-"""What the Ebin metric asks of first fundamental forms that are given as matrices."""
+"""Functions of first fundamental forms, given as matrices, for the Ebin metric."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def is_degenerate(g: ndarray) -> ndarray:
 
 
 def is_rounding_error(determinant: ndarray, g: ndarray) -> ndarray:
-    """Return whether det g is rounding error alone, as `is_degenerate` does of a known det g.
+    """Return whether a known det g is rounding error alone, see `is_degenerate`.
 
     Parameters
     ----------

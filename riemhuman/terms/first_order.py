@@ -40,7 +40,7 @@ from riemhuman.terms.quadratic import QuadraticTerm, Slopes
 
 
 class FirstOrderWeights(NamedTuple):
-    """What each part of the first-order change costs.
+    """Weights of the parts of the first-order change.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """sin²(½ min(π, θ)) by polynomials, without branches, in single and in double precision.
 
-Where λ is small one polynomial does, fitted once for every λ.
+For small λ one polynomial is enough, fitted once for every λ.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a term is that has an inner product at every surface, and no distance in closed form."""
+"""Terms that have an inner product at every surface, and no distance in closed form."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Slopes = tuple[float, ndarray, ndarray]
 
 
 class QuadraticTerm(ABC):
-    """One term of a metric on surfaces that is given by its inner product.
+    """A term of a metric on surfaces, given by its inner product.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class SumOfQuadraticTerms:
         path : array, shape (n_times, V, 3)
             Surfaces.
         gradient : bool
-            Whether the gradient is wanted.
+            Whether to compute the gradient.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""The term of rotations: how far triangles turn, tangent planes within themselves included."""
+"""The term of rotations: angles by which triangles turn, in space and within their planes."""
 
 from __future__ import annotations
 

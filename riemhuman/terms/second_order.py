@@ -3,9 +3,8 @@ r"""The second-order term of deformations, :math:`\int \langle\Delta h, \Delta k
 Δ is the cotangent Laplacian of the moving surface with lumped masses, A Δh = −L h, where hᵀL h is
 the Dirichlet energy and A holds a third of the area of the triangles around each vertex (Pinkall
 and Polthier, "Computing Discrete Minimal Surfaces and Their Conjugates", Experimental Mathematics
-2(1), 1993). The integral runs over the vertices that triangles surround: along a border half of the
-cotangent formula is missing, and linear functions of a plane, whose Laplacian is 0, would cost
-something there.
+2(1), 1993). The integral runs over interior vertices: at a border half of the cotangent formula is
+missing, so that linear functions on a plane, whose Laplacian is 0, would have a cost there.
 """
 
 from __future__ import annotations
@@ -34,7 +33,7 @@ from riemhuman.terms.zeroth_order import corner_averages, vertex_areas
 
 
 def surrounded_vertices(faces: ndarray, n_vertices: int) -> ndarray:
-    """Tell the vertices that triangles surround, neither on a border nor outside all triangles.
+    """Tell which vertices are interior, neither on a border nor outside all triangles.
 
     Parameters
     ----------
