@@ -149,7 +149,7 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
     known = extensions(kind)
     if name not in known:
         listed = ", ".join(map(repr, known)) or "none"
-        raise ArgumentError(f"the {kind} of other packages are {listed}; found {name!r}")
+        raise ArgumentError(f"{name!r} is none of the {kind} that packages register: {listed}")
     return known[name]
 
 

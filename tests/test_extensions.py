@@ -80,11 +80,16 @@ def test_commands_take_a_metric_of_another_package(installed, tmp_path, capsys):
     record = json.loads(capsys.readouterr().out)
     assert record["metric"] == {"name": "VertexOffsets"}
     assert main(["dist", *paths, "--metric", "unknown"]) == 2
-    assert "metrics of other packages are 'offsets'; found 'unknown'" in capsys.readouterr().err
+    assert (
+        "'unknown' is none of the metrics that packages register: 'offsets'"
+        in capsys.readouterr().err
+    )
     assert main(["dist", *paths, "--metric", "offsets", "-a", "1"]) == 2
     assert "--metric offsets sets all weights" in capsys.readouterr().err
     assert main(["tables", "--reader", "nobody", "20"]) == 2
-    assert "readers of other packages are 'crowd'; found 'nobody'" in capsys.readouterr().err
+    assert (
+        "'nobody' is none of the readers that packages register: 'crowd'" in capsys.readouterr().err
+    )
 
 
 def test_what_cannot_be_loaded_is_named(installed):

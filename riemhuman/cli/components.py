@@ -85,7 +85,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _components(options: argparse.Namespace) -> None:
     from riemhuman.checks import whole_number
-    from riemhuman.statistics import TangentPCA
+    from riemhuman.statistics import NearestSurface, TangentPCA
 
     check_metric_options(options)
     if options.metric == "shape":
@@ -111,7 +111,9 @@ def _components(options: argparse.Namespace) -> None:
     space = metric.space
     space.metric = metric
     with reporter.task(f"Components of {len(files)}, {metric_name(metric)}"):
-        pca = TangentPCA(space, count).fit(points)
+        nearest = NearestSurface(progress=reporter.bars)
+        pca = TangentPCA(space, count, nearest=nearest).fit(points)
+    pca.nearest = None  # one bar over all bodies replaces one a body
     with reporter.task(f"{1 + 2 * count + n_samples} bodies"):
         bodies = _bodies(pca, n_samples, options.seed, bars=reporter.bars)
 

@@ -83,9 +83,8 @@ class GaugeInvariantMetric(MidpointMetric):
         if weights is None:
             raise ArgumentTypeError(
                 "metric must be a first-order metric on surfaces: ElasticMetric, SRNFMetric, "
-                "GeneralElasticMetric, SobolevMetric with a0 = a2 = 0, or a sum of terms that "
-                "treat all directions of a surface alike; found another, of the type "
-                f"{type(metric).__name__}"
+                "GeneralElasticMetric, SobolevMetric with a0 = a2 = 0, or a sum of isotropic "
+                f"terms; found {type(metric).__name__}"
             )
         template = metric.space.template
         super().__init__(

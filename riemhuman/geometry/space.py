@@ -226,8 +226,8 @@ class Space(ABC):
         """
         if base_point is None:
             raise ArgumentTypeError(
-                f"base_point must be given: {type(self).__name__} has other tangent vectors and "
-                "inner products at other points"
+                "base_point must be given: tangent vectors and inner products of "
+                f"{type(self).__name__} depend on it"
             )
         return base_point
 

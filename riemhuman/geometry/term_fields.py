@@ -120,5 +120,5 @@ def _space_of(term: Term, template: Template) -> Manifold:
         return space.equip_with_metric(FlatMetric, weights=template.face_areas)
     raise FieldsNotDefinedError(
         f"the fields of {type(term).__name__} have no manifold with exp and log; statistics of "
-        'fields know MetricFields, NormalFields and flat terms, others take image="points"'
+        'fields need an elastic metric, normals or flat terms; use image="points" otherwise'
     )

@@ -97,8 +97,7 @@ def _say(error: Exception) -> None:
         _said = True
         warnings.warn(
             f"compiled functions cannot be kept on disk ({error}), so that every process compiles "
-            "them anew, which takes half a minute; let NUMBA_CACHE_DIR name a folder that can be "
-            "written",
+            "them anew, which takes half a minute; set NUMBA_CACHE_DIR to a writable folder",
             UserWarning,
             stacklevel=2,
         )

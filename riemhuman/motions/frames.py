@@ -197,7 +197,7 @@ def rising_times(times: Any, name: str, n_times: int | None = None) -> ndarray:
     if len(wrong):
         k = int(wrong[0])
         raise ArgumentError(
-            f"{name} must rise; found {values[k + 1]:g} after {values[k]:g}, at index {k + 1}"
+            f"{name} must increase; found {values[k + 1]:g} after {values[k]:g}, at index {k + 1}"
         )
     return np.asarray(values)
 

@@ -345,7 +345,7 @@ class MotionSpace(Manifold):
 def _times_within(at: Any, known: ndarray) -> ndarray:
     wanted = np.asarray(real_array(at, "at", ("n_times",), batched=False))
     if (np.diff(wanted) < 0).any():
-        raise ArgumentError("at must hold times that never fall; found an earlier after a later")
+        raise ArgumentError("at must not decrease; found an earlier time after a later one")
     if len(wanted) and (wanted[0] < known[0] or wanted[-1] > known[-1]):
         raise ArgumentError(
             f"at must lie within the motion, {known[0]:g} to {known[-1]:g}; found "

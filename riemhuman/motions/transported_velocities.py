@@ -123,7 +123,7 @@ def _chart(metric: Any, base: ndarray, weight: float) -> Any:
     if isinstance(metric, EbinMetric):
         return _ebin_chart(metric, base, weight)
     raise NotDefinedError(
-        f"rate-invariant distances know the fields of elastic metrics, of rotations and of flat "
+        f"rate-invariant distances need the fields of an elastic metric, of rotations or of flat "
         f"terms; found {type(metric).__name__}"
     )
 

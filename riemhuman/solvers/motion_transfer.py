@@ -74,8 +74,8 @@ class MotionTransfer:
         one_of(self.axes, "axes", AXES)
         if one_of(self.transfer, "transfer", TRANSFERS) == "pose" and self.axes == "body":
             raise ArgumentError(
-                'axes must be "world" where poses are transferred: "body" tells about which axes '
-                "a change turns the target"
+                'axes must be "world" where transfer="pose"; found "body", which is about the axes '
+                "of changes"
             )
 
     def solve(

@@ -264,9 +264,9 @@ def warn_unless_converged(solver: object, result: Result) -> None:
         If `result.converged` is false.
     """
     if not result.converged:
+        count = f"{result.n_iterations} iteration{'' if result.n_iterations == 1 else 's'}"
         warnings.warn(
-            f"{type(solver).__name__} stopped without converging after {result.n_iterations} "
-            f"iterations: {result.message}",
+            f"{type(solver).__name__} stopped without converging after {count}: {result.message}",
             ConvergenceWarning,
             stacklevel=3,
         )

@@ -108,8 +108,8 @@ def _kind_of(solver: Any) -> str:
             return kind
     listed = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in _ARGUMENTS.items())
     raise ArgumentError(
-        f"solve of {type(solver).__name__} takes {', '.join(names)} behind the metric, as no "
-        f"solver that is known does ({listed}); say which kind it is"
+        f"kind must be given: solve of {type(solver).__name__} takes {', '.join(names)} after the "
+        f"metric, unlike any known kind ({listed})"
     )
 
 

@@ -40,9 +40,9 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
         metric = metric.seeing_lengths(weight)
     if isinstance(metric, MetricOfSurfaces) and not metric.sees_lengths:
         warnings.warn(
-            f"{metric!r} does not see how long edges are: limbs of the mean may stretch or shrink "
-            "like rubber. Search by a metric that sees lengths, such as ElasticMetric with a > 0, "
-            "let BasisMean have a companion (companion_weight > 0), or take a medoid "
+            f"{metric!r} does not see the lengths of edges: limbs of the mean may stretch or "
+            "shrink like rubber. Use a metric that sees lengths, such as ElasticMetric with a > 0, "
+            "a companion (companion_weight > 0 of BasisMean), or a medoid "
             "(riemhuman.statistics.KMedoids)",
             UnseenLengthsWarning,
             stacklevel=3,
@@ -90,8 +90,8 @@ class AreaCheck:
         shrunk = triangle_areas(point, self._faces) < _SHRUNK * self._areas
         if np.any(shrunk):
             raise DegenerateSurfaceError(
-                f"the mean is no surface: {int(shrunk.sum())} of {len(self._faces)} triangles have "
-                "shrunk to less than a hundredth of their area, and the variance falls as they do. "
-                "The points are too unlike for so small a lam, or for a metric that sees no areas: "
-                "take lam = 1, or a medoid (riemhuman.statistics.KMedoids) in place of the mean"
+                f"the mean has collapsed: {int(shrunk.sum())} of {len(self._faces)} triangles have "
+                "shrunk to less than a hundredth of their area, and the variance decreases as they "
+                "shrink. The points are too dissimilar for so small a lam, or for a metric that "
+                "does not see areas: use lam = 1, or a medoid (riemhuman.statistics.KMedoids)"
             )

@@ -13,6 +13,7 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.progress import ProgressBar
 from riemhuman.protocols import MetricWithCompanion, PulledBackMetric
 from riemhuman.solvers.dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor
@@ -62,6 +63,8 @@ class NearestSurface:
         Stop when the predicted decrease is at most this share of the first value of the functional.
     max_iter : int
         Largest number of steps tried.
+    progress : bool
+        Whether to show a progress bar over steps.
 
     Examples
     --------
@@ -78,6 +81,7 @@ class NearestSurface:
     companion_weight: float = 1e-2
     tolerance: float = 1e-5
     max_iter: int = 200
+    progress: bool = False
 
     def __post_init__(self) -> None:
         real_number(self.companion_weight, "companion_weight", minimum=0.0)
@@ -151,7 +155,8 @@ class NearestSurface:
             unseen = (self.companion_weight + damping) * companion.metric_matrix(f)
             return SparseCholeskyFactor(measured.metric_matrix(f) + unseen)
 
-        with single_threaded_libraries():
+        bar = ProgressBar(desc="surface", disable=not self.progress, unit=" steps")
+        with single_threaded_libraries(), bar:
             least_damping = max(self.companion_weight, _LEAST_DAMPING)
             result = _descend(
                 slope,
@@ -161,6 +166,7 @@ class NearestSurface:
                 self.tolerance,
                 self.max_iter,
                 least_damping,
+                bar,
             )
         found = MeanResult(
             result.point,
@@ -180,6 +186,7 @@ def _descend(
     tolerance: float,
     max_iter: int,
     least_damping: float,
+    bar: ProgressBar,
 ) -> MeanResult:
     """Return the minimiser near f.
 
@@ -217,6 +224,8 @@ def _descend(
             memory = [*memory[1 - _MEMORY :], (length * step, new_gradient - gradient)]
             f, gradient = f + length * step, new_gradient
             values.append(new_value)
+        bar.set_postfix_str(f"value {values[-1]:.6g}", refresh=False)
+        bar.update()
         age += 1
         if share < _POOR:
             damping = max(4.0 * damping, least_damping)

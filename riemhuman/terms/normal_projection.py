@@ -59,8 +59,8 @@ def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
     if onp.any(cancelled & ~unused):
         vertex = int(onp.argwhere(cancelled & ~unused)[0][-1])
         raise DegenerateSurfaceError(
-            f"the triangles around vertex {vertex} have normals that cancel, so that it has none; "
-            "are all triangles of the template oriented alike?"
+            f"the normals of the triangles around vertex {vertex} cancel, so that it has none; "
+            "orient all triangles of the template consistently"
         )
     sums = np.where(unused[..., None], 1.0, sums)
     unit = sums / np.sqrt(surface.dot(sums, sums))[..., None]

@@ -66,6 +66,14 @@ def test_folder_holds_the_mean_its_neighbours_and_samples(run, standing, expecte
     assert [path.name for path in tmp_path.iterdir()] == ["components"]
 
 
+def test_a_terminal_shows_how_far_the_mean_is(run, standing, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    finished = run("components", standing, "-o", tmp_path / "components", "-n", 1)
+    assert finished.code == 0
+    assert "surface: " in finished.err
+    assert " steps [" in finished.err
+
+
 def test_failures(refused, standing, tmp_path):
     output = ("-o", tmp_path / "out")
     assert "-n 4 needs at least 5 meshes" in refused("components", standing, *output, "-n", 4)

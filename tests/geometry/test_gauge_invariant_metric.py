@@ -200,7 +200,7 @@ def test_vertices_whose_normals_cancel_are_refused():
         lambda: metric.metric_matrix(f),
         lambda: metric.energy(np.stack([f, f + h])),
     ):
-        with pytest.raises(DegenerateSurfaceError, match="vertex 0 have normals that cancel"):
+        with pytest.raises(DegenerateSurfaceError, match="vertex 0 cancel, so that it has none"):
             call()
     assert metric.energy_and_gradient(np.stack([f, f + h]))[0] == np.inf
 

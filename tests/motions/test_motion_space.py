@@ -44,10 +44,10 @@ class TestResample:
     @pytest.mark.parametrize(
         ("options", "message"),
         [
-            ({"times": [0.0, 2.0, 1.0]}, "times must rise; found 1 after 2, at index 2"),
+            ({"times": [0.0, 2.0, 1.0]}, "times must increase; found 1 after 2, at index 2"),
             ({"times": [0.0, 1.0]}, r"times must have shape \(3\)"),
             ({"at": [0.0, 2.5]}, "at must lie within the motion, 0 to 2"),
-            ({"at": [1.0, 0.5]}, "never fall"),
+            ({"at": [1.0, 0.5]}, "must not decrease"),
             ({"n_times": 1}, "n_times must be a whole number of at least 2"),
         ],
     )

@@ -31,7 +31,7 @@ def test_arms_of_a_pose_mean_are_no_rubber():
 
 
 def test_a_metric_of_normals_alone_sees_no_lengths():
-    with pytest.warns(UnseenLengthsWarning, match=r"c=1.0\) does not see how long edges are"):
+    with pytest.warns(UnseenLengthsWarning, match=r"c=1.0\) does not see the lengths of edges"):
         shortest, _ = edge_range(0.0)
     assert shortest < 0.75
 
