@@ -187,7 +187,7 @@ def test_distances_are_refused_without_a_solver():
     ],
 )
 def test_other_metrics_are_refused(metric, found):
-    with pytest.raises(ArgumentTypeError, match=f"first-order metric.*, of the type {found}$"):
+    with pytest.raises(ArgumentTypeError, match=f"first-order metric.*; found {found}$"):
         GaugeInvariantMetric(metric)
 
 

@@ -183,7 +183,7 @@ def test_bad_input():
     with pytest.raises(ArgumentError, match="solver must have a method solve; int has none"):
         check_solver(3, PLANE.metric, POINTS)
     odd = SimpleNamespace(solve=lambda metric, what: None)
-    with pytest.raises(ArgumentError, match="takes what behind the metric"):
+    with pytest.raises(ArgumentError, match="takes what after the metric"):
         check_solver(odd, PLANE.metric, POINTS)
     with pytest.raises(ArgumentError, match="kind must be one of 'geodesic'"):
         check_solver(Geodesic(), PLANE.metric, POINTS, kind="other")

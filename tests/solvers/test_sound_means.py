@@ -48,7 +48,7 @@ def test_triangles_that_shrink_away_are_said():
     metric = ElasticMetric(bodies.space(), 1.0, 1e-4, 0.0)
     seen = []
     solver = BasisMean(bodies.basis(), callback=lambda *state: seen.append(state))
-    with pytest.raises(DegenerateSurfaceError, match=r"take lam = 1, or a medoid"):
+    with pytest.raises(DegenerateSurfaceError, match=r"use lam = 1, or a medoid"):
         solver.solve(metric, points)
     assert len(seen) < 10
 
