@@ -39,22 +39,22 @@ def check_transposed(factor, size):
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_sparse_factor(scale):
     rng = np.random.default_rng(1)
-    root = sparse.random_array((40, 40), density=0.05, rng=rng) + 2 * sparse.eye_array(40)
+    root = sparse.random_array((42, 42), density=0.05, rng=rng) + 2 * sparse.eye_array(42)
     matrix = scale * sparse.csr_array(root @ root.T)
     factor = SparseCholeskyFactor(matrix)
-    np.testing.assert_allclose(whitened(factor, matrix), np.eye(40), atol=30 * RIDGE)
-    check_transposed(factor, 40)
+    np.testing.assert_allclose(whitened(factor, matrix), np.eye(42), atol=30 * RIDGE)
+    check_transposed(factor, 42)
 
 
 def test_steep_matrices_are_eliminated_without_exchanging_rows():
     """An entry beside the diagonal is 316 times the one on it, before and after its column."""
     steep = np.array([[1.0, 316.0], [316.0, 316.0**2 + 1.0]])
-    dense = np.zeros((20, 20))
+    dense = np.zeros((21, 21))
     dense[:2, :2], dense[2:4, 2:4] = steep, steep[::-1, ::-1]
-    dense[4:, 4:] = np.diag(np.linspace(1.0, 2.0, 16))
+    dense[4:, 4:] = np.diag(np.linspace(1.0, 2.0, 17))
     factor = SparseCholeskyFactor(sparse.csr_array(dense))
     ridge = RIDGE * (np.diag(dense) + np.diag(dense).mean())
-    np.testing.assert_allclose(whitened(factor, dense + np.diag(ridge)), np.eye(20), atol=1e-9)
+    np.testing.assert_allclose(whitened(factor, dense + np.diag(ridge)), np.eye(21), atol=1e-9)
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-9, 1e6])
