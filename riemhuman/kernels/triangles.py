@@ -3,7 +3,8 @@
 All that terms need to know of a triangle is a record of `LENGTH` numbers: f_u, f_v, the unit normal
 n, the area ratio A = ‖f_u × f_v‖, and e = f_u·f_u, m = f_u·f_v. On a triangle without area n and A
 are 0. Slopes of a sum over triangles by the numbers of a record, each taken for independent, become
-slopes by the vertices. Definitions are in `riemhuman.kernels.surface`.
+slopes by the vertices. Arrays of records hold each number of many triangles in a row, so that loops
+over triangles run in vector registers. Definitions are in `riemhuman.kernels.surface`.
 """
 
 from __future__ import annotations
@@ -163,31 +164,35 @@ def fill_records(
         Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
     first, last : int
         The first triangle, and the one behind the last.
-    records : array, shape (at least last - first, n_times, 12)
+    records : array, shape (n_times, 12, last - first)
         Filled.
     """
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-        for i in range(f.shape[1]):
-            r = records[t - first, i]
-            x, y, z = (
-                f[two, i, 0] - f[one, i, 0],
-                f[two, i, 1] - f[one, i, 1],
-                f[two, i, 2] - f[one, i, 2],
-            )
-            u0, u1, u2 = x * scale_u, y * scale_u, z * scale_u
-            v0 = (f[three, i, 0] - f[one, i, 0]) * scale_v - x * skew
-            v1 = (f[three, i, 1] - f[one, i, 1]) * scale_v - y * skew
-            v2 = (f[three, i, 2] - f[one, i, 2]) * scale_v - z * skew
-            e, m, n0, n1, n2, area = first_forms(u0, u1, u2, v0, v1, v2)
-            scale = 1.0 / area if area > 0.0 else 0.0
-            r[0], r[1], r[2], r[3], r[4], r[5] = u0, u1, u2, v0, v1, v2
-            r[6], r[7], r[8], r[9] = n0 * scale, n1 * scale, n2 * scale, area
-            r[10], r[11] = e, m
+    for i in range(f.shape[1]):
+        record = records[i]
+        for t in range(first, last):
+            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
+            for k in range(3):
+                edge = f[two, i, k] - f[one, i, k]
+                record[k, t - first] = edge * scale_u
+                record[3 + k, t - first] = (f[three, i, k] - f[one, i, k]) * scale_v - edge * skew
+        _complete(record)
 
 
 @compiled(fastmath=FUSED)
+def _complete(record: ndarray) -> None:
+    """Fill what follows from f_u and f_v."""
+    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
+    normal0, normal1, normal2 = record[6], record[7], record[8]
+    areas, first, mixed = record[9], record[10], record[11]
+    for t in range(record.shape[1]):
+        e, m, n0, n1, n2, area = first_forms(u0[t], u1[t], u2[t], v0[t], v1[t], v2[t])
+        scale = 1.0 / area if area > 0.0 else 0.0
+        normal0[t], normal1[t], normal2[t] = n0 * scale, n1 * scale, n2 * scale
+        areas[t], first[t], mixed[t] = area, e, m
+
+
+@compiled
 def add_gradient(
     records: ndarray,
     slopes: ndarray,
@@ -201,8 +206,9 @@ def add_gradient(
 
     Parameters
     ----------
-    records, slopes : array, shape (at least last - first, n_times, 12)
-        Records of triangles, and slopes by their numbers.
+    records, slopes : array, shape (n_times, 12, last - first)
+        Records of triangles, and slopes by their numbers. The slopes by f_u and f_v are
+        overwritten.
     faces : array of int, shape (F, 3)
         Triangles.
     frames : array, shape (F, 3)
@@ -212,32 +218,61 @@ def add_gradient(
     gradient : array, shape (V, n_times, 3)
         Added to.
     """
-    for t in range(first, last):
-        one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
-        scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
-        for i in range(records.shape[1]):
-            r, slope = records[t - first, i], slopes[t - first, i]
-            area = r[9]
-            if area == 0.0:
-                continue
-            # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
-            scale = 1.0 / area
-            radial = r[6] * slope[6] + r[7] * slope[7] + r[8] * slope[8]
-            along = slope[9] - radial * scale
-            n0 = along * r[6] + slope[6] * scale
-            n1 = along * r[7] + slope[7] * scale
-            n2 = along * r[8] + slope[8] * scale
-            # f_v × N' and N' × f_u.
-            from_u = (r[4] * n2 - r[5] * n1, r[5] * n0 - r[3] * n2, r[3] * n1 - r[4] * n0)
-            from_v = (n1 * r[2] - n2 * r[1], n2 * r[0] - n0 * r[2], n0 * r[1] - n1 * r[0])
+    for i in range(len(records)):
+        slope = slopes[i]
+        _join(records[i], slope)
+        for t in range(first, last):
+            one, two, three = faces[t, 0], faces[t, 1], faces[t, 2]
+            scale_u, scale_v, skew = frames[t, 0], frames[t, 1], frames[t, 2]
             for k in range(3):
-                in_u = slope[k] + 2.0 * slope[10] * r[k] + slope[11] * r[3 + k] + from_u[k]
-                in_v = slope[3 + k] + slope[11] * r[k] + from_v[k]
+                in_u, in_v = slope[k, t - first], slope[3 + k, t - first]
                 at_two = scale_u * in_u - skew * in_v
                 at_three = scale_v * in_v
                 gradient[two, i, k] += at_two
                 gradient[three, i, k] += at_three
                 gradient[one, i, k] -= at_two + at_three
+
+
+@compiled(fastmath=FUSED)
+def _join(record: ndarray, slope: ndarray) -> None:
+    """Add slopes by what follows from f_u and f_v up to slopes by these."""
+    u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
+    normal0, normal1, normal2, areas = record[6], record[7], record[8], record[9]
+    by_u0, by_u1, by_u2, by_v0, by_v1, by_v2 = (
+        slope[0],
+        slope[1],
+        slope[2],
+        slope[3],
+        slope[4],
+        slope[5],
+    )
+    by_normal0, by_normal1, by_normal2 = slope[6], slope[7], slope[8]
+    by_area, by_e, by_m = slope[9], slope[10], slope[11]
+    for t in range(record.shape[1]):
+        area = areas[t]
+        # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
+        scale = 1.0 / area if area > 0.0 else 0.0
+        radial = normal0[t] * by_normal0[t] + normal1[t] * by_normal1[t]
+        radial += normal2[t] * by_normal2[t]
+        along = by_area[t] - radial * scale
+        n0 = along * normal0[t] + by_normal0[t] * scale
+        n1 = along * normal1[t] + by_normal1[t] * scale
+        n2 = along * normal2[t] + by_normal2[t] * scale
+        doubled, mixed = 2.0 * by_e[t], by_m[t]
+        # f_v × N' and N' × f_u.
+        in_u0 = by_u0[t] + doubled * u0[t] + mixed * v0[t] + (v1[t] * n2 - v2[t] * n1)
+        in_u1 = by_u1[t] + doubled * u1[t] + mixed * v1[t] + (v2[t] * n0 - v0[t] * n2)
+        in_u2 = by_u2[t] + doubled * u2[t] + mixed * v2[t] + (v0[t] * n1 - v1[t] * n0)
+        in_v0 = by_v0[t] + mixed * u0[t] + (n1 * u2[t] - n2 * u1[t])
+        in_v1 = by_v1[t] + mixed * u1[t] + (n2 * u0[t] - n0 * u2[t])
+        in_v2 = by_v2[t] + mixed * u2[t] + (n0 * u1[t] - n1 * u0[t])
+        has_area = area > 0.0
+        by_u0[t] = in_u0 if has_area else 0.0
+        by_u1[t] = in_u1 if has_area else 0.0
+        by_u2[t] = in_u2 if has_area else 0.0
+        by_v0[t] = in_v0 if has_area else 0.0
+        by_v1[t] = in_v1 if has_area else 0.0
+        by_v2[t] = in_v2 if has_area else 0.0
 
 
 @compiled

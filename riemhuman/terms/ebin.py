@@ -36,6 +36,7 @@ from riemhuman.terms.half_angle_fit import (
     bounded_half_angle,
     excess_at_pi,
     half_angle,
+    half_angle_and_slope,
     half_angle_polynomial,
 )
 from riemhuman.terms.term import Fields, Term
@@ -268,66 +269,82 @@ defvjp(
 )
 
 
-@compiled(forceinline=True)
-def _half_angle(m: float, kappa: float) -> tuple[float, float]:
-    """Return sin²(½ min(π, θ)) and its slope in m = cosh ℓ − 1, where θ = κℓ."""
-    if m < 0.02:
-        # ℓ² and its slope as power series in m.
-        squared = m * (2 + m * (-1 / 3 + m * (4 / 45 + m * (-1 / 35 + m * (16 / 1575)))))
-        squared += m**6 * (-8 / 2079 + m * (32 / 21021))
-        slope = 2 + m * (-2 / 3 + m * (4 / 15 + m * (-4 / 35 + m * (16 / 315))))
-        slope += m**5 * (-16 / 693 + m * (32 / 3003))
-        if kappa * kappa * squared < 0.05:
-            t = kappa * kappa * squared
-            value = t * (1 / 4 + t * (-1 / 48 + t * (1 / 1440 + t * (-1 / 80640 + t / 7257600))))
-            rate = 1 / 4 + t * (-1 / 24 + t * (1 / 480 + t * (-1 / 20160 + t / 1451520)))
-            return value, rate * kappa * kappa * slope
-        length = math.sqrt(squared)
-        ratio = 0.5 * slope
-    else:
-        length = 2.0 * math.asinh(math.sqrt(0.5 * m))
-        ratio = length / math.sqrt(m * (m + 2.0))
-    theta = kappa * length
-    if theta >= math.pi:
-        return 1.0, 0.0
-    half = math.sin(0.5 * theta)
-    slope = 0.5 * kappa * kappa * math.sin(theta) / theta * ratio
-    return half * half, slope
-
-
-@compiled(fastmath=FUSED)
+@compiled
 def _segments(
     records: ndarray, slopes: ndarray, areas: ndarray, weight: float, lam: float
 ) -> float:
-    n_times, kappa, total = records.shape[1], 0.5 / math.sqrt(2.0 * lam), 0.0
-    x, y, s = onp.empty(n_times), onp.empty(n_times), onp.empty(n_times)
-    slope_x, slope_y, slope_s = onp.empty(n_times), onp.empty(n_times), onp.empty(n_times)
-    for t in range(len(records)):
-        factor = 16.0 * lam * weight * areas[t]
-        for i in range(n_times):
-            x[i], y[i], s[i] = _half_plane(records[t, i, 9], records[t, i, 10], records[t, i, 11])
-            slope_x[i] = slope_y[i] = slope_s[i] = 0.0
-        for i in range(n_times - 1):
-            j = i + 1
-            dx, dy, ds = x[i] - x[j], y[i] - y[j], s[i] - s[j]
-            inverse = 1.0 / (y[i] * y[j])
-            m = 0.5 * (dx * dx + dy * dy) * inverse
-            half, rate = _half_angle(m, kappa)
-            total += factor * (ds * ds + 4.0 * s[i] * s[j] * half)
-            slope_s[i] += factor * (2.0 * ds + 4.0 * s[j] * half)
-            slope_s[j] += factor * (-2.0 * ds + 4.0 * s[i] * half)
-            rate *= factor * 4.0 * s[i] * s[j] * inverse
-            slope_x[i] += rate * dx
-            slope_x[j] -= rate * dx
-            slope_y[i] += rate * (dy - m * y[j])
-            slope_y[j] -= rate * (dy + m * y[i])
-        for i in range(n_times):
-            if s[i] > 0.0:
-                inverse = 1.0 / records[t, i, 10]
-                slopes[t, i, 9] += slope_y[i] * inverse + 0.5 * slope_s[i] / s[i]
-                slopes[t, i, 10] -= (slope_x[i] * x[i] + slope_y[i] * y[i]) * inverse
-                slopes[t, i, 11] += slope_x[i] * inverse
+    n_times, _, n_faces = records.shape
+    # Of each surface x, y and s, and the slopes by them.
+    points, added = onp.empty((n_times, 3, n_faces)), onp.zeros((n_times, 3, n_faces))
+    for i in range(n_times):
+        _half_planes(records[i], points[i])
+    total = 0.0
+    for i in range(n_times - 1):
+        total += _segment(points[i], points[i + 1], added[i], added[i + 1], areas, weight, lam)
+    for i in range(n_times):
+        _add_slopes(records[i], points[i], added[i], slopes[i])
     return total
+
+
+@compiled(fastmath=FUSED)
+def _half_planes(record: ndarray, point: ndarray) -> None:
+    area, e, m = record[9], record[10], record[11]
+    x, y, s = point[0], point[1], point[2]
+    for t in range(len(area)):
+        x[t], y[t], s[t] = _half_plane(area[t], e[t], m[t])
+
+
+@compiled(fastmath=SUM)
+def _segment(
+    one: ndarray,
+    other: ndarray,
+    by_one: ndarray,
+    by_other: ndarray,
+    areas: ndarray,
+    weight: float,
+    lam: float,
+) -> float:
+    """Return the sum of w d², and add its slopes by x, y and s of both."""
+    x1, y1, s1, x2, y2, s2 = one[0], one[1], one[2], other[0], other[1], other[2]
+    by_x1, by_y1, by_s1 = by_one[0], by_one[1], by_one[2]
+    by_x2, by_y2, by_s2 = by_other[0], by_other[1], by_other[2]
+    half_kappa, total = 0.25 / math.sqrt(2.0 * lam), 0.0
+    for t in range(len(areas)):
+        factor = 16.0 * lam * weight * areas[t]
+        dx, dy, ds = x1[t] - x2[t], y1[t] - y2[t], s1[t] - s2[t]
+        inverse = 1.0 / (y1[t] * y2[t])
+        m = 0.5 * (dx * dx + dy * dy) * inverse
+        half, rate = half_angle_and_slope(m, half_kappa)
+        total += factor * _cone(s1[t], s2[t], half)
+        by_s1[t] += factor * (2.0 * ds + 4.0 * s2[t] * half)
+        by_s2[t] += factor * (-2.0 * ds + 4.0 * s1[t] * half)
+        rate *= factor * 4.0 * s1[t] * s2[t] * inverse
+        by_x1[t] += rate * dx
+        by_x2[t] -= rate * dx
+        by_y1[t] += rate * (dy - m * y2[t])
+        by_y2[t] -= rate * (dy + m * y1[t])
+    return total
+
+
+@compiled(fastmath=FUSED)
+def _add_slopes(record: ndarray, point: ndarray, added: ndarray, slope: ndarray) -> None:
+    """Add slopes by x, y and s up to slopes by the area ratio, e and m; at the apex are none."""
+    e, x, y, s = record[10], point[0], point[1], point[2]
+    by_x, by_y, by_s, by_area, by_e, by_m = (
+        added[0],
+        added[1],
+        added[2],
+        slope[9],
+        slope[10],
+        slope[11],
+    )
+    for t in range(len(e)):
+        inside = s[t] > 0.0
+        inverse = 1.0 / e[t] if inside else 0.0
+        in_s = 0.5 * by_s[t] / s[t] if inside else 0.0
+        by_area[t] += by_y[t] * inverse + in_s
+        by_e[t] -= (by_x[t] * x[t] + by_y[t] * y[t]) * inverse
+        by_m[t] += by_x[t] * inverse
 
 
 @compiled(forceinline=True)

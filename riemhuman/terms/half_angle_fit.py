@@ -69,6 +69,11 @@ _sine = polynomial(
     + (-1.5661323426627297e-09, 2.0469089716147505e-11, -2.1448942470805523e-13)
     + (1.6907591059828979e-15,),
 )
+# sin(2a)/(2a) as a function of a² in [0, π²/4]: the next term of the series is below 1e-17.
+_double_sine = polynomial(
+    tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(9)),
+    tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15)),
+)
 # log(1 + f)/f for f in [√½ − 1, √2 − 1], to 1e-7 and 1e-16.
 _logarithm = polynomial(
     (1.0, -0.49999997, 0.333341926, -0.25001353, 0.199559331, -0.165779904, 0.14977406)
@@ -106,6 +111,34 @@ def half_angle(m: float, half_kappa: float) -> float:
     angle = angle if angle < right else right
     squared = angle * angle
     return squared * _sine(squared) + real(0.0) * growth
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def half_angle_and_slope(m: float, half_kappa: float) -> tuple[float, float]:
+    """Return sin²(½ min(π, θ)), and its slope ½κ² (sin θ)/θ ℓ/sinh ℓ in m = cosh ℓ − 1.
+
+    Parameters
+    ----------
+    m : float
+        At least 0, see `half_angle`.
+    half_kappa : float
+        ½κ.
+
+    Returns
+    -------
+    value, slope : float
+    """
+    # Keeps 0/0 from m = 0, where ℓ/sinh ℓ = 1.
+    tiny = 1e-300
+    sinh = np.sqrt(m * (m + 2.0))
+    exponent, scale = split(1.0 + (m + sinh))
+    fraction = (m + sinh) * scale + (scale - 1.0)
+    length = exponent * math.log(2.0) + fraction * _logarithm(fraction)
+    angle = half_kappa * length
+    inside = angle < 0.5 * math.pi
+    squared = angle * angle if inside else 0.25 * math.pi**2
+    slope = 2.0 * half_kappa**2 * _double_sine(squared) * ((length + tiny) / (sinh + tiny))
+    return squared * _sine(squared), slope if inside else 0.0
 
 
 @compiled(forceinline=True, fastmath=FUSED)

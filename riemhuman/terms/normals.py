@@ -9,11 +9,12 @@ import numpy as onp
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import FUSED, SUM, compiled, polynomial
+from riemhuman.kernels.compiled import FUSED, SUM, compiled
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
 from riemhuman.kernels.triangles import triangle
+from riemhuman.terms.arc_fit import arc, squared_arc_and_slope
 from riemhuman.terms.term import Fields, Term
 
 
@@ -142,51 +143,48 @@ defvjp(
 )
 
 
-@compiled(forceinline=True)
-def _squared_arc(p: float, q: float) -> tuple[float, float]:
-    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n, m with p = ‖n − m‖² and q = ‖n + m‖²."""
-    if p < 0.04:
-        # 2 Σ pᵏ/(k² binom(2k, k)); the next term is below rounding error.
-        value = p * (
-            1 + p * (1 / 12 + p * (1 / 90 + p * (1 / 560 + p * (1 / 3150 + p * (1 / 16632)))))
-        )
-        slope = 1 + p * (
-            1 / 6 + p * (1 / 30 + p * (1 / 140 + p * (1 / 630 + p * (6 / 16632 + p / 12012))))
-        )
-        return value, slope
-    a, b = math.sqrt(p), math.sqrt(q)
-    theta = 2.0 * math.atan2(a, b)
-    # Cut off where the derivative no longer exists, at antipodal vectors.
-    return theta * theta, (2.0 * theta / (a * b) if b > 0.0 else 0.0)
-
-
-@compiled(fastmath=FUSED)
+@compiled
 def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
-    total = 0.0
-    for t in range(len(records)):
-        for i in range(records.shape[1]):
-            if records[t, i, 9] == 0.0:
+    for i in range(len(records)):
+        for area in records[i, 9]:
+            if area == 0.0:
                 return math.inf
-        for i in range(records.shape[1] - 1):
-            before, after = records[t, i], records[t, i + 1]
-            chord = opposite = 0.0
-            for k in range(6, 9):
-                chord += (before[k] - after[k]) ** 2
-                opposite += (before[k] + after[k]) ** 2
-            value, rate = _squared_arc(chord, opposite)
-            total += weight * areas[t] * value
-            rate *= 2.0 * weight * areas[t]
-            for k in range(6, 9):
-                if chord <= opposite:
-                    step = rate * (after[k] - before[k])
-                    slopes[t, i, k] -= step
-                    slopes[t, i + 1, k] += step
-                else:
-                    # The same but for multiples of the normals, which have no effect: near
-                    # antipodal normals the difference is hardly anything else.
-                    step = rate * (after[k] + before[k])
-                    slopes[t, i, k] -= step
-                    slopes[t, i + 1, k] -= step
+    total = 0.0
+    for i in range(len(records) - 1):
+        total += _segment(records[i], records[i + 1], slopes[i], slopes[i + 1], areas, weight)
+    return total
+
+
+@compiled(fastmath=SUM)
+def _segment(
+    one: ndarray,
+    other: ndarray,
+    by_one: ndarray,
+    by_other: ndarray,
+    areas: ndarray,
+    weight: float,
+) -> float:
+    """Return the sum of w θ², and add its slopes by both normals."""
+    x1, y1, z1, x2, y2, z2 = one[6], one[7], one[8], other[6], other[7], other[8]
+    by_x1, by_y1, by_z1 = by_one[6], by_one[7], by_one[8]
+    by_x2, by_y2, by_z2 = by_other[6], by_other[7], by_other[8]
+    total = 0.0
+    for t in range(len(areas)):
+        # Of m and −m the one nearer to n. Near antipodal normals the difference of n and m is
+        # hardly more than multiples of the normals, which have no effect on their slopes.
+        acute = x1[t] * x2[t] + y1[t] * y2[t] + z1[t] * z2[t] >= 0.0
+        sign = 1.0 if acute else -1.0
+        x, y, z = x1[t] - sign * x2[t], y1[t] - sign * y2[t], z1[t] - sign * z2[t]
+        value, rate = squared_arc_and_slope(x * x + y * y + z * z, acute)
+        factor = weight * areas[t]
+        total += factor * value
+        rate *= 2.0 * factor
+        by_x1[t] += rate * x * sign
+        by_y1[t] += rate * y * sign
+        by_z1[t] += rate * z * sign
+        by_x2[t] -= rate * x
+        by_y2[t] -= rate * y
+        by_z2[t] -= rate * z
     return total
 
 
@@ -217,19 +215,6 @@ def _pack_surface(
         scale = 1.0 / area if area > 0.0 else 0.0
         gap += 2.0 * areas[t] * _keep(n0 * scale, n1 * scale, n2 * scale, kept, t)
     return gap
-
-
-# θ²/p for p in [0, 2]; the largest relative errors are 1e-8 and 1e-16.
-arc = polynomial(
-    (1.0, 0.0833329484, 0.0111162076, 0.00176024658, 0.000380191312, -2.4703817e-05)
-    + (7.68320388e-05, -2.45728515e-05, 5.56007217e-06),
-    (1.0, 0.0833333333333205, 0.011111111111878005, 0.0017857142675714339)
-    + (0.00031746054353039055, 6.012334749789467e-05, 1.190145497780534e-05)
-    + (2.3980475012020936e-06, 5.842167643945109e-07, -3.5749647809176705e-08)
-    + (2.2820448805102648e-07, -2.1628319740394816e-07, 1.8342623990398518e-07)
-    + (-1.1331536542028546e-07, 5.278573124328368e-08, -1.7707505291974977e-08)
-    + (4.091256168225173e-09, -5.823618089617082e-10, 3.9471653680487684e-11),
-)
 
 
 @compiled(forceinline=True, fastmath=FUSED)

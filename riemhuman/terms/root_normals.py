@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 import autograd.numpy as np
-import numpy as onp
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import compiled
@@ -74,28 +73,38 @@ class RootNormalTerm(FlatTerm):
 
 @compiled
 def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) -> float:
-    n_times, total = records.shape[1], 0.0
-    roots = onp.empty(n_times)
-    for t in range(len(records)):
+    total = 0.0
+    for i in range(len(records) - 1):
+        total += _segment(records[i], records[i + 1], slopes[i], slopes[i + 1], areas, weight)
+    return total
+
+
+# Without fused products: the difference of equal roots must be 0.
+@compiled(fastmath={"nsz", "reassoc"})
+def _segment(
+    one: ndarray,
+    other: ndarray,
+    by_one: ndarray,
+    by_other: ndarray,
+    areas: ndarray,
+    weight: float,
+) -> float:
+    """Return the sum of w ‖q₁ − q₂‖², and add its slopes by normals and area ratios."""
+    total = 0.0
+    for t in range(len(areas)):
+        s1, s2 = math.sqrt(one[9, t]), math.sqrt(other[9, t])
         factor = weight * areas[t]
-        for i in range(n_times):
-            roots[i] = math.sqrt(records[t, i, 9])
-        for i in range(n_times - 1):
-            before, after = records[t, i], records[t, i + 1]
-            s1, s2 = roots[i], roots[i + 1]
-            along1 = along2 = 0.0
-            for k in range(6, 9):
-                step = s1 * before[k] - s2 * after[k]
-                total += factor * step * step
-                step *= 2.0 * factor
-                slopes[t, i, k] += step * s1
-                slopes[t, i + 1, k] -= step * s2
-                along1 += step * before[k]
-                along2 += step * after[k]
-            if s1 > 0.0:
-                slopes[t, i, 9] += 0.5 * along1 / s1
-            if s2 > 0.0:
-                slopes[t, i + 1, 9] -= 0.5 * along2 / s2
+        along1 = along2 = 0.0
+        for k in range(6, 9):
+            step = s1 * one[k, t] - s2 * other[k, t]
+            total += factor * step * step
+            step *= 2.0 * factor
+            by_one[k, t] += step * s1
+            by_other[k, t] -= step * s2
+            along1 += step * one[k, t]
+            along2 += step * other[k, t]
+        by_one[9, t] += 0.5 * along1 / s1 if s1 > 0.0 else 0.0
+        by_other[9, t] -= 0.5 * along2 / s2 if s2 > 0.0 else 0.0
     return total
 
 

@@ -10,7 +10,8 @@ from riemhuman.kernels.special_orthogonal import quaternions
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
 from riemhuman.kernels.triangle_frames import polar_frames
-from riemhuman.terms.normals import arc, squared_arc
+from riemhuman.terms.arc_fit import arc
+from riemhuman.terms.normals import squared_arc
 from riemhuman.terms.term import Fields, Term
 
 

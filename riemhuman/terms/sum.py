@@ -6,6 +6,7 @@ triangles, see `riemhuman.kernels.triangles`, some thousand at a time.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -24,7 +25,7 @@ Features = tuple[ndarray, ...]
 # Below this many triangles times surfaces, threads cost more than they bring.
 _WORTH_THREADS = 50_000
 # Triangles times surfaces whose records stay in a core's own cache from one pass to the next.
-_IN_CACHE = 4096
+_IN_CACHE = 8192
 
 
 class SumOfTerms:
@@ -197,17 +198,15 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[Any, ...]:
             total, found = 0.0, onp.zeros(by_vertex.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
-            records = onp.empty((size, n_times, triangles.LENGTH))
-            slopes = onp.empty_like(records)
+            room = onp.empty((2, n_times * triangles.LENGTH * size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                some, their_slopes = records[: end - start], slopes[: end - start]
-                triangles.fill_records(by_vertex, faces, frames, start, end, some)
-                their_slopes[:] = 0.0
+                records, slopes = _records(room, n_times, end - start)
+                triangles.fill_records(by_vertex, faces, frames, start, end, records)
                 for term in self.terms:
-                    total += term.add_segments(some, their_slopes, areas[start:end])
+                    total += term.add_segments(records, slopes, areas[start:end])
                 if gradient:
-                    triangles.add_gradient(some, their_slopes, faces, frames, start, end, found)
+                    triangles.add_gradient(records, slopes, faces, frames, start, end, found)
             return total, found
 
         threaded = len(faces) * n_times > _WORTH_THREADS
@@ -252,25 +251,18 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[ndarray, ndarray]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
-            both = onp.empty((size, 2, triangles.LENGTH))
-            one, slopes = onp.empty((size, 1, triangles.LENGTH)), onp.empty_like(both)
+            room = onp.empty((2, 2 * triangles.LENGTH * size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                records, own, added = (array[: end - start] for array in (both, one, slopes))
-                triangles.fill_records(f, faces, frames, start, end, own)
-                records[:, 1] = own[:, 0]
-                added[:] = 0.0
+                records, slopes = _records(room, 2, end - start)
+                triangles.fill_records(f, faces, frames, start, end, records[1:])
                 for i, other in enumerate(kinds):
-                    triangles.fill_records(other, other_faces, frames, start, end, own)
                     # The slopes by these are added up as well, and not used.
-                    records[:, 0] = own[:, 0]
+                    triangles.fill_records(other, other_faces, frames, start, end, records[:1])
                     weighted = weights[i] * areas[start:end]
                     for term in self.terms:
-                        squared[i] += term.add_segments(records, added, weighted)
-                own[:, 0] = added[:, 1]
-                slope = own.copy()
-                own[:, 0] = records[:, 1]
-                triangles.add_gradient(own, slope, faces, frames, start, end, gradient)
+                        squared[i] += term.add_segments(records, slopes, weighted)
+                triangles.add_gradient(records[1:], slopes[1:], faces, frames, start, end, gradient)
             return squared, gradient
 
         threaded = len(faces) * len(others) > _WORTH_THREADS
@@ -357,6 +349,14 @@ def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -
     for i, row in enumerate(kept):
         gaps[i] = rounding(term.pack(tuple(field[i] for field in fields), areas, row), row)
     return kept, gaps
+
+
+def _records(room: ndarray, n_times: int, n_faces: int) -> tuple[ndarray, ndarray]:
+    """Return places for records, and for slopes that are 0."""
+    shape = (n_times, triangles.LENGTH, n_faces)
+    records, slopes = (part[: math.prod(shape)].reshape(shape) for part in room)
+    slopes[:] = 0.0
+    return records, slopes
 
 
 def _room(term: Term, n_points: int, n_faces: int, precision: str) -> Features:

@@ -211,9 +211,9 @@ class Term(ABC):
 
         Parameters
         ----------
-        records : array, shape (n, n_times, 12)
+        records : array, shape (n_times, 12, n)
             Records of triangles, see `riemhuman.kernels.triangles`.
-        slopes : array, shape (n, n_times, 12)
+        slopes : array, shape (n_times, 12, n)
             Added to: slopes by the numbers of the records.
         areas : array, shape (n,)
             Template areas of the triangles.
@@ -223,18 +223,18 @@ class Term(ABC):
         float
             Infinite where the fields do not exist.
         """
-        if self.needs_area and not records[..., 9].all():
+        if self.needs_area and not records[:, 9].all():
             return np.inf
 
         def energy(both: ndarray) -> float:
             fields = self.fields(follow_up(both[..., :3], both[..., 3:]))
             before, after = (
-                tuple(field[:, part] for field in fields) for part in (slice(-1), slice(1, None))
+                tuple(field[part] for field in fields) for part in (slice(-1), slice(1, None))
             )
-            return self.weight * np.sum(areas[:, None] * self.squared_dist(before, after))
+            return self.weight * np.sum(areas * self.squared_dist(before, after))
 
-        value, gradient = value_and_grad(energy)(records[..., :6])
-        slopes[..., :6] += gradient
+        value, gradient = value_and_grad(energy)(np.swapaxes(records[:, :6], 1, 2))
+        slopes[:, :6] += np.swapaxes(gradient, 1, 2)
         return value
 
     def feature_shape(self, n_faces: int) -> tuple[int, ...]:
@@ -293,9 +293,9 @@ class Term(ABC):
         -------
         float
         """
-        records = np.empty((len(faces), 1, LENGTH))
+        records = np.empty((1, LENGTH, len(faces)))
         fill_records(f[:, None], faces, frames, 0, len(faces), records)
-        fields = self.fields(follow_up(records[:, 0, :3], records[:, 0, 3:6]))
+        fields = self.fields(follow_up(records[0, :3].T, records[0, 3:6].T))
         return self.pack(fields, areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:

@@ -133,15 +133,15 @@ def test_arms_that_turn_end_below_the_path_over_a_basis(weights, seed):
 def test_a_limb_that_costs_more_one_way_may_end_lower():
     """The start of least energy leads to a worse valley than the one that costs one per cent more.
 
-    Seen to fail where only the start of least energy was followed: 1.4200 instead of 1.4065.
+    Seen to fail where only the start of least energy was followed: 1.4055 instead of 1.3722.
     """
     metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
     ends = bodies_in_motion.swung_arms(1)
-    (first, _), (_, _) = turned_paths(metric, SegmentEnergy(), *ends, 7)
-    solver = PathStraightening(n_nodes=7)
+    (first, _), (_, _) = turned_paths(metric, SegmentEnergy(), *ends, 6)
+    solver = PathStraightening(n_nodes=6)
     result = solver.solve(metric, *ends)
     assert result.energy < 0.995 * solver.solve(metric, *ends, initial_path=first).energy
-    over_basis = BasisPath(bodies_in_motion.basis(), n_nodes=7)
+    over_basis = BasisPath(bodies_in_motion.basis(), n_nodes=6)
     assert result.energy < over_basis.solve(metric, *ends).energy
 
 

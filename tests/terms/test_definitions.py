@@ -48,7 +48,7 @@ def close(found, expected, rtol=1e-11):
 
 @each_term
 def test_segments(term):
-    records = np.empty((len(FACES), len(POINTS), triangles.LENGTH))
+    records = np.empty((len(POINTS), triangles.LENGTH, len(FACES)))
     by_vertex = np.ascontiguousarray(np.swapaxes(POINTS, 0, 1))
     triangles.fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
     found = []

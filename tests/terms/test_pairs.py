@@ -9,7 +9,7 @@ import pytest
 from mpmath import mp
 
 from riemhuman.kernels import threads, tiles
-from riemhuman.terms import EbinTerm, NormalTerm, flat, half_angle_fit, normals
+from riemhuman.terms import EbinTerm, NormalTerm, arc_fit, flat, half_angle_fit
 from riemhuman.terms.normals import squared_angle
 from riemhuman.terms.sum import field_features
 
@@ -38,7 +38,7 @@ def polynomial(evaluate):
 
 @each_precision
 def test_arc_polynomial(precision):
-    arc = polynomial(normals.arc)
+    arc = polynomial(arc_fit.arc)
     chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
     errors = relative_errors(
         arc, lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2 / p, chords, PRECISIONS[precision]

@@ -14,7 +14,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.terms import EbinTerm, NormalTerm, ebin, normals
+from riemhuman.terms import EbinTerm, NormalTerm, arc_fit, half_angle_fit
 
 COMPILED = [case for case in surface_cases("dist") if isinstance(case.metric, SurfaceMetric)]
 
@@ -178,41 +178,43 @@ def around(switch):
     return switch * (1 + np.array([-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 1e-3]))
 
 
-HALF_ANGLE = ebin._half_angle.py_func
-SQUARED_ARC = normals._squared_arc.py_func
+def squared_arc_and_slope(p, q):
+    return arc_fit.squared_arc_and_slope(min(p, q), p <= q)
 
 
 @pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
 def test_half_angle(lam):
     kappa = 0.5 / np.sqrt(2.0 * lam)
-    # Where the power series of the sine gives way: κ²ℓ² = 0.05.
-    second_switch = float(mp.cosh(mp.sqrt(0.05) / kappa) - 1)
-    excesses = np.concatenate(
-        [np.logspace(-30, 6, 200), around(0.02), around(min(second_switch, 0.02))]
-    )
+    # Where the length is small enough for the logarithm to be of one piece.
+    excesses = np.concatenate([np.logspace(-30, 6, 200), around(0.0607), around(1e-3)])
     for m in excesses:
-        value, slope = HALF_ANGLE(m, kappa)
+        value, slope = half_angle_fit.half_angle_and_slope(m, 0.5 * kappa)
         expected, expected_slope = exact_half_angle(m, kappa)
         np.testing.assert_allclose(value, expected, rtol=2e-14)
         # Near θ = π the slope has a zero.
         np.testing.assert_allclose(slope, expected_slope, rtol=2e-13, atol=1e-14 * kappa**2)
-    assert HALF_ANGLE(0.0, kappa) == (0.0, pytest.approx(0.5 * kappa**2, rel=1e-15))
+    at_zero = half_angle_fit.half_angle_and_slope(0.0, 0.5 * kappa)
+    assert at_zero == (0.0, pytest.approx(0.5 * kappa**2, rel=1e-15))
 
 
 def test_squared_arc():
     squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
     for p in squared_chords:
-        np.testing.assert_allclose(SQUARED_ARC(p, 4.0 - p), exact_squared_arc(p), rtol=5e-14)
-    assert SQUARED_ARC(0.0, 4.0) == (0.0, 1.0)
-    assert SQUARED_ARC(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
+        np.testing.assert_allclose(
+            squared_arc_and_slope(p, 4.0 - p), exact_squared_arc(p), rtol=5e-14
+        )
+    assert squared_arc_and_slope(0.0, 4.0) == (0.0, 1.0)
+    assert squared_arc_and_slope(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
     # Near π the digits are in the sum of the vectors, not in their difference.
-    np.testing.assert_allclose(SQUARED_ARC(4.0, 1e-20)[0], (np.pi - 1e-10) ** 2, rtol=1e-15)
+    np.testing.assert_allclose(
+        squared_arc_and_slope(4.0, 1e-20)[0], (np.pi - 1e-10) ** 2, rtol=1e-15
+    )
 
 
 @mp.workdps(60)
 def test_slope_of_the_squared_arc_up_to_antipodal_vectors():
     for q in np.logspace(-30, -1, 60):
         theta = mp.pi - 2 * mp.asin(mp.sqrt(mp.mpf(float(q))) / 2)
-        found = SQUARED_ARC(4.0 - q, q)
+        found = squared_arc_and_slope(4.0 - q, q)
         expected = float(theta**2), float(theta / mp.sin(theta))
         np.testing.assert_allclose(found, expected, rtol=5e-14)
