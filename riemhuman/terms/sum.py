@@ -6,7 +6,6 @@ triangles, see `riemhuman.kernels.triangles`, some thousand at a time.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -198,10 +197,12 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[Any, ...]:
             total, found = 0.0, onp.zeros(by_vertex.shape if gradient else 0)
             size = max(1, min(_IN_CACHE // n_times, last - first))
-            room = onp.empty((2, n_times * triangles.LENGTH * size))
+            records, slopes = onp.empty((2, n_times, triangles.LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                records, slopes = _records(room, n_times, end - start)
+                if end - start < size:
+                    records, slopes = onp.empty((2, n_times, triangles.LENGTH, end - start))
+                slopes[:] = 0.0
                 triangles.fill_records(by_vertex, faces, frames, start, end, records)
                 for term in self.terms:
                     total += term.add_segments(records, slopes, areas[start:end])
@@ -251,10 +252,12 @@ class SumOfTerms:
         def run(first: int, last: int) -> tuple[ndarray, ndarray]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
             size = max(1, min(_IN_CACHE // 2, last - first))
-            room = onp.empty((2, 2 * triangles.LENGTH * size))
+            records, slopes = onp.empty((2, 2, triangles.LENGTH, size))
             for start in range(first, last, size):
                 end = min(start + size, last)
-                records, slopes = _records(room, 2, end - start)
+                if end - start < size:
+                    records, slopes = onp.empty((2, 2, triangles.LENGTH, end - start))
+                slopes[:] = 0.0
                 triangles.fill_records(f, faces, frames, start, end, records[1:])
                 for i, other in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
@@ -349,14 +352,6 @@ def field_features(term: Term, fields: Fields, areas: ndarray, precision: str) -
     for i, row in enumerate(kept):
         gaps[i] = rounding(term.pack(tuple(field[i] for field in fields), areas, row), row)
     return kept, gaps
-
-
-def _records(room: ndarray, n_times: int, n_faces: int) -> tuple[ndarray, ndarray]:
-    """Return places for records, and for slopes that are 0."""
-    shape = (n_times, triangles.LENGTH, n_faces)
-    records, slopes = (part[: math.prod(shape)].reshape(shape) for part in room)
-    slopes[:] = 0.0
-    return records, slopes
 
 
 def _room(term: Term, n_points: int, n_faces: int, precision: str) -> Features:
