@@ -1,5 +1,6 @@
 """Settings shared by all tests, the one browser of the session, and a few bodies."""
 
+import gc
 import os
 import sys
 
@@ -19,6 +20,14 @@ from riemhuman.datasets import Bodies, load_open_bodies
 
 settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
 settings.load_profile("repeatable")
+
+# While thousands of tests are collected, next to nothing becomes garbage.
+gc.disable()
+
+
+def pytest_collection_finish(session):
+    gc.enable()
+    gc.freeze()
 
 
 def pytest_collection_modifyitems(config, items):

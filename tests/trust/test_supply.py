@@ -73,6 +73,7 @@ def packages(archives):
         return set(archive.namelist()), sources
 
 
+@pytest.mark.sampled(2, "source archives")
 @pytest.mark.slow
 def test_the_source_archive_is_the_same_every_time(archives, tmp_path):
     time.sleep(1.1)  # so that the times of the copied files are others
@@ -80,6 +81,7 @@ def test_the_source_archive_is_the_same_every_time(archives, tmp_path):
     assert again.read_bytes() == archives[0].read_bytes()
 
 
+@pytest.mark.sampled(2, "source archives")
 @pytest.mark.slow
 def test_the_tests_run_from_the_source_archive(archives, tmp_path):
     with tarfile.open(archives[0]) as archive:
@@ -136,7 +138,7 @@ def test_the_lock_holds_what_the_package_needs():
 
 
 @pytest.mark.slow
-def test_packages_are_whole(packages):
+def test_packages_are_whole_and_hold_nothing_else(packages):
     package = ROOT / "riemhuman"
     needed = {
         str(file.relative_to(ROOT))
@@ -146,9 +148,5 @@ def test_packages_are_whole(packages):
     assert any(name.endswith(".npz") for name in needed)
     for names in packages:
         assert needed - names == set()
-
-
-@pytest.mark.slow
-def test_packages_hold_nothing_else(packages):
     wheel, _ = packages
     assert {name.partition("/")[0].split("-")[0] for name in wheel} == {"riemhuman"}
