@@ -20,14 +20,30 @@ def inherit_sections(owner: type) -> None:
     for name, method in vars(owner).items():
         if not inspect.isfunction(method) or not method.__doc__:
             continue
-        head, own = _sections(method.__doc__)
         for base in owner.__mro__[1:]:
             inherited = getattr(vars(base).get(name), "__doc__", None)
             if inherited:
-                found = {k: v for k, v in _sections(inherited)[1].items() if k in _INHERITED}
-                parts = [f"{k}\n{'-' * len(k)}\n{v}" for k, v in (found | own).items()]
-                method.__doc__ = "\n\n".join([head, *parts])
+                method.__doc__ = _completed(method.__doc__, inherited)
                 break
+
+
+def inherit_parameters(owner: type) -> None:
+    """Complete the docstring of a class that is made as the one it extends, and of its methods.
+
+    Parameters
+    ----------
+    owner : type
+        The class; its docstrings are changed.
+    """
+    inherit_sections(owner)
+    owner.__doc__ = _completed(owner.__doc__ or "", owner.__mro__[1].__doc__ or "")
+
+
+def _completed(text: str, inherited: str) -> str:
+    head, own = _sections(text)
+    found = {k: v for k, v in _sections(inherited)[1].items() if k in _INHERITED}
+    parts = [f"{k}\n{'-' * len(k)}\n{v}" for k, v in (found | own).items()]
+    return "\n\n".join([head, *parts])
 
 
 def _sections(text: str) -> tuple[str, dict[str, str]]:

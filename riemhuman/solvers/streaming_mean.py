@@ -11,6 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
+from riemhuman.docstrings import inherit_parameters
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import was_interrupted
@@ -51,12 +52,12 @@ class StreamingMean(BasisMean):
     companion_weight : float
         Weight of lengths beside an elastic metric of normals alone, as in `BasisMean`.
     tolerance : float
-        Stop when a Newton step would gain at most this share of the variance, as far as the
-        preconditioned gradient tells.
+        Stop when a Newton step would gain at most this share of what is minimised, the variance or
+        the mean distance, as far as the preconditioned gradient tells.
     max_iter : int
         Most iterations.
     callback : callable, optional
-        Called with (iteration, variance, point) after each iteration.
+        Called with (iteration, what is minimised, point) after each iteration.
     progress : bool
         Whether to show a progress bar.
     sample_size : int
@@ -166,30 +167,6 @@ class StreamingMedian(StreamingMean):
     the minimum by a few times `tolerance`, as a share, and by at most another millionth, since
     distances are smoothed where they have no gradient.
 
-    Parameters
-    ----------
-    basis : DeformationBasis, optional
-        Deformations D_j; without them, the differences of the sample alone.
-    start : str
-        Start of the search for the mean of the sample, as in `BasisMean`.
-    with_differences : bool
-        Whether to add the differences of the sample from its mean to the basis.
-    companion_weight : float
-        Weight of lengths beside an elastic metric of normals alone, as in `BasisMean`.
-    tolerance : float
-        Stop when a Newton step would gain at most this share of the mean distance, as far as the
-        preconditioned gradient tells.
-    max_iter : int
-        Most iterations.
-    callback : callable, optional
-        Called with (iteration, mean distance, point) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
-    sample_size : int
-        Number of points in the sample.
-    batch_size : int
-        Points that are read together.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -210,18 +187,6 @@ class StreamingMedian(StreamingMean):
         initial_point: ndarray | None = None,
     ) -> MeanResult:
         r"""Find the median.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        points : sequence, shape (n, \*shape)
-            An array, which may be mapped from a file, or any object with a length whose slices are
-            points.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
-        initial_point : array, shape (\*shape,), optional
-            Start of the search for the mean of the sample, instead of `start`.
 
         Returns
         -------
@@ -259,6 +224,9 @@ class StreamingMedian(StreamingMean):
         streamed = self._streamed(searched, sample, mean_distance)
         alone = self._streamed(metric, sample, Dispersion)
         return self._result(streamed, alone, nearer.point)
+
+
+inherit_parameters(StreamingMedian)
 
 
 class _Sample:
