@@ -25,7 +25,7 @@ def test_a_scan_becomes_a_body(scan, tmp_path, capsys):
     assert "scan in millimetres" in capsys.readouterr().out
 
 
-@pytest.mark.sampled(3, "scans that are refused")
+@pytest.mark.sampled(6, "scans that are refused")
 @pytest.mark.slow
 def test_what_is_no_body_is_not_written(tmp_path, capsys):
     file, output = tmp_path / "box.npy", tmp_path / "body.ply"

@@ -23,6 +23,7 @@ def extended():
         extensions.unregister(kind, name)
 
 
+@pytest.mark.sampled(3, "reports without figures")
 @pytest.mark.slow
 def test_page_of_a_labelled_folder(extended, undrawn, run, scans, tmp_path):
     finished = run("report", "--quick", "--bodies", scans, "-o", tmp_path / "report")

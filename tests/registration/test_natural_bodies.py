@@ -37,7 +37,7 @@ def test_hands_on_hips(registration, bodies):
     assert error(result, scan) < 0.02
 
 
-@pytest.mark.sampled(3, "scans that are refused")
+@pytest.mark.sampled(6, "scans that are refused")
 def test_an_arm_held_elsewhere_is_refused(registration, bodies):
     scan = scan_of(bodies, HAND_ON_EAR)
     result = registration.solve(scan.points)

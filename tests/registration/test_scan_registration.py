@@ -112,7 +112,7 @@ def test_what_was_not_seen_is_not_matched(registration, frames):
     assert found.matched[normals[:, 2] < -0.5].mean() < 0.15
 
 
-@pytest.mark.sampled(3, "scans that are refused")
+@pytest.mark.sampled(6, "scans that are refused")
 def test_two_people_are_refused(registration, scan):
     both = np.concatenate([scan.points, scan.points + [0.9, 0.0, 0.4]])
     found = registration.solve(both)

@@ -44,7 +44,7 @@ def test_a_limb_out_of_sight_leaves_no_doubt():
     assert doubts(replace(GOOD, near=1.0, limb_matched=0.0)) == []
 
 
-@pytest.mark.sampled(3, "scans that are refused")
+@pytest.mark.sampled(6, "scans that are refused")
 def test_a_body_the_wrong_way_round_is_refused():
     """The right start is left out, so that only the flipped body is there to be found."""
     model = rh.datasets.load_open_model("coarse")
@@ -76,7 +76,7 @@ def capsule(start, end, radius, n_points, rng):
     return start + rng.random((n_points, 1)) * (end - start) + radius * across
 
 
-@pytest.mark.sampled(3, "scans that are refused")
+@pytest.mark.sampled(6, "scans that are refused")
 @pytest.mark.slow
 def test_a_dog_is_refused():
     rng = np.random.default_rng(2)
@@ -103,7 +103,7 @@ def box(low, high, n_points, rng):
     return low + places * sides
 
 
-@pytest.mark.sampled(3, "scans that are refused")
+@pytest.mark.sampled(6, "scans that are refused")
 def test_a_person_next_to_a_chair_is_refused():
     rng = np.random.default_rng(0)
     legs = [(x, z) for x in (0.0, 0.38) for z in (0.0, 0.38)]

@@ -256,6 +256,7 @@ class Watched:
         return self.result
 
 
+@pytest.mark.sampled(3, "reports without figures")
 def test_bodies_without_model_or_shared_labels(undrawn, tmp_path):
     template = sphere_template()
     points = surfaces(template, 4, size=0.1)
@@ -290,6 +291,7 @@ class Refusing:
         raise AssertionError
 
 
+@pytest.mark.sampled(3, "reports without figures")
 @pytest.mark.slow
 def test_on_shuffled_labels_nothing_is_said_that_is_not_so(undrawn, tmp_path, nine_bodies):
     order = np.random.default_rng(4).permutation(len(nine_bodies))
