@@ -388,27 +388,6 @@ def generator(rng: Rng) -> np.random.Generator:
     return np.random.default_rng(whole_number(rng, "rng", minimum=0))
 
 
-def refuse_triangles(bad: np.ndarray, message: str, error: type[Exception]) -> None:
-    """Raise an error naming the first bad triangle, its surface if there are several, the count.
-
-    Parameters
-    ----------
-    bad : array of bool, shape (..., F)
-        Triangles to refuse.
-    message : str
-        What was expected.
-    error : type
-        Class of the error.
-    """
-    if not bad.any():
-        return
-    *leading, triangle = (int(i) for i in np.argwhere(bad)[0])
-    where = f" of item {tuple(leading)}" if leading else ""
-    count = int(bad.sum())
-    others = "" if count == 1 else f", the first of {count} such triangles"
-    raise error(f"{message}; found otherwise at triangle {triangle}{where}{others}")
-
-
 def _shown(value: Any) -> str:
     """Return what an argument looks like; one from a file may be of any length."""
     text = repr(value)

@@ -48,13 +48,13 @@ def ellipsoid(n, axes=(0.2, 0.5, 0.12)):
 
 def set_at(template, measurements, **places):
     """Return measurements at landmarks, which are the surface points nearest to some places."""
-    from riemhuman.measurements.closest_points import closest_points
+    from riemhuman.surfaces.nearest_places import nearest_places
 
     points = np.array(list(places.values()), dtype=float)
-    faces, weights = closest_points(points, template.vertices, template.faces)
+    nearest, _ = nearest_places(points, template.vertices, template.faces)
     landmarks = {
         name: (template.faces[face], weight)
-        for name, face, weight in zip(places, faces, weights, strict=True)
+        for name, face, weight in zip(places, *nearest, strict=True)
     }
     return MeasurementSet(template, measurements, landmarks)
 

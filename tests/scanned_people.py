@@ -5,8 +5,8 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.datasets.surface_noise import surface_noise
-from riemhuman.registration.nearest_triangles import nearest_places
 from riemhuman.registration.simulated_scans import remeshed
+from riemhuman.surfaces.nearest_places import nearest_places
 
 MOTIONS = (
     "chicken_wings",

@@ -140,8 +140,7 @@ class GeodesicQuantities:
         solver = self.transport_solver
         if solver is None:
             raise self._not_defined("parallel_transport")
-        if (direction is None) == (end_point is None):
-            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+        _check_way(direction, end_point)
         name = "end_point" if direction is None else "direction"
         given = end_point if direction is None else direction
         way = real_array(given, name, self.space.shape)
@@ -152,6 +151,15 @@ class GeodesicQuantities:
             return solver.solve(metric, vector, start, **{name: goal}).tangent_vec
 
         return self._one_by_one(carry, tangent_vec, base_point, way)
+
+    def _velocity(
+        self, base_point: ndarray, direction: ndarray | None, end_point: ndarray | None
+    ) -> ndarray:
+        """Return the initial velocity of the geodesic that vectors are transported along."""
+        _check_way(direction, end_point)
+        if end_point is not None:
+            return self.log(end_point, base_point)
+        return real_array(direction, "direction", self.space.shape)
 
     def geodesic(
         self,
@@ -251,3 +259,8 @@ class GeodesicQuantities:
         if times.ndim != 1:
             raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
         return np.expand_dims(times, self.space._point_axes)
+
+
+def _check_way(direction: ndarray | None, end_point: ndarray | None) -> None:
+    if (direction is None) == (end_point is None):
+        raise ArgumentError("parallel_transport needs direction or end_point, and not both")

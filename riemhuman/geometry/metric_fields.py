@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
+from riemhuman.checks import Rng, generator, point_array, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
+from riemhuman.kernels.surface import refuse_triangles
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
 from riemhuman.terms.sum import TermOfFields
@@ -316,13 +317,9 @@ class EbinMetric(RiemannianMetric):
         OutsideManifoldError
             If the geodesic meets the apex g = 0 on some triangle, or none leads to the end point.
         """
-        if (direction is None) == (end_point is None):
-            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        if end_point is not None:
-            direction = self.log(end_point, base_point)
-        direction = real_array(direction, "direction", self.space.shape)
+        direction = self._velocity(base_point, direction, end_point)
         self.exp(direction, base_point)
         return ebin_transport.parallel_transport(tangent_vec, base_point, direction, self.lam)
 

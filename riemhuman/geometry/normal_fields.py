@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
+from riemhuman.checks import Rng, generator, point_array, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.kernels import sphere
-from riemhuman.kernels.surface import dot
+from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.sum import TermOfFields
 
@@ -217,13 +217,9 @@ class NormalFieldMetric(RiemannianMetric):
         end_point: ndarray | None = None,
     ) -> ndarray:
         """Transport tangent vectors in parallel along geodesics."""
-        if (direction is None) == (end_point is None):
-            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        if end_point is not None:
-            direction = self.log(end_point, base_point)
-        direction = real_array(direction, "direction", self.space.shape)
+        direction = self._velocity(base_point, direction, end_point)
         return sphere.parallel_transport(tangent_vec, base_point, direction)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:

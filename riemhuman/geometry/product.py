@@ -307,10 +307,7 @@ class ProductMetric(RiemannianMetric):
         for factor in self.space.factors:
             if not factor.metric.has_closed_form_transport:
                 raise NotDefinedError(f"{type(factor.metric).__name__} has no parallel transport")
-        if (direction is None) == (end_point is None):
-            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
-        if end_point is not None:
-            direction = self.log(end_point, base_point)
+        direction = self._velocity(base_point, direction, end_point)
         return self._join("parallel_transport", tangent_vec, base_point, direction)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, refuse_triangles, values_of
+from riemhuman.checks import Rng, generator, point_array, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold
@@ -17,7 +17,7 @@ from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
-from riemhuman.kernels.surface import dot
+from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.sum import TermOfFields
 
@@ -239,13 +239,9 @@ class RotationFieldMetric(RiemannianMetric):
         end_point: ndarray | None = None,
     ) -> ndarray:
         """Transport tangent vectors in parallel along geodesics."""
-        if (direction is None) == (end_point is None):
-            raise ArgumentError("parallel_transport needs direction or end_point, and not both")
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        if end_point is not None:
-            direction = self.log(end_point, base_point)
-        direction = real_array(direction, "direction", self.space.shape)
+        direction = self._velocity(base_point, direction, end_point)
         omega = _angular_velocity(direction, base_point)
         moved = special_orthogonal.parallel_transport(
             _angular_velocity(tangent_vec, base_point), omega

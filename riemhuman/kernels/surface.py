@@ -20,7 +20,6 @@ from autograd.numpy.numpy_vjps import unbroadcast_f
 from numpy import ndarray
 from scipy.sparse import csr_matrix
 
-from riemhuman.checks import refuse_triangles
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.kernels.linear import entry
 
@@ -380,3 +379,24 @@ def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:
         "invertible",
         DegenerateSurfaceError,
     )
+
+
+def refuse_triangles(bad: ndarray, message: str, error: type[Exception]) -> None:
+    """Raise an error naming the first bad triangle, its surface if there are several, the count.
+
+    Parameters
+    ----------
+    bad : array of bool, shape (..., F)
+        Triangles to refuse.
+    message : str
+        What was expected.
+    error : type
+        Class of the error.
+    """
+    if not bad.any():
+        return
+    *leading, triangle = (int(i) for i in np.argwhere(bad)[0])
+    where = f" of item {tuple(leading)}" if leading else ""
+    count = int(bad.sum())
+    others = "" if count == 1 else f", the first of {count} such triangles"
+    raise error(f"{message}; found otherwise at triangle {triangle}{where}{others}")

@@ -22,7 +22,6 @@ from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.open_poses import joint_turns, pose_vectors
 from riemhuman.errors import FileError
-from riemhuman.measurements.closest_points import closest_points
 from riemhuman.measurements.landmarks import LandmarkedBodies, Place
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.open_body import FOLDER, RESOLUTIONS
@@ -34,6 +33,7 @@ from riemhuman.measurements.open_definitions import (
     open_definitions,
 )
 from riemhuman.measurements.section_measurements import Girth
+from riemhuman.surfaces.nearest_places import nearest_places
 
 _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
 _UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]
@@ -94,10 +94,10 @@ def build(
     MeasurementSet
     """
     surface = model(pose=standard_pose(model))
-    faces, coordinates = closest_points(np.array(list(points.values())), surface, model.faces)
+    places, _ = nearest_places(np.array(list(points.values())), surface, model.faces)
     landmarks = {
         name: (model.faces[face], weights.round(6))
-        for name, face, weights in zip(points, faces, coordinates, strict=True)
+        for name, face, weights in zip(points, *places, strict=True)
     }
     bare = _bare(model)
     return replace(bare, landmarks=landmarks, measurements=open_definitions(fractions))

@@ -15,7 +15,6 @@ from riemhuman.bodies import BodyModel
 from riemhuman.bodies.correspondence import combination_of_vertices
 from riemhuman.bodies.joint_tree import joints_between
 from riemhuman.errors import ArgumentError
-from riemhuman.measurements.closest_points import closest_points
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.geodesics import Mesh, SurfacePoint
 from riemhuman.measurements.landmarks import Place, axes_in_frame
@@ -28,6 +27,7 @@ from riemhuman.measurements.moved_landmarks import (
 )
 from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
 from riemhuman.measurements.set_files import read_set, write_set
+from riemhuman.surfaces.nearest_places import nearest_places
 from riemhuman.surfaces.template import Template
 
 
@@ -264,8 +264,8 @@ class MeasurementSet:
             if abs(sum(shares) - 1.0) < 1e-9 and min(shares) >= 0:
                 return int(face), np.array(shares)
         point = weights @ self.vertices[vertices]
-        faces, coordinates = closest_points(point[np.newaxis], self.vertices, self.faces)
-        return int(faces[0]), coordinates[0]
+        places, _ = nearest_places(point[np.newaxis], self.vertices, self.faces)
+        return int(places.triangles[0]), places.barycentric[0]
 
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
         """Return the same landmarks and parts with other measurements.
@@ -371,7 +371,8 @@ class MeasurementSet:
         """
         other = template.template if isinstance(template, BodyModel) else template
         points = self.vertices if registered is None else np.asarray(registered, dtype=np.float64)
-        return closest_points(points, other.vertices, other.faces)
+        places, _ = nearest_places(points, other.vertices, other.faces)
+        return places.triangles, places.barycentric
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write measurements, landmarks and parts as a JSON file.

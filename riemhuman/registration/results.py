@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.bodies import ModelFit
-from riemhuman.registration.nearest_triangles import SurfacePlaces
+from riemhuman.surfaces.nearest_places import SurfacePlaces
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,7 +20,6 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.registration.closest_points import ScanTree, fit_closest, fit_elastic
-from riemhuman.registration.nearest_triangles import nearest_places
 from riemhuman.registration.posing import Pose, posed
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
@@ -34,6 +33,7 @@ from riemhuman.registration.trust import (
     distance_apart,
     doubts,
 )
+from riemhuman.surfaces.nearest_places import nearest_places
 from riemhuman.units import UNITS
 
 AXES = {

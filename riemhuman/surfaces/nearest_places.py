@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.tiles import slices
 
+# Nearest vertices whose triangles are looked at first.
 _N_VERTICES = 3
+# Points that are looked at together.
+_BLOCK = 8192
 
 
 class SurfacePlaces(NamedTuple):
@@ -30,7 +36,11 @@ class SurfacePlaces(NamedTuple):
 def nearest_places(
     queries: np.ndarray, points: np.ndarray, faces: np.ndarray
 ) -> tuple[SurfacePlaces, np.ndarray]:
-    """Return the nearest points of a surface, among the triangles at the nearest vertices.
+    """Return the nearest points of a surface.
+
+    A triangle whose edges are no longer than l has a corner within l/√3 of each of its points. So
+    a place that is nearer than the best one found lies in a triangle with a corner no farther away
+    than the best by more than that.
 
     Parameters
     ----------
@@ -47,49 +57,59 @@ def nearest_places(
     distances : array, shape (N,)
         Metres.
     """
-    near = cKDTree(points).query(queries, k=_N_VERTICES)[1]
-    order = np.argsort(faces.ravel(), kind="stable")
-    starts = np.searchsorted(faces.ravel()[order], np.arange(len(points) + 1))
-    triangles = np.empty(len(queries), np.int64)
-    barycentric, distances = np.empty((len(queries), 3)), np.empty(len(queries))
-    _fill_nearest(
-        queries,
-        near,
-        points,
-        faces,
-        order // 3,
-        starts,
-        triangles,
-        barycentric,
-        distances,
+    corners, corner = points[faces], faces.ravel()
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+    reach = np.zeros(len(points))
+    np.maximum.at(reach, corner, np.repeat(longest, 3) / math.sqrt(3.0))
+    order = np.argsort(corner, kind="stable")
+    starts = np.searchsorted(corner[order], np.arange(len(points) + 1))
+    surface = (points, faces, order // 3, starts)
+    found = (
+        np.zeros(len(queries), np.int64),
+        np.zeros((len(queries), 3)),
+        np.full(len(queries), np.inf),
     )
-    return SurfacePlaces(triangles, barycentric), distances
+    used = np.flatnonzero(np.diff(starts))
+    near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
+    ends = near.shape[1] * np.arange(len(queries) + 1)
+    _try_vertices(queries, used[near].ravel(), ends, *surface, *found)
+    # Vertices of long edges are few, and those of short ones need not be far away.
+    sizes = np.ceil(np.log2(np.maximum(reach[used], np.finfo(float).tiny)))
+    for size in np.unique(sizes):
+        members = used[sizes == size]
+        tree, farthest = cKDTree(points[members]), (1.0 + 1e-9) * reach[members].max()
+        for part in slices(len(queries), _BLOCK):
+            few = [array[part] for array in found]
+            around = tree.query_ball_point(queries[part], np.sqrt(few[2]) + farthest)
+            ends = np.cumsum([0, *map(len, around)])
+            vertices = members[np.fromiter(chain.from_iterable(around), np.int64, ends[-1])]
+            _try_vertices(queries[part], vertices, ends, *surface, *few)
+    triangles, barycentric, squares = found
+    return SurfacePlaces(triangles, barycentric), np.sqrt(squares)
 
 
 @compiled
-def _fill_nearest(
+def _try_vertices(
     queries: np.ndarray,
-    near: np.ndarray,
+    vertices: np.ndarray,
+    ends: np.ndarray,
     points: np.ndarray,
     faces: np.ndarray,
     around: np.ndarray,
     starts: np.ndarray,
     triangles: np.ndarray,
     barycentric: np.ndarray,
-    distances: np.ndarray,
+    squares: np.ndarray,
 ) -> None:
+    """Keep the nearest places in the triangles at some vertices of each point."""
     weights = np.empty(3)
     for i in range(len(queries)):
-        best = np.inf
-        for vertex in near[i]:
+        for vertex in vertices[ends[i] : ends[i + 1]]:
             for t in around[starts[vertex] : starts[vertex + 1]]:
                 square = _closest_in_triangle(queries[i], points, faces[t], weights)
-                if square < best:
-                    best = square
-                    triangles[i] = t
-                    for k in range(3):
-                        barycentric[i, k] = weights[k]
-        distances[i] = np.sqrt(best)
+                if square < squares[i]:
+                    squares[i], triangles[i] = square, t
+                    barycentric[i] = weights
 
 
 @compiled
@@ -126,7 +146,7 @@ def _closest_in_triangle(
         v = 1.0 - w
     else:
         v, w = vb / (va + vb + vc), vc / (va + vb + vc)
-    weights[0], weights[1], weights[2] = 1.0 - v - w, v, w
+    weights[0], weights[1], weights[2] = max(1.0 - v - w, 0.0), v, w
     square = 0.0
     for x in range(3):
         gap = query[x]
