@@ -6,7 +6,7 @@ import pytest
 from autograd import grad
 
 from riemhuman import checks
-from riemhuman.errors import ArgumentError, ArgumentTypeError, OutsideManifoldError
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 # Arrays.
 
@@ -223,18 +223,3 @@ def test_generators():
 
 
 # Triangles.
-
-
-def test_refuse_triangles():
-    checks.refuse_triangles(np.zeros((2, 5), dtype=bool), "all good", ArgumentError)
-    bad = np.zeros((2, 3, 5), dtype=bool)
-    bad[1, 2, 4] = True
-    with pytest.raises(OutsideManifoldError) as error:
-        checks.refuse_triangles(bad, "g must be small", OutsideManifoldError)
-    assert str(error.value) == "g must be small; found otherwise at triangle 4 of item (1, 2)"
-    bad[1, 2, 1] = True
-    with pytest.raises(ArgumentError) as error:
-        checks.refuse_triangles(bad[1, 2], "g must be small", ArgumentError)
-    assert str(error.value) == (
-        "g must be small; found otherwise at triangle 1, the first of 2 such triangles"
-    )

@@ -12,6 +12,7 @@ surface f with corners q₁, q₂, q₃ has
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import autograd.numpy as np
@@ -150,9 +151,7 @@ def _transposed(operator: csr_matrix, upstream: tuple[ndarray, ndarray]) -> ndar
 
 
 defvjp(
-    partial_derivatives,
-    lambda answer, points, operator: lambda upstream: _transposed(operator, upstream),
-    argnums=(0,),
+    partial_derivatives, lambda _, points, operator: partial(_transposed, operator), argnums=(0,)
 )
 defjvp(
     partial_derivatives,

@@ -7,7 +7,7 @@ from autograd import grad, make_jvp
 from autograd import numpy as anp
 from cases import TEMPLATES, deformations, sphere_template, surfaces
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.kernels import surface
 from riemhuman.terms import RootNormalTerm
 
@@ -166,3 +166,18 @@ def test_gradients(function):
         return (weights * function(*derivatives(template, f))).sum()
 
     assert oracles.taylor_slope(value, points, h, grad(value)(points)) >= 1.9
+
+
+def test_refuse_triangles():
+    surface.refuse_triangles(np.zeros((2, 5), dtype=bool), "all good", ArgumentError)
+    bad = np.zeros((2, 3, 5), dtype=bool)
+    bad[1, 2, 4] = True
+    with pytest.raises(OutsideManifoldError) as error:
+        surface.refuse_triangles(bad, "g must be small", OutsideManifoldError)
+    assert str(error.value) == "g must be small; found otherwise at triangle 4 of item (1, 2)"
+    bad[1, 2, 1] = True
+    with pytest.raises(ArgumentError) as error:
+        surface.refuse_triangles(bad[1, 2], "g must be small", ArgumentError)
+    assert str(error.value) == (
+        "g must be small; found otherwise at triangle 1, the first of 2 such triangles"
+    )
