@@ -201,7 +201,10 @@ def test_motions_and_their_own_samplings(frames):
     """
     people = sorted({motion.subject for motion in open_motions()})
     unseen = np.array([motion.subject in people[5:] for motion in open_motions()])
-    for measure in (warping(between_frames=True), velocities()):
+    measures = [warping(between_frames=True), velocities()]
+    if frames is None:
+        measures.append(rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())))
+    for measure in measures:
         name = type(measure).__name__
         shares, errors = shares_of_others(measure, open_motions(), own_samplings(frames))
         print(
