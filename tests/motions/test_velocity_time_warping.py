@@ -99,8 +99,7 @@ class TestFlatSpace:
 
     def test_it_is_symmetric(self, flat):
         there, back = (flat.dist(*p) for p in itertools.permutations((knot(FEW), knot(FINE, 2))))
-        assert there == pytest.approx(back, rel=1e-12)
-        assert there > 0.3
+        assert there == back > 0.3
 
     def test_what_is_added_to_all_frames_and_pauses_change_nothing(self, flat):
         one, other = knot(FINE[::10]), knot(FINE[::8], 2)
@@ -138,7 +137,7 @@ class TestBodies:
         warp = warping.warp(frames, full_motion)
         np.testing.assert_allclose(warp(np.arange(len(frames))), places, atol=0.5)
         back = warping.warp(full_motion, frames)
-        assert back.dist == pytest.approx(warp.dist, rel=1e-12)
+        assert back.dist == warp.dist
         assert back.first[-1] == 39
         assert back.second[-1] == 29
 
