@@ -67,6 +67,9 @@ class VelocityTimeWarping:
     and all of its samplings, because two motions that share some frames would be at 0.
     `RateInvariantMetric` is a metric, and takes motions of few frames for others.
 
+    Noise counts by its share of the steps: where it is as large as the steps of a slow motion, all
+    motions are at about 1. `smoothing` of `RateInvariantMetric` takes noise off.
+
     In flat spaces the distance does not change when one vector is added to all frames of a motion,
     such as a habit of holding the arms.
 
@@ -76,7 +79,9 @@ class VelocityTimeWarping:
         Metric on frames, with a closed form. Inner products of steps and chords come from its
         squared distances, see `riemhuman.motions.chord_kernels`.
     n_steps : int
-        Number of steps of a motion, at most. If it has more frames, some are passed by.
+        Number of steps of a motion, at most. If it has more frames, some are passed by. More steps
+        tell finer movements apart. Fewer are longer, and noise of the frames, which is in every
+        step, counts for less.
     n_components : int, optional
         Number of principal components in place of exact distances in `dist_pairwise`; see
         `riemhuman.motions.frame_tables`. By default distances are exact.
@@ -103,7 +108,7 @@ class VelocityTimeWarping:
         self,
         metric: RiemannianMetric,
         *,
-        n_steps: int = 40,
+        n_steps: int = 20,
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:

@@ -193,30 +193,36 @@ def own_samplings(frames):
     return np.random.default_rng(31).integers(24, 61, len(open_motions())).tolist()
 
 
-@pytest.mark.parametrize("frames", [None, 60, 40, 24])
-def test_motions_and_their_own_samplings(frames):
+@pytest.mark.parametrize(
+    ("name", "frames"),
+    [
+        *itertools.product(["time warping, between frames", "velocities"], [None, 60, 40, 24]),
+        ("rate-invariant", None),
+    ],
+)
+def test_motions_and_their_own_samplings(name, frames):
     """Whole motions and their re-timings at random speeds, in 24 to 60 frames or so many.
 
     Settings were chosen on the first five people in alphabetical order; the others are the last.
     """
+    measure = {
+        "time warping, between frames": lambda: warping(between_frames=True),
+        "velocities": velocities,
+        "rate-invariant": lambda: rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())),
+    }[name]()
     people = sorted({motion.subject for motion in open_motions()})
     unseen = np.array([motion.subject in people[5:] for motion in open_motions()])
-    measures = [warping(between_frames=True), velocities()]
-    if frames is None:
-        measures.append(rh.motions.RateInvariantMetric(rh.motions.MotionSpace(space())))
-    for measure in measures:
-        name = type(measure).__name__
-        shares, errors = shares_of_others(measure, open_motions(), own_samplings(frames))
-        print(
-            f"\n{name}, {frames or '24 to 60'} frames: own re-timing at {np.median(shares):.2f} % "
-            f"of another's, of unseen people {np.median(shares[unseen]):.2f} %; at most 2 % in "
-            f"{np.sum(shares <= 2)} of {len(shares)} motions, at worst {max(shares):.0f} %; warps "
-            f"{np.median(errors):.3f} frames off in the median, {max(errors):.2f} at most"
-        )
-        assert np.median(errors) <= 1.0
-        if isinstance(measure, rh.motions.VelocityTimeWarping):
-            assert np.median(shares) <= 2.0
-            assert np.median(shares[unseen]) <= 2.0
+    shares, errors = shares_of_others(measure, open_motions(), own_samplings(frames))
+    print(
+        f"\n{name}, {frames or '24 to 60'} frames: own re-timing at {np.median(shares):.2f} % of "
+        f"another's, of unseen people {np.median(shares[unseen]):.2f} %; at most 2 % in "
+        f"{np.sum(shares <= 2)} of {len(shares)} motions, at worst {max(shares):.0f} %; warps "
+        f"{np.median(errors):.3f} frames off in the median, {max(errors):.2f} at most"
+    )
+    assert np.median(errors) <= 1.0
+    if name == "velocities":
+        assert np.median(shares) <= 2.0
+        assert np.median(shares[unseen]) <= 2.0
 
 
 @pytest.mark.parametrize("smoothing", [0.0, 0.03])
