@@ -33,10 +33,10 @@ _NODES = 4
 
 @compiled
 def match_chords(costs: ndarray, steps: ndarray, within: ndarray, places: ndarray) -> float:
-    """Return the least sum, and write where each frame of one motion lies on the other.
+    """Return the least sum, and write the position of each frame of one motion on the other.
 
-    Chords from frame to frame are searched exactly, by dynamic programming. Their ends are then
-    moved between frames, by dynamic programming over ever closer places near the last.
+    Dynamic programming finds the best chords from frame to frame. Their ends are then moved between
+    frames, by dynamic programming over a few positions near the last ones, ever closer together.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def match_chords(costs: ndarray, steps: ndarray, within: ndarray, places: ndarra
     within : array, shape (m, m)
         Squared distances between the frames of the motion with chords.
     places : array, shape (n,)
-        Places, in frames, rising from 0 to m - 1; written to.
+        Positions, in frames, from 0 to m - 1 and not decreasing; written to.
 
     Returns
     -------

@@ -23,12 +23,12 @@ from riemhuman.representation import constructed
 
 @dataclass(frozen=True)
 class _Sampled:
-    """What is kept of a motion.
+    """One motion, prepared for comparison.
 
     Attributes
     ----------
     features : tuple of array, each of shape (m, ...)
-        What distances need of each frame.
+        Features of each frame.
     within : array, shape (m, m)
         Squared distances of frames.
     chosen : array of int, shape (n,)
@@ -50,25 +50,26 @@ class _Sampled:
 class VelocityTimeWarping:
     r"""The distance of square root velocities, at the frames of the motion that has fewer of them.
 
-    The frames of one motion are matched with places on the other. Its steps v, from frame to frame,
-    are compared with the chords w between these places, which may pass by frames:
+    The frames of one motion are matched with positions on the other, at frames or between them. The
+    steps v from frame to frame are compared with the chords w between these positions:
 
     .. math:: d(m_1 \to m_2)^2 = \frac{1}{\sum |v_k|} \min \sum_k
               \Big| \frac{v_k}{\sqrt{|v_k|}} - \frac{w_k}{\sqrt{|w_k|}} \Big|^2
 
-    over places that never fall, from the first frame to the last; products of v and w below 0 count
-    as 0. The distance is the lesser of both directions, mostly that from the motion of fewer
-    frames. Two motions that stand still are at 0; one that moves and one that stands still at 1.
+    over positions that do not decrease, from the first frame to the last; negative products of v
+    and w count as 0. The distance is the smaller of the two directions, mostly the one from the
+    motion of fewer frames. It is 0 between motions that stand still, and 1 between a motion that
+    moves and one that stands still.
 
-    A motion is near all of its samplings, however few frames they have. The price: a motion is also
-    near a longer one that differs from it only in what one step can pass by, such as a knee lifted
-    once and three times. And the triangle inequality does not hold: two samplings of a motion are
-    both near it, and may be far from each other. No distance has it that vanishes between a motion
-    and all of its samplings, because two motions that share some frames would be at 0.
-    `RateInvariantMetric` is a metric, and takes motions of few frames for others.
+    A motion is near all of its samplings, however few frames they have. But it is also near a
+    longer motion that differs from it only in what one step can skip, such as a knee lifted once
+    and three times. And the triangle inequality does not hold: two samplings of a motion are both
+    near it, and may be far from each other. No distance that vanishes between a motion and all of
+    its samplings satisfies it, because two motions that share some frames would be at 0.
+    `RateInvariantMetric` is a metric, but less near to 0 between a motion and few of its frames.
 
-    Noise counts by its share of the steps: where it is as large as the steps of a slow motion, all
-    motions are at about 1. `smoothing` of `RateInvariantMetric` takes noise off.
+    Noise counts in proportion to the steps: if it is as large as the steps of a slow motion, all
+    distances are about 1. `RateInvariantMetric` smooths it away.
 
     In flat spaces the distance does not change when one vector is added to all frames of a motion,
     such as a habit of holding the arms.
@@ -79,9 +80,8 @@ class VelocityTimeWarping:
         Metric on frames, with a closed form. Inner products of steps and chords come from its
         squared distances, see `riemhuman.motions.chord_kernels`.
     n_steps : int
-        Number of steps of a motion, at most. If it has more frames, some are passed by. More steps
-        tell finer movements apart. Fewer are longer, and noise of the frames, which is in every
-        step, counts for less.
+        Largest number of steps of a motion; frames in excess are skipped. More steps distinguish
+        finer movements. Fewer steps are longer, so that noise counts less.
     n_components : int, optional
         Number of principal components in place of exact distances in `dist_pairwise`; see
         `riemhuman.motions.frame_tables`. By default distances are exact.
@@ -143,7 +143,7 @@ class VelocityTimeWarping:
         return self.warp(m1, m2).dist
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing: which time of one motion corresponds to which of the other.
+        """Return the best re-timing, as the correspondence between the times of the two motions.
 
         Parameters
         ----------
@@ -166,12 +166,12 @@ class VelocityTimeWarping:
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         """Return all distances within a set of motions.
 
-        Features of all frames are computed once, and kept.
+        Features of all frames are computed once and kept.
 
         Parameters
         ----------
         motions : sequence of motions
-            Motions of any numbers of frames, of at least two each.
+            Motions of at least two frames each; their numbers may differ.
         progress : bool
             Whether to show a progress bar.
 
