@@ -150,9 +150,7 @@ def _transposed(operator: csr_matrix, upstream: tuple[ndarray, ndarray]) -> ndar
     return apply_operator(operator.T, np.concatenate([upstream[0], upstream[1]], axis=-2))
 
 
-defvjp(
-    partial_derivatives, lambda _, points, operator: partial(_transposed, operator), argnums=(0,)
-)
+defvjp(partial_derivatives, lambda _, f, operator: partial(_transposed, operator), argnums=(0,))
 defjvp(
     partial_derivatives,
     lambda tangent, answer, points, operator: partial_derivatives(tangent, operator),
