@@ -261,7 +261,7 @@ class AlignedSurfaces(Manifold):
         )
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return surfaces as float64 arrays, or say what is wrong with them.
+        """Return surfaces as float64 arrays after checking them.
 
         Parameters
         ----------
@@ -282,7 +282,7 @@ class AlignedSurfaces(Manifold):
         return moderate_lengths(point, name, self._reference if self.scale else None)
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
-        """Return deformations as float64 arrays, or say what is wrong with them.
+        """Return deformations as float64 arrays after checking them.
 
         Parameters
         ----------

@@ -103,7 +103,7 @@ class MetricFields(Manifold):
         return stack_samples(points, n_samples)
 
     def check_point(self, point: Any, name: str = "point", *, completion: bool = False) -> ndarray:
-        """Return metric fields as float64 arrays, or say what is wrong with them.
+        """Return metric fields as float64 arrays after checking them.
 
         Parameters
         ----------

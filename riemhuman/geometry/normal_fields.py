@@ -87,7 +87,7 @@ class NormalFields(Manifold):
         return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return normal fields as float64 arrays, or say what is wrong with them.
+        """Return normal fields as float64 arrays after checking them.
 
         Raises
         ------

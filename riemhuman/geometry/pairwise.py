@@ -181,7 +181,7 @@ class ManyDistances:
         return self.check_points(points, name)
 
     def check_points(self, points: Points, name: str = "points") -> ndarray:
-        r"""Return a set of points as a float64 array, or say what is wrong with it.
+        r"""Return a set of points as a float64 array after checking it.
 
         Parameters
         ----------

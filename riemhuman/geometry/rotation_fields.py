@@ -92,7 +92,7 @@ class RotationFields(Manifold):
         return stack_samples(self.projection(noise), n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return fields of rotations as float64 arrays, or say what is wrong with them.
+        """Return fields of rotations as float64 arrays after checking them.
 
         Raises
         ------

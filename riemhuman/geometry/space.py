@@ -174,7 +174,7 @@ class Space(ABC):
         return point
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        r"""Return points as float64 arrays, or say what is wrong with them.
+        r"""Return points as float64 arrays after checking them.
 
         Parameters
         ----------

@@ -130,7 +130,7 @@ class MotionSpace(Manifold):
         return stack_samples((1.0 - times) * start + times * end, n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return motions as float64 arrays, or say what is wrong with them.
+        """Return motions as float64 arrays after checking them.
 
         Parameters
         ----------

@@ -297,7 +297,7 @@ class NeighborIndex:
         return np.sqrt(squared)
 
     def checked(self, X: Any, start: int, stop: int) -> ndarray:
-        r"""Return some points of a set, or say what is wrong with them.
+        r"""Return some points of a set after checking them.
 
         Parameters
         ----------

@@ -254,7 +254,7 @@ class StreamedDispersion(Dispersion):
 
 
 def check_weights(weights: ndarray | None, n_points: int) -> ndarray:
-    """Return weights that sum to one, or say what is wrong with them.
+    """Return weights that sum to one after checking them.
 
     Parameters
     ----------

@@ -123,7 +123,7 @@ class ClosedFormGeodesic(ManyPaths):
 def check_end_points(
     metric: RiemannianMetric, start: ndarray, end: ndarray
 ) -> tuple[ndarray, ndarray]:
-    r"""Return the end points as float64 arrays, or say what is wrong with them.
+    r"""Return the end points as float64 arrays after checking them.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def check_initial_path(
     n_nodes: int,
     initial_path: ndarray,
 ) -> ndarray:
-    r"""Return an initial path as a float64 array, or say what is wrong with it.
+    r"""Return an initial path as a float64 array after checking it.
 
     Parameters
     ----------

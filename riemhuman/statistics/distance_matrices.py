@@ -13,7 +13,7 @@ _SYMMETRY = 1e-6
 
 
 def distance_matrix(distances: ArrayLike, name: str = "distances") -> ndarray:
-    """Return symmetric distances with zero diagonal, or say what is wrong with them.
+    """Return symmetric distances with zero diagonal after checking them.
 
     Parameters
     ----------
