@@ -13,13 +13,15 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import SurfaceSpace
-from riemhuman.solvers.minimization import WALL, LocalProblem, Minimum, minimize_in_rounds
+from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.solvers.rounding import rounded
 from riemhuman.solvers.smooth_turn import SMOOTHING, SmoothTurn
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
 from riemhuman.surfaces.deformation_basis import DeformationBasis
+from riemhuman.surfaces.distortion import triangle_areas
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -27,6 +29,10 @@ if TYPE_CHECKING:
 
 # Relative errors of vertices that count as rounding.
 _ROUNDING = 1e-12
+
+# Share of its area, on A and at the start, below which no triangle shrinks: past the point where a
+# triangle has no area its normal, and the sum with it, jumps.
+_LEAST_AREA = 1e-6
 
 
 @dataclass(frozen=True, repr=False)
@@ -181,8 +187,9 @@ class Disentangling:
         sum_ = _WeightedSum(
             (shape_metric, pose_metric), (self.shape_weight, self.pose_weight), (shape, turned)
         )
-        minimum = self._minimize(sum_, start)
-        surface, value = start + minimum.x, minimum.value
+        areas = [triangle_areas(body, space.template.faces) for body in (shape, start)]
+        minimum = self._minimize(sum_, start, _LEAST_AREA * np.minimum(*areas))
+        surface, value = minimum.x.reshape(start.shape), minimum.value
         if self.basis is not None:
             # The metrics see no translations.
             difference = surface - shape
@@ -202,44 +209,39 @@ class Disentangling:
         warn_unless_converged(self, result)
         return result
 
-    def _minimize(self, sum_: _WeightedSum, start: ndarray) -> Minimum:
-        """Return the shift of the start of least value."""
-        shift = np.zeros_like(start)
+    def _minimize(self, sum_: _WeightedSum, start: ndarray, least_areas: ndarray) -> Minimum:
+        """Return the surface of least value, as a vector."""
         value, rounding = sum_.value_and_gradient(start)[0], sum_.rounding(start)
         if value <= rounding:
             message = "the start is at no distance from either"
-            return Minimum(shift, value, np.array([value]), n_evaluations=1, message=message)
+            return Minimum(start, value, np.array([value]), n_evaluations=1, message=message)
+
+        def objective(x: ndarray) -> tuple[float, ndarray]:
+            surface = x.reshape(start.shape)
+            if np.any(triangle_areas(surface, sum_.faces) < least_areas):
+                return np.inf, np.zeros_like(x)
+            value, gradient = sum_.value_and_gradient(surface)
+            return value, gradient.ravel()
+
+        def inverse_hessian_at(x: ndarray) -> Operator:
+            factor = sum_.factor(x.reshape(start.shape))
+            return lambda gradient: factor.inverse(gradient[:, None])[:, 0]
+
+        def report(iteration: int, value: float, x: ndarray) -> None:
+            if self.callback is not None:
+                self.callback(iteration, value, x.reshape(start.shape))
+
         with single_threaded_libraries():
-            return minimize_in_rounds(
-                lambda shift: self._local_problem(sum_, start, shift),
-                shift,
+            return descend_in_rounds(
+                objective,
+                start.ravel(),
+                inverse_hessian_at,
                 max_iter=self.max_iter,
                 expected_decrease=self.tolerance,
-                callback=lambda *state: self._report(start, *state),
+                callback=report,
                 progress=self.progress,
                 description="disentangling",
             )
-
-    def _report(self, start: ndarray, iteration: int, value: float, shift: ndarray) -> None:
-        if self.callback is not None:
-            self.callback(iteration, value, start + shift)
-
-    def _local_problem(self, sum_: _WeightedSum, start: ndarray, shift: ndarray) -> LocalProblem:
-        """Return the problem in variables preconditioned at one surface."""
-        surface = start + shift
-        unit = sum_.value_and_gradient(surface)[0] or 1.0
-        factor = sum_.factor(surface, unit)
-
-        def position(variables: ndarray) -> ndarray:
-            return shift + factor.solve_transposed(variables[:, None]).reshape(shift.shape)
-
-        def objective(variables: ndarray) -> tuple[float, ndarray]:
-            value, gradient = sum_.value_and_gradient(start + position(variables))
-            if not np.isfinite(value):
-                return WALL, np.zeros_like(variables)
-            return value / unit, factor.solve(gradient.ravel()[:, None]).ravel() / unit
-
-        return LocalProblem(objective, position, unit)
 
 
 class _WeightedSum:
@@ -251,6 +253,7 @@ class _WeightedSum:
         weights: tuple[float, ...],
         points: tuple[ndarray, ...],
     ) -> None:
+        self.faces = metrics[0].space.template.faces
         self._terms = list(zip(metrics, weights, points, strict=True))
 
     def value_and_gradient(self, surface: ndarray) -> tuple[float, ndarray]:
@@ -266,10 +269,10 @@ class _WeightedSum:
         pair = np.stack([surface, rounded(surface, _ROUNDING)])
         return sum(weight * float(metric.energy(pair)) for metric, weight, _ in self._terms)
 
-    def factor(self, surface: ndarray, unit: float) -> CholeskyFactor:
-        """Return the factor of the sum's Hessian, near both points, in units of the value."""
+    def factor(self, surface: ndarray) -> CholeskyFactor:
+        """Return the factor of the sum's Hessian, near both points."""
         matrix: Any = sum(w * m.metric_matrix(surface) for m, w, _ in self._terms)
-        return SparseCholeskyFactor(2.0 * matrix / unit)
+        return SparseCholeskyFactor(2.0 * matrix)
 
 
 def _common_space(shape_metric: SurfaceMetric, pose_metric: SurfaceMetric) -> Any:

@@ -39,9 +39,8 @@ class TriangleHeat:
         pairs, edges = adjacent_triangles(faces)
         squared_lengths = np.sum((vertices[edges[:, 0]] - vertices[edges[:, 1]]) ** 2, axis=1)
         flows = 1.5 * squared_lengths / face_areas[pairs].sum(axis=1)
-        links = sparse.coo_array((flows, tuple(pairs.T)), shape=(len(faces), len(faces)))
-        links = (links + links.T).tocsr()
-        self.laplacian = sparse.diags_array(links.sum(axis=1)) - links
+        self._pairs, self._flows = pairs, flows
+        self.laplacian = self._laplacian(flows)
         self._steps: dict[float, HeatStep] = {}
 
     def step(self, time: float) -> HeatStep:
@@ -59,10 +58,39 @@ class TriangleHeat:
             Takes values on triangles, shape (F, n), to values that have flowed.
         """
         if time not in self._steps:
-            system = sparse.diags_array(self.face_areas) + time * self.laplacian
-            factor = splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
-            self._steps[time] = HeatStep(factor, self.face_areas)
+            self._steps[time] = self._step(time, self.laplacian)
         return self._steps[time]
+
+    def step_through(self, conductances: ndarray, time: float) -> HeatStep:
+        """Return one implicit step of the flow where some triangles conduct less than others.
+
+        Parameters
+        ----------
+        conductances : array, shape (F,)
+            How well each triangle conducts, above 0; at 1 throughout this is `step`. What flows
+            between two goes by the harmonic mean of theirs.
+        time : float
+            Time the heat flows for.
+
+        Returns
+        -------
+        step : HeatStep
+            It is not kept.
+        """
+        both = conductances[self._pairs]
+        means = 2.0 * both[:, 0] * both[:, 1] / both.sum(axis=1)
+        return self._step(time, self._laplacian(means * self._flows))
+
+    def _laplacian(self, flows: ndarray) -> Any:
+        n_faces = len(self.face_areas)
+        links = sparse.coo_array((flows, tuple(self._pairs.T)), shape=(n_faces, n_faces))
+        links = (links + links.T).tocsr()
+        return sparse.diags_array(links.sum(axis=1)) - links
+
+    def _step(self, time: float, laplacian: Any) -> HeatStep:
+        system = sparse.diags_array(self.face_areas) + time * laplacian
+        factor = splu(system.tocsc(), permc_spec="MMD_AT_PLUS_A", options=_SYMMETRIC)
+        return HeatStep(factor, self.face_areas)
 
 
 class HeatStep(LinearOperator):

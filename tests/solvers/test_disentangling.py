@@ -13,7 +13,7 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import Disentangling
-from riemhuman.solvers.minimization import _ROUND
+from riemhuman.solvers.quasi_newton import _ROUND
 from riemhuman.surfaces import DeformationBasis
 
 
@@ -63,10 +63,22 @@ def test_the_person_is_kept_whoever_holds_the_pose():
     for part in PARTS:
         assert all(one.nearer[part] for one in found)
     assert max(one.edges for one in found) < 0.06
-    # By B's own normals, in place of the smooth turn, it was 4.6 mm.
-    assert np.mean([one.segments for one in found]) < 2.3
+    # At most half of what it is by B's own normals in place of the smooth turn, 4.62 mm.
+    assert np.mean([one.segments for one in found]) < 0.5 * 4.62
     ratios = [one.performed / one.nearer_input for one in found]
-    assert np.mean(ratios) < 0.6
+    assert np.mean(ratios) < 0.3
+
+
+@pytest.mark.slow
+def test_full_bodies_converge():
+    """Where heat flowed six times as long along bones, and triangles of sharp joints gave way to
+    all strain, the search ended at triangles without area."""
+    measured = Disentangled(*natural_people("full", 31))
+    for a, p, b, q in [random_pairs(10, 31)[k] for k in (1, 9)]:
+        for pose in (measured.points[b, q], measured.points[a, q]):
+            found = measured.solver.solve(*measured.metrics, measured.points[a, p], pose)
+            assert found.converged
+            assert found.n_evaluations < 100
 
 
 def test_result_is_of_the_definition(solved):

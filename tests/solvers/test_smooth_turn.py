@@ -54,15 +54,15 @@ def test_waves_of_the_skin_stay_with_their_owner():
     assert normals.dist(smooth, rippled) < 0.35 * normals.dist(pose, pose + ripples)
 
 
-def test_rounds_bring_back_the_bends_of_joints():
+def test_bends_of_joints_come_back():
+    """By rounds, and as heat hardly flows across joints: where it did, the knee was 10.7 mm off."""
     shape, pose = bodies.body("resting"), bodies.body("knee raised")
 
     def error(n_rounds):
         gap = SmoothTurn(bodies.space(), n_rounds=n_rounds).solve(shape, pose) - pose
         return np.linalg.norm(gap - gap.mean(axis=0), axis=1).mean()
 
-    errors = [error(n_rounds) for n_rounds in (0, 1, 3)]
-    assert np.all(np.diff(errors) < 0)
+    assert error(1) < min(0.7 * error(0), 0.006)
 
 
 def test_bad_input(space):

@@ -50,6 +50,29 @@ def test_harmonics_of_a_sphere_decay_as_they_should():
         assert factor == pytest.approx(1 / (1 + 0.1 * degree * (degree + 1)), rel=0.02)
 
 
+def test_heat_goes_through_triangles_as_well_as_they_conduct(template):
+    heat, time = template.heat, 0.1
+    values = np.random.default_rng(3).standard_normal((template.n_faces, 2))
+    plain, twice = (heat.step(factor * time) @ values for factor in (1.0, 2.0))
+    even = np.ones(template.n_faces)
+    np.testing.assert_allclose(heat.step_through(even, time) @ values, plain, atol=1e-12)
+    np.testing.assert_allclose(heat.step_through(2.0 * even, time) @ values, twice, atol=1e-12)
+    uneven = np.random.default_rng(4).uniform(0.01, 1.0, template.n_faces)
+    kept = template.face_areas @ (heat.step_through(uneven, time) @ values)
+    np.testing.assert_allclose(kept, template.face_areas @ values, atol=1e-12)
+
+
+def test_heat_stays_on_its_side_of_triangles_that_hardly_conduct():
+    sphere = TEMPLATES["sphere"]()
+    height = sphere.vertices[sphere.faces].mean(axis=1)[:, 2]
+    warm = (height > 0.0).astype(float)[:, None]
+    belt = np.where(np.abs(height) < 0.3, 1e-6, 1.0)
+    open_, closed = (sphere.heat.step_through(c, 1.0) @ warm for c in (np.ones_like(belt), belt))
+    lower = height < -0.3
+    assert open_[lower].min() > 0.1
+    assert closed[lower].max() < 1e-4
+
+
 def test_what_is_known_of_a_time_is_computed_once_and_is_not_pickled(template):
     assert template.heat.step(0.1) is template.heat.step(0.1)
     assert "heat" not in template.__getstate__()
