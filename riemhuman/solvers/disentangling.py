@@ -87,7 +87,9 @@ class Disentangling:
     A_B is A, turned into the pose of B by a smooth field of rotations, see `SmoothTurn`: the
     normals of B itself show its build, such as face and chest, as well as its pose. The search
     starts from A_B and shares the strain of the joints with their neighbours. The result stands
-    where B does.
+    where B does and holds the pose as B holds it. Its error against A's own performance of the pose
+    is therefore measured bone by bone, each moved rigidly; that of the whole body mostly shows how
+    differently B holds the pose.
 
     For the shape metric λ must be large enough for distances not to saturate: (1, 1, 0), and not
     the (1, 1e-4, 0) of the paper's retrieval, whose gradient vanishes almost everywhere.

@@ -105,8 +105,7 @@ _SPEED_ALONE = {
         "unit": "unit of the values: any does",
     },
     "solvers/disentangling.py": {
-        "_WALL": "height of the wall: any above the first value does",
-        "unit": "unit of the values: any does",
+        "_LEAST_AREA": "share of their areas to which hardly any triangle shrinks",
     },
     "solvers/minimization.py": {
         "_MEMORY": "steps that the minimiser remembers",
