@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,7 +13,12 @@ from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import INTERRUPTED, SurfaceSpace
 from riemhuman.solvers.exponential_derivative import derivatives_of_exponential
-from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
+from riemhuman.solvers.middle_equation import (
+    MiddleEquation,
+    degeneration,
+    turns_far,
+    vanishing,
+)
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -92,6 +97,9 @@ class DiscreteExponential:
         Largest error of each step's equation, as a share of the length of its two segments.
     max_iter : int
         Largest number of iterations of each step.
+    n_doublings : int
+        How often `solve` may begin anew with steps half as long, over all coordinates, where a
+        triangle turns by more than 60 degrees within one.
 
     Examples
     --------
@@ -111,9 +119,11 @@ class DiscreteExponential:
     n_steps: int = 10
     tolerance: float = 1e-8
     max_iter: int = 50
+    n_doublings: int = 1
 
     def __post_init__(self) -> None:
         whole_number(self.n_steps, "n_steps", minimum=1)
+        whole_number(self.n_doublings, "n_doublings", minimum=0)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
 
@@ -148,8 +158,10 @@ class DiscreteExponential:
         """
         base_point = metric.check_points(values_of(base_point, "base_point")[None], "base_point")[0]
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
-        n_steps = self.n_steps
-        return self._walk(metric, [base_point], n_steps, n_steps, velocity / n_steps)
+        n_doublings = self.n_doublings if self.basis is None else 0
+        found = self._walk(metric, [base_point], self.n_steps, self.n_steps, velocity, n_doublings)
+        warn_unless_converged(self, found)
+        return found
 
     def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
         r"""Continue a discrete geodesic beyond its end, with the same time step.
@@ -182,7 +194,9 @@ class DiscreteExponential:
         if len(path) < 2:
             raise ArgumentError(f"path must have at least two times; found {len(path)}")
         n_steps = whole_number(n_steps, "n_steps", minimum=1)
-        return self._walk(metric, list(path), len(path) - 1, n_steps)
+        found = self._walk(metric, list(path), len(path) - 1, n_steps)
+        warn_unless_converged(self, found)
+        return found
 
     def derivatives(
         self, metric: RiemannianMetric, path: ndarray, tangent_vec: ndarray, covectors: ndarray
@@ -232,9 +246,15 @@ class DiscreteExponential:
         points: list[ndarray],
         steps_per_unit: int,
         n_steps: int,
-        displacement: ndarray | None = None,
+        velocity: ndarray | None = None,
+        n_doublings: int = 0,
     ) -> ExponentialResult:
-        """Add points, the first of them by a displacement if there is one."""
+        """Add points, the first of them by a velocity if there is one.
+
+        Where a step turns a triangle too far, all are made anew, half as long.
+        """
+        start = points[0]
+        displacement = None if velocity is None else velocity / steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
         basis = None if self.basis is None else self.basis.joined(direction[None])
         equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
@@ -252,6 +272,16 @@ class DiscreteExponential:
                 break
             n_iterations += found.n_iterations
             n_evaluations += found.n_evaluations
+            is_made = found.error <= _LOST and np.all(metric.space.belongs(found.points[2]))
+            if n_doublings and is_made and turns_far(metric, found.points[1:]):
+                again = self._walk(
+                    metric, [start], 2 * steps_per_unit, 2 * n_steps, velocity, n_doublings - 1
+                )
+                return replace(
+                    again,
+                    n_iterations=n_iterations + again.n_iterations,
+                    n_evaluations=n_evaluations + again.n_evaluations,
+                )
             stop = degeneration(metric, points[-1], found.points[2])
             if not stop and found.error > _LOST:
                 stop = vanishing(metric, *points[-2:]) if len(points) > 1 else ""
@@ -267,7 +297,7 @@ class DiscreteExponential:
             points.append(found.points[2])
         path = np.stack(points)
         squared = [float(metric.energy(np.stack(pair))) for pair in pairwise(path)]
-        result = ExponentialResult(
+        return ExponentialResult(
             path,
             steps_per_unit**2 * np.array(squared),
             steps_per_unit,
@@ -277,5 +307,3 @@ class DiscreteExponential:
             converged=not (stop or unsolved),
             message=stop or unsolved or "all steps were made",
         )
-        warn_unless_converged(self, result)
-        return result

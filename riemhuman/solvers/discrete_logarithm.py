@@ -13,8 +13,8 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.drift import steady_path
 from riemhuman.protocols import GeodesicSolver, MetricOfSurfaces, was_interrupted
 from riemhuman.solvers.basis_path import BasisPath
-from riemhuman.solvers.middle_equation import MiddleEquation, degeneration
-from riemhuman.solvers.path_straightening import PathStraightening
+from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, turns_far
+from riemhuman.solvers.path_straightening import PathStraightening, refined_path
 from riemhuman.solvers.results import (
     PathResult,
     Result,
@@ -44,8 +44,8 @@ class LogarithmResult(Result):
     ----------
     tangent_vec : array, shape (\*shape,)
         Initial velocity.
-    path : array, shape (n_steps + 1, \*shape)
-        The geodesic, both ends included.
+    path : array, shape (n_nodes, \*shape)
+        The geodesic, both ends included: one point more than steps were made.
     energy : float
         Energy of the path: the squared norm of the velocity, up to the second order of the time
         step.
@@ -101,6 +101,11 @@ class DiscreteLogarithm:
         Largest error of the backward step's equation, as a share of the length of its two segments.
     max_iter : int
         Largest number of iterations of the backward step.
+    n_doublings : int
+        How often the steps may be halved where a triangle turns by more than 60 degrees within
+        one, over all coordinates and without another `geodesic_solver`: a fold of skin that snaps
+        within one step takes its path of least energy to a place that the exponential does not
+        reach. The inverse is then ``DiscreteExponential(n_steps=len(result.path) - 1)``.
 
     Examples
     --------
@@ -120,9 +125,11 @@ class DiscreteLogarithm:
     geodesic_solver: GeodesicSolver | None = None
     tolerance: float = 1e-8
     max_iter: int = 50
+    n_doublings: int = 1
 
     def __post_init__(self) -> None:
         whole_number(self.n_steps, "n_steps", minimum=1)
+        whole_number(self.n_doublings, "n_doublings", minimum=0)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
         whole_number(self.max_iter, "max_iter", minimum=1)
 
@@ -170,6 +177,8 @@ class DiscreteLogarithm:
         agree = abs(speed - length) <= max(_SAME_SPEED * length, n_steps * rounding)
         if not agree:
             message = f"the velocity has norm {speed:.4g}, the path length {length:.4g}; {message}"
+        if self.basis is None and self.geodesic_solver is None and turns_far(metric, path):
+            message += "; a triangle turns far within one step: the exponential may end elsewhere"
         result = LogarithmResult(
             tangent_vec,
             path,
@@ -187,8 +196,7 @@ class DiscreteLogarithm:
         if self.geodesic_solver is not None:
             return whole_path_result(self.geodesic_solver.solve(metric, start, end))
         if self.basis is None:
-            over_all = PathStraightening(n_nodes, tolerance=_TOLERANCE, remove_drift=False)
-            found = over_all.solve(metric, start, end)
+            found = self._over_all(metric, start, end)
             if isinstance(metric, MetricOfSurfaces) and not metric.sees_translations:
                 # As the exponential moves surfaces where the metric does not say.
                 space: Any = metric.space
@@ -210,3 +218,21 @@ class DiscreteLogarithm:
         joined = self.basis.joined(least.path[1:] - start)
         solver = replace(solver, basis=joined, tolerance=_TOLERANCE)
         return solver.solve(metric, start, end, initial_path=least.path)
+
+    def _over_all(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        """Return the path over all vertices, with twice the steps where triangles turn too far."""
+        solver = PathStraightening(self.n_steps + 1, remove_drift=False)
+        exact = replace(solver, tolerance=_TOLERANCE)
+        if self.n_doublings == 0 or self.n_steps == 1:
+            return exact.solve(metric, start, end)
+        found = solver.solve(metric, start, end)
+        path = found.path
+        for _ in range(self.n_doublings):
+            if was_interrupted(found):
+                return found
+            if not turns_far(metric, path):
+                break
+            n_segments = 2 * (len(path) - 1)
+            exact = replace(exact, n_nodes=n_segments + 1)
+            path = refined_path(path, n_segments)
+        return exact.solve(metric, start, end, initial_path=path)

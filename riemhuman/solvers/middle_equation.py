@@ -32,6 +32,9 @@ from riemhuman.solvers.spatial_factors import spatial_factor
 # A normal that turns further within one time step belongs to a triangle that has turned over.
 _LEAST_COSINE = -0.5
 
+# Of a turn by 60 degrees.
+_FAR_COSINE = 0.5
+
 # A triangle that has lost as much of its area within one time step is about to vanish.
 _LEAST_AREA = 0.5
 
@@ -236,6 +239,32 @@ class MiddleEquation:
             )
         gram = self.metric.gram_matrix(directions.reshape(-1, *middle.shape), middle)
         return directions, CholeskyFactor(scale * gram)
+
+
+def turns_far(metric: RiemannianMetric, path: ndarray) -> bool:
+    r"""Tell whether a triangle turns by more than 60 degrees within one step of a path.
+
+    Then there may be two next points: a fold of skin that snaps has passed the one where the
+    derivative of the equation is singular. The path of least energy takes one, the exponential
+    the other.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    path : array, shape (n_nodes, \*shape)
+        A path.
+
+    Returns
+    -------
+    bool
+        False where points are no surfaces.
+    """
+    space = metric.space
+    if not isinstance(space, SpaceWithFields):
+        return False
+    normals = space.normal_field(path)
+    return bool(np.sum(normals[:-1] * normals[1:], axis=-1).min() < _FAR_COSINE)
 
 
 def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:

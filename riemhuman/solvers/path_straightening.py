@@ -258,7 +258,7 @@ class _Descent:
         else:
             starts = solver._starts(metric, self._whole[0], self._whole[-1], n_segments + 1)
         if not is_first:
-            starts.append(_refined(self._path, n_segments))
+            starts.append(refined_path(self._path, n_segments))
         return _least(metric, solver.energy, starts)
 
     def _descend(self, is_last: bool) -> Minimum:
@@ -335,8 +335,20 @@ def _least(metric: RiemannianMetric, energy: PathEnergy, paths: list[ndarray]) -
     return min(paths, key=lambda path: _energy(metric, energy, path))
 
 
-def _refined(path: ndarray, n_segments: int) -> ndarray:
-    """Return a path at other times, by a spline."""
+def refined_path(path: ndarray, n_segments: int) -> ndarray:
+    r"""Return a path at other times, by a spline.
+
+    Parameters
+    ----------
+    path : array, shape (n_nodes, \*shape)
+        A path.
+    n_segments : int
+        Its new number of segments.
+
+    Returns
+    -------
+    array, shape (n_segments + 1, \*shape)
+    """
     known = np.linspace(0.0, 1.0, len(path))
     spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
     refined = spline(np.linspace(0.0, 1.0, n_segments + 1))

@@ -129,7 +129,7 @@ def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
     monkeypatch.setattr(
         discrete_exponential, "MiddleEquation", lambda *settings: Scripted(factors, errors)
     )
-    solver, velocity = DiscreteExponential(n_steps=3), np.ones(case.space.shape)
+    solver, velocity = DiscreteExponential(n_steps=3, n_doublings=0), np.ones(case.space.shape)
     if message == "all steps were made":
         result = solver.solve(case.metric, velocity, case.points[0])
     else:

@@ -15,6 +15,7 @@ from riemhuman.errors import (
     ConvergenceWarning,
     NotDefinedError,
 )
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers import (
@@ -369,3 +370,21 @@ def test_bad_input():
         DiscreteLogarithm().solve(case.metric, np.nan * end, start)
     with pytest.raises(ArgumentError, match="the basis belongs to another template"):
         DiscreteLogarithm(bodies.basis(20)).solve(case.metric, end, start)
+
+
+def test_a_fold_that_snaps_within_one_step():
+    """Where a triangle turns too far within a step, the path goes where no exponential follows.
+
+    Seen to fail with five steps throughout: the exponential stopped 89 mm before the other body.
+    """
+    natural = load_open_bodies("coarse", variant="natural")
+    own, names = natural.points[30:40], list(natural.pose_names)
+    start, end = own[names.index("a_stance")], own[names.index("squat")]
+    metric = ElasticMetric(AlignedSurfaces(natural.template), 1.0, 0.1, 0.1)
+    found = DiscreteLogarithm(n_steps=5).solve(metric, end, start)
+    assert (len(found.path), found.converged) == (11, True)
+    there = DiscreteExponential(n_steps=5).solve(metric, found.tangent_vec, start)
+    assert (there.n_steps, there.converged) == (10, True)
+    assert np.linalg.norm(there.end - end, axis=1).mean() < 1e-5
+    with pytest.warns(ConvergenceWarning, match="degenerates"):
+        DiscreteExponential(n_steps=5, n_doublings=0).solve(metric, found.tangent_vec, start)
