@@ -235,4 +235,5 @@ class DiscreteLogarithm:
             n_segments = 2 * (len(path) - 1)
             exact = replace(exact, n_nodes=n_segments + 1)
             path = refined_path(path, n_segments)
-        return exact.solve(metric, start, end, initial_path=path)
+        ending = exact.solve(metric, start, end, initial_path=path)
+        return replace(ending, n_evaluations=found.n_evaluations + ending.n_evaluations)

@@ -22,7 +22,7 @@ from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
-from riemhuman.solvers.path_straightening import PathStraightening, _refined
+from riemhuman.solvers.path_straightening import PathStraightening, refined_path
 from riemhuman.solvers.poisson_path import turned_paths
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath, linear_path
 
@@ -404,10 +404,10 @@ def test_paths_are_refined_along_cubics():
         return np.array([[1.0, -2.0]]) * t**3 + [[0.3, 1.0]] * t**2 + [[0.5, 0.7]]
 
     for n_before, n_after in ((3, 8), (5, 7), (8, 3)):
-        refined = _refined(curve(n_before), n_after)
+        refined = refined_path(curve(n_before), n_after)
         np.testing.assert_allclose(refined, curve(n_after), atol=1e-12)
         np.testing.assert_array_equal(refined[[0, -1]], curve(n_before)[[0, -1]])
-    np.testing.assert_allclose(_refined(curve(1), 4), linear_path(*curve(1), 4 + 1), atol=1e-14)
+    np.testing.assert_allclose(refined_path(curve(1), 4), linear_path(*curve(1), 4 + 1), atol=1e-14)
 
 
 def test_two_times():
