@@ -434,7 +434,7 @@ def test_arguments_are_left_alone():
 
 def test_not_converging_is_said_and_warned_of_once():
     case = CASES["pose open"]
-    with pytest.warns(ConvergenceWarning, match="after 1 iterations") as caught:
+    with pytest.warns(ConvergenceWarning, match="after 1 iteration:") as caught:
         result = solve(case, max_iter=1)
     assert len(caught) == 1
     assert not result.converged
