@@ -53,7 +53,7 @@ def test_folder_holds_meshes_pictures_animation_and_page(run, ends, expected, tm
     assert (output / "path.png").read_bytes().startswith(b"\x89PNG")
     page = (output / "path.html").read_text(encoding="utf-8")
     assert "<p>From body_0.ply to body_1.ply in " in page
-    assert f"no path is shorter than {json.loads(finished.out)['distance']:.4g} m" in page
+    assert f"no path is shorter than {json.loads(finished.out)['distance']:.4g}\u00a0m" in page
     assert (output / "path.glb").read_bytes().startswith(b"glTF")
 
     again = run("geodesic", *ends, *options)
