@@ -190,3 +190,22 @@ def test_an_energy_alone_does_without_its_gradient(monkeypatch):
 
     monkeypatch.setattr(triangles, "add_gradient", fail)
     assert metric.energy(path) == expected
+
+
+def test_gradients_are_those_of_one_path():
+    paths = surfaces(SPACE.template, 6, rng=3).reshape(2, 3, *SPACE.shape)
+    with pytest.raises(ArgumentError, match="path must have shape"):
+        ElasticMetric(SPACE, 1.0, 0.1, 0.3).energy_and_gradient(paths)
+
+
+@pytest.mark.parametrize(
+    ("weights", "unseen"),
+    [
+        ((0.5, 0.1, 0.3), None),
+        ((0.5, 0.1, 0.0), (0.0, 0.0, 1.0)),
+        ((0.0, 0.0, 0.3), (1.0, 1.0, 0.0)),
+    ],
+)
+def test_the_part_of_the_family_that_a_metric_lacks(weights, unseen):
+    found = ElasticMetric(SPACE, *weights).unseen_part
+    assert (found and (found.a, found.lam, found.c)) == unseen
