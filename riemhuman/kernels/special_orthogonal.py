@@ -206,7 +206,9 @@ def _by_newton(matrices: ndarray, found: ndarray, near: ndarray) -> None:
                     largest = max(largest, abs(change))
             if largest < 1e-9:  # quadratic: the rest is rounding
                 break
-        found[t] = x
+        for i in range(3):
+            for j in range(3):
+                found[t, i, j] = x[i, j]
 
 
 @compiled

@@ -109,7 +109,8 @@ def _try_vertices(
                 square = _closest_in_triangle(queries[i], points, faces[t], weights)
                 if square < squares[i]:
                     squares[i], triangles[i] = square, t
-                    barycentric[i] = weights
+                    for corner in range(3):
+                        barycentric[i, corner] = weights[corner]
 
 
 @compiled

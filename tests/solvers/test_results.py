@@ -100,8 +100,8 @@ DEFAULTS = {
     },
     "BasisPath": {**PATH, **DRIFT, **SEARCH, "tolerance": 1e-4},
     "ClosedFormGeodesic": PATH,
-    "DiscreteExponential": {**DESCENT, "n_steps": 10},
-    "DiscreteLogarithm": {**DESCENT, "n_steps": 10},
+    "DiscreteExponential": {**DESCENT, "n_steps": 10, "n_doublings": 1},
+    "DiscreteLogarithm": {**DESCENT, "n_steps": 10, "n_doublings": 1},
     "Disentangling": {
         **SEARCH,
         "shape_weight": 1.0,
