@@ -14,6 +14,7 @@ from riemhuman.checks import one_of, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.space import Space
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import Basis
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
@@ -182,6 +183,7 @@ class BasisMean:
         rows = axes[:, kept].T @ outside / np.sqrt(squares[kept, None])
         return np.concatenate([flat, rows])
 
+    @single_threaded_libraries()
     def _minimize(self, dispersion: Dispersion, family: _Family) -> Minimum:
         """Return the coefficients β of least variance."""
         start = np.zeros(len(family.directions))

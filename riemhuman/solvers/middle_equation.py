@@ -23,6 +23,7 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.drift import centroid
+from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import Basis, MetricOfSurfaces, SpaceWithFields, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.root_finding import find_root
@@ -166,6 +167,7 @@ class MiddleEquation:
     def _regular(self, point: ndarray) -> ndarray:
         return self.metric.space.projection(point)
 
+    @single_threaded_libraries()
     def _solve(
         self,
         triple: Callable[[ndarray], ndarray],
