@@ -47,7 +47,9 @@ def njit(**options: Any) -> Callable[[Function], Any]:
     """
 
     def decorate(function: Function) -> Any:
-        # Without it, every division would look whether to raise.
+        # Without an error model, every division would look whether to raise. Without a value of
+        # fastmath, a function takes that of its first caller: its bits depend on who came first.
+        options.setdefault("fastmath", False)
         compiled = numba.njit(error_model="numpy", **options)(function)
         if compiled is not function:  # numba may be switched off
             try:

@@ -179,7 +179,7 @@ def fill_records(
         _complete(record)
 
 
-@compiled(fastmath=FUSED)
+@compiled(forceinline=True, fastmath=FUSED)
 def _complete(record: ndarray) -> None:
     """Fill what follows from f_u and f_v."""
     u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]
@@ -233,7 +233,7 @@ def add_gradient(
                 gradient[one, i, k] -= at_two + at_three
 
 
-@compiled(fastmath=FUSED)
+@compiled(forceinline=True, fastmath=FUSED)
 def _join(record: ndarray, slope: ndarray) -> None:
     """Add slopes by what follows from f_u and f_v up to slopes by these."""
     u0, u1, u2, v0, v1, v2 = record[0], record[1], record[2], record[3], record[4], record[5]

@@ -450,7 +450,7 @@ def _multiply(one: np.ndarray, other: np.ndarray, product: np.ndarray) -> None:
             product[x, y] = total
 
 
-@compiled(fastmath=SUM)
+@compiled(forceinline=True, fastmath=SUM)
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Return the solution of positive definite equations, by the factors of Cholesky in place."""
     solution = right.copy()

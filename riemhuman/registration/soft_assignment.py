@@ -21,7 +21,7 @@ OUTLIERS = 0.05
 """Share of scan points that may belong to nothing, spread over a cubic metre."""
 
 
-@compiled(fastmath=SUM)
+@compiled(forceinline=True, fastmath=SUM)
 def assign(
     points: np.ndarray,
     normals: np.ndarray,

@@ -286,7 +286,7 @@ def _segments(
     return total
 
 
-@compiled(fastmath=FUSED)
+@compiled(forceinline=True, fastmath=FUSED)
 def _half_planes(record: ndarray, point: ndarray) -> None:
     area, e, m = record[9], record[10], record[11]
     x, y, s = point[0], point[1], point[2]
@@ -294,7 +294,7 @@ def _half_planes(record: ndarray, point: ndarray) -> None:
         x[t], y[t], s[t] = _half_plane(area[t], e[t], m[t])
 
 
-@compiled(fastmath=SUM)
+@compiled(forceinline=True, fastmath=SUM)
 def _segment(
     one: ndarray,
     other: ndarray,
@@ -326,7 +326,7 @@ def _segment(
     return total
 
 
-@compiled(fastmath=FUSED)
+@compiled(forceinline=True, fastmath=FUSED)
 def _add_slopes(record: ndarray, point: ndarray, added: ndarray, slope: ndarray) -> None:
     """Add slopes by x, y and s up to slopes by the area ratio, e and m; at the apex are none."""
     e, x, y, s = record[10], point[0], point[1], point[2]

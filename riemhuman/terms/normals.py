@@ -155,7 +155,7 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
     return total
 
 
-@compiled(fastmath=SUM)
+@compiled(forceinline=True, fastmath=SUM)
 def _segment(
     one: ndarray,
     other: ndarray,

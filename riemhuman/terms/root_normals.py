@@ -80,7 +80,7 @@ def _segments(records: ndarray, slopes: ndarray, areas: ndarray, weight: float) 
 
 
 # Without fused products: the difference of equal roots must be 0.
-@compiled(fastmath={"nsz", "reassoc"})
+@compiled(forceinline=True, fastmath={"nsz", "reassoc"})
 def _segment(
     one: ndarray,
     other: ndarray,

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from riemhuman.kernels.compilation import njit
+from riemhuman.kernels.compiled import FUSED
+
 ROOT = Path(__file__).parents[2]
 
 COMPUTE = """
@@ -76,3 +79,19 @@ def test_a_full_disk_and_damaged_files(package, tmp_path):
         file.write_bytes(file.read_bytes()[:20])
     assert compute(package, NUMBA_CACHE_DIR=str(tmp_path)) == ""
     assert all(len(file.read_bytes()) > 20 for file in kept)
+
+
+def test_functions_compute_alike_whoever_called_them_first():
+    """numba gives what a fast function calls first its fast ways, and keeps this on disk."""
+
+    @njit()
+    def rounding_error(a, b, product):
+        return a * b - product
+
+    @njit(fastmath=FUSED)
+    def caller(a, b, product):
+        return rounding_error(a, b, product)
+
+    a, b = 1.0 + 2.0**-30, 1.0 + 2.0**-29
+    assert caller(a, b, a * b) == 0.0
+    assert rounding_error(a, b, a * b) == 0.0

@@ -1,5 +1,7 @@
 """A file of a network is data: what does not fit is refused by name."""
 
+import zipfile
+
 import numpy as np
 import pytest
 
@@ -24,7 +26,16 @@ def test_shipped_files_are_small_and_written_again_the_same(name, tmp_path):
     assert file.stat().st_size <= 2e6
     codes = KINDS[name].load(file)
     codes.save(tmp_path / "again.npz")
-    assert (tmp_path / "again.npz").read_bytes() == file.read_bytes()
+    assert entries(tmp_path / "again.npz") == entries(file)
+
+
+def entries(file):
+    """Return what a file holds, bit by bit; Python 3.11.4 writes other headers than 3.11.3."""
+    with zipfile.ZipFile(file) as archive:
+        return [
+            (entry.filename, entry.date_time, entry.compress_size, archive.read(entry))
+            for entry in archive.infolist()
+        ]
 
 
 def nan(array):
