@@ -27,7 +27,6 @@ gc.disable()
 
 def pytest_collection_finish(session):
     gc.enable()
-    gc.freeze()
 
 
 def pytest_collection_modifyitems(config, items):
