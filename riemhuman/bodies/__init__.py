@@ -7,6 +7,7 @@ from riemhuman.bodies.model_conversion import ConvertedFit, convert
 from riemhuman.bodies.model_families import ModelContents
 from riemhuman.bodies.model_files import model_contents
 from riemhuman.bodies.model_fit import ModelFit
+from riemhuman.bodies.skinned_model import SkinnedModel
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "ConvertedFit",
     "ModelContents",
     "ModelFit",
+    "SkinnedModel",
     "convert",
     "convert_model",
     "fit_model",

@@ -3,31 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from functools import cached_property
 from typing import Any
 
-import autograd.numpy as np
-import numpy as onp
+import numpy as np
 from numpy.typing import DTypeLike
 
-from riemhuman.bodies.joint_tree import joint_parents, root_first
-from riemhuman.bodies.model_checks import (
-    check_sums,
-    check_weights,
-    names_of_joints,
-    precision,
-)
+from riemhuman.bodies.fitting import fit_model
+from riemhuman.bodies.model_checks import precision
 from riemhuman.bodies.model_files import read_model_fields, write_model_fields
 from riemhuman.bodies.model_fit import ModelFit
-from riemhuman.bodies.skinning import chained_motions, skinned
-from riemhuman.checks import real_array
+from riemhuman.bodies.skinned_model import SkinnedModel
+from riemhuman.docstrings import inherit_parameters
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
-from riemhuman.kernels.rotations import rotation_matrix
-from riemhuman.surfaces.template import Template
 
 
-class BodyModel:
+class BodyModel(SkinnedModel):
     """A parametric body: shape coefficients, joint rotations and a translation make a surface.
 
     The model of Loper, Mahmood, Romero, Pons-Moll and Black, "SMPL: A Skinned Multi-Person
@@ -40,29 +30,6 @@ class BodyModel:
     forward; so at rest a positive turn about x bends the trunk forward and swings a hanging
     limb backward, one about y turns the front to the body's left, and one about z raises the
     left arm sideways and lowers the right one.
-
-    Parameters
-    ----------
-    v_template : array_like, shape (V, 3)
-        Mean body in the rest pose, metres.
-    faces : array_like of int, shape (F, 3)
-        Triangles.
-    shapedirs : array_like, shape (V, 3, B)
-        Displacement of each vertex for one unit of each shape coefficient.
-    joint_regressor : array_like, shape (J, V)
-        Joints as combinations of vertices.
-    weights : array_like, shape (V, J)
-        Skinning weights: not negative, each row sums to one.
-    kintree_table : array_like of int, shape (2, J)
-        Row 1 numbers the joints, row 0 holds the number of each joint's parent; the root's
-        parent is -1 or 2**32 - 1.
-    posedirs : array_like, shape (V, 3, 9 (J - 1)), optional
-        Displacement for each entry of R - I of the joints other than the root.
-    joint_names : sequence of str, optional
-        Names of the joints; by default "joint_0", "joint_1", and so on.
-    dtype : data type
-        Precision of surfaces and joints, float64 or float32: half the memory. The model itself
-        is kept in double precision.
 
     Raises
     ------
@@ -81,54 +48,13 @@ class BodyModel:
     (1202, 3)
     """
 
-    def __init__(
-        self,
-        v_template: Any,
-        faces: Any,
-        shapedirs: Any,
-        joint_regressor: Any,
-        weights: Any,
-        kintree_table: Any,
-        *,
-        posedirs: Any = None,
-        joint_names: Sequence[str] | None = None,
-        dtype: DTypeLike = onp.float64,
-    ) -> None:
-        self._dtype = precision(dtype)
-        v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
-        n_vertices = len(v_template)
-        self._template = Template(v_template, faces)
-        self._shapedirs = _frozen(
-            real_array(shapedirs, "shapedirs", (n_vertices, 3, "B"), batched=False)
-        )
-        self._joint_regressor = _frozen(
-            real_array(joint_regressor, "J_regressor", ("J", n_vertices), batched=False)
-        )
-        n_joints = len(self._joint_regressor)
-        self._weights = _frozen(
-            real_array(weights, "weights", (n_vertices, n_joints), batched=False)
-        )
-        self._parents = _frozen(joint_parents(kintree_table, n_joints))
-        self._order = root_first(self._parents)
-        self._posedirs = None
-        if posedirs is not None:
-            shape = (n_vertices, 3, 9 * (n_joints - 1))
-            self._posedirs = _frozen(real_array(posedirs, "posedirs", shape, batched=False))
-        self._joint_names = names_of_joints(joint_names, n_joints)
-        self._rest, self._regressor, self._blend = (
-            array.astype(self._dtype, copy=False)
-            for array in (self._template.vertices, self._joint_regressor, self._weights)
-        )
-        check_sums(self._joint_regressor, "J_regressor")
-        check_weights(self._weights)
-
     @classmethod
     def from_file(
         cls,
         path: str | os.PathLike[str],
         *,
         n_betas: int | None = None,
-        dtype: DTypeLike = onp.float64,
+        dtype: DTypeLike = np.float64,
     ) -> BodyModel:
         """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
 
@@ -191,152 +117,20 @@ class BodyModel:
         FileError
             If the file cannot be written.
         """
-        real = onp.float32 if single_precision else onp.float64
-        kintree_table = onp.stack([self._parents, onp.arange(self.n_joints)])
+        real = np.float32 if single_precision else np.float64
+        kintree_table = np.stack([self._parents, np.arange(self.n_joints)])
         fields: dict[str, Any] = {
             "v_template": self._template.vertices.astype(real),
-            "faces": self.faces.astype(onp.int32),
+            "faces": self.faces.astype(np.int32),
             "shapedirs": self._shapedirs.astype(real),
             "joint_regressor": self._joint_regressor.astype(real),
             "weights": self._weights.astype(real),
-            "kintree_table": kintree_table.astype(onp.int32),
-            "joint_names": onp.array(self._joint_names),
+            "kintree_table": kintree_table.astype(np.int32),
+            "joint_names": np.array(self._joint_names),
         }
         if self._posedirs is not None:
             fields["posedirs"] = self._posedirs.astype(real)
         write_model_fields(path, fields)
-
-    @property
-    def template(self) -> Template:
-        """The mean body in the rest pose, a `Template`."""
-        return self._template
-
-    @property
-    def faces(self) -> onp.ndarray:
-        """Triangles, shape (F, 3)."""
-        return self._template.faces
-
-    @property
-    def shapedirs(self) -> onp.ndarray:
-        """Displacements for each shape coefficient, shape (V, 3, B)."""
-        return self._shapedirs
-
-    @property
-    def joint_regressor(self) -> onp.ndarray:
-        """Joints as combinations of vertices, shape (J, V)."""
-        return self._joint_regressor
-
-    @property
-    def weights(self) -> onp.ndarray:
-        """Skinning weights, shape (V, J)."""
-        return self._weights
-
-    @property
-    def parents(self) -> onp.ndarray:
-        """Number of each joint's parent, -1 for the root; shape (J,)."""
-        return self._parents
-
-    @property
-    def posedirs(self) -> onp.ndarray | None:
-        """Pose-dependent displacements, shape (V, 3, 9 (J - 1)), or None."""
-        return self._posedirs
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Names of the joints."""
-        return self._joint_names
-
-    @property
-    def dtype(self) -> onp.dtype[Any]:
-        """Precision of surfaces and joints."""
-        return self._dtype
-
-    @property
-    def n_vertices(self) -> int:
-        """Number of vertices V."""
-        return self._template.n_vertices
-
-    @property
-    def n_joints(self) -> int:
-        """Number of joints J."""
-        return len(self._parents)
-
-    @property
-    def n_betas(self) -> int:
-        """Number of shape coefficients B."""
-        return self._shapedirs.shape[-1]
-
-    def __repr__(self) -> str:
-        return (
-            f"<BodyModel: {self.n_joints} joints, {self.n_betas} shape coefficients, "
-            f"{self.n_vertices:,} vertices>"
-        )
-
-    def __call__(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
-        """Return the surfaces with these shapes, poses and translations.
-
-        Leading axes of the arguments broadcast; differentiable with autograd in all three.
-        Loper et al. 2015, equations 2 to 10.
-
-        Parameters
-        ----------
-        betas : array_like, shape (..., B), optional
-            Shape coefficients; zero by default.
-        pose : array_like, shape (..., J, 3) or (..., 3 J), optional
-            Axis-angle rotation of each joint, radians; zero by default.
-        trans : array_like, shape (..., 3), optional
-            Translation in metres; zero by default.
-
-        Returns
-        -------
-        points : array, shape (..., V, 3)
-            Surfaces, metres.
-
-        Raises
-        ------
-        ArgumentError
-            If an argument has the wrong shape or is not finite.
-        """
-        surface = self._shaped(betas)
-        joints = self._joints_of(surface)
-        if pose is not None:
-            rotations = self._rotations(pose)
-            if self._posedirs is not None:
-                surface = surface + self._pose_offsets(rotations)
-            turns, places = chained_motions(joints, rotations, self._parents, self._order)
-            surface = skinned(surface, self._blend, joints, turns, places)
-        return self._translated(surface, trans)
-
-    def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
-        """Return the joints with these shapes, poses and translations.
-
-        Arguments as for the model itself; without a pose, the joints in the rest pose:
-        J(β) of Loper et al. 2015, equation 10.
-
-        Parameters
-        ----------
-        betas : array_like, shape (..., B), optional
-            Shape coefficients; zero by default.
-        pose : array_like, shape (..., J, 3) or (..., 3 J), optional
-            Axis-angle rotation of each joint, radians; zero by default.
-        trans : array_like, shape (..., 3), optional
-            Translation in metres; zero by default.
-
-        Returns
-        -------
-        joints : array, shape (..., J, 3)
-            Joint positions, metres.
-
-        Raises
-        ------
-        ArgumentError
-            If an argument has the wrong shape or is not finite.
-        """
-        joints = self._joints_of(self._shaped(betas))
-        if pose is not None:
-            rotations = self._rotations(pose)
-            _, joints = chained_motions(joints, rotations, self._parents, self._order)
-        return self._translated(joints, trans)
 
     def fit(self, points: Any, **options: Any) -> ModelFit:
         """Fit shapes, poses and translations to surfaces.
@@ -364,63 +158,7 @@ class BodyModel:
         ArgumentError
             If an argument has the wrong shape or is out of its range.
         """
-        from riemhuman.bodies.fitting import fit_model
-
         return fit_model(self, points, **options)
 
-    def _shaped(self, betas: Any) -> Any:
-        if betas is None:
-            return self._rest
-        betas = self._rounded(real_array(betas, "betas", (self.n_betas,)))
-        offsets = np.dot(betas, self._shape_matrix)
-        return self._rest + np.reshape(offsets, (*np.shape(betas)[:-1], *self._rest.shape))
 
-    def _joints_of(self, surface: Any) -> Any:
-        return np.matmul(self._regressor, surface)
-
-    def _rounded(self, array: Any) -> Any:
-        return array.astype(self._dtype, copy=False)
-
-    def _rotations(self, pose: Any) -> Any:
-        return self._rounded(rotation_matrix(self._joint_vectors(pose)))
-
-    def _joint_vectors(self, pose: Any) -> Any:
-        pose = real_array(pose, "pose")
-        shape = np.shape(pose)
-        if shape[-2:] == (self.n_joints, 3):
-            return pose
-        if shape[-1:] == (3 * self.n_joints,):
-            return np.reshape(pose, (*shape[:-1], self.n_joints, 3))
-        raise ArgumentError(
-            f"pose must have shape (..., {self.n_joints}, 3) or (..., {3 * self.n_joints}); "
-            f"found {shape}"
-        )
-
-    def _pose_offsets(self, rotations: Any) -> Any:
-        limbs = onp.flatnonzero(self._parents >= 0)
-        feature = rotations[..., limbs, :, :] - np.eye(3, dtype=self._dtype)
-        feature = np.reshape(feature, (*np.shape(feature)[:-3], 9 * len(limbs)))
-        offsets = np.dot(feature, self._pose_matrix)
-        return np.reshape(offsets, (*np.shape(feature)[:-1], self.n_vertices, 3))
-
-    def _translated(self, points: Any, trans: Any) -> Any:
-        if trans is None:
-            return points
-        return points + self._rounded(real_array(trans, "trans", (3,)))[..., None, :]
-
-    @cached_property
-    def _shape_matrix(self) -> onp.ndarray:
-        matrix = self._shapedirs.reshape(-1, self.n_betas).T
-        return onp.ascontiguousarray(matrix, dtype=self._dtype)
-
-    @cached_property
-    def _pose_matrix(self) -> onp.ndarray:
-        assert self._posedirs is not None, "asked for where there are posedirs only"
-        matrix = self._posedirs.reshape(3 * self.n_vertices, -1).T
-        return onp.ascontiguousarray(matrix, dtype=self._dtype)
-
-
-def _frozen(array: onp.ndarray) -> onp.ndarray:
-    array = onp.array(array)
-    array.flags.writeable = False
-    return array
+inherit_parameters(BodyModel)

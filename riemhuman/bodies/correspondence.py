@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 
+from riemhuman.bodies.skinned_model import SkinnedModel
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
-    from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.template import Template
 
 _SUM_TOLERANCE = 1e-6
 
 
-def combination_of_vertices(model: BodyModel | Template, correspondence: Any) -> sparse.csr_array:
+def combination_of_vertices(
+    model: SkinnedModel | Template, correspondence: Any
+) -> sparse.csr_array:
     """Return the points of a correspondence as combinations of a model's vertices.
 
     Parameters
     ----------
-    model : BodyModel or Template
+    model : SkinnedModel or Template
         The model, or any mesh.
     correspondence : array_like of int, pair, or sparse matrix, optional
         Numbers of vertices, shape (n_points,); or a pair of numbers of triangles, shape

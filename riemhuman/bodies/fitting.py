@@ -9,7 +9,7 @@ only patch by patch, and most patches hang on few joints.
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -24,13 +24,11 @@ from riemhuman.bodies.fitting_equations import (
 )
 from riemhuman.bodies.joint_motions import Posture, Skeleton
 from riemhuman.bodies.model_fit import ModelFit
+from riemhuman.bodies.skinned_model import SkinnedModel
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.units import refuse_other_scale
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
 
 LOSSES = ("squared", "huber", "geman-mcclure")
 
@@ -48,7 +46,7 @@ _REMEDY = "a fit is in the unit of the model"
 
 
 def fit_model(
-    model: BodyModel,
+    model: SkinnedModel,
     points: Any,
     *,
     correspondence: Any = None,
@@ -183,7 +181,7 @@ class _Fitter:
 
     def __init__(
         self,
-        model: BodyModel,
+        model: SkinnedModel,
         combine: sparse.csr_array,
         shares: np.ndarray,
         losses: tuple[Loss, ...],

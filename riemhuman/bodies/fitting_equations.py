@@ -13,15 +13,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
 
 from riemhuman.bodies.joint_motions import JointMotions, Posture, Skeleton
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
+from riemhuman.bodies.skinned_model import SkinnedModel
 
 # Points taken together: their derivatives stay in the processor's cache, and most patches hang on
 # few joints, so that most columns are left out.
@@ -118,7 +116,7 @@ class Equations:
 
     def __init__(
         self,
-        model: BodyModel,
+        model: SkinnedModel,
         skeleton: Skeleton,
         combine: sparse.csr_array,
         shares: np.ndarray,
@@ -270,7 +268,7 @@ def by_main_joint(skeleton: Skeleton, weights: np.ndarray) -> list[np.ndarray]:
 
 
 def _patch(
-    model: BodyModel, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray
+    model: SkinnedModel, skeleton: Skeleton, combine: sparse.csr_array, numbers: np.ndarray
 ) -> _Patch:
     rows = combine[numbers]
     vertices = np.unique(rows.indices)

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from riemhuman.bodies.joint_tree import root_first
+from riemhuman.bodies.skinned_model import SkinnedModel
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
 
 # _CROSS_WITH_AXES[c] @ x is the cross product of the axis c with x.
 _CROSS_WITH_AXES = np.cross(np.eye(3)[:, np.newaxis], np.eye(3)).transpose(0, 2, 1)
@@ -66,7 +63,7 @@ class Skeleton:
         The model.
     """
 
-    def __init__(self, model: BodyModel) -> None:
+    def __init__(self, model: SkinnedModel) -> None:
         self.parents = model.parents
         self.order = root_first(model.parents)
         self.rest_joints = model.joint_regressor @ model.template.vertices

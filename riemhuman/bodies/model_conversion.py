@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from riemhuman.bodies.body_model import BodyModel
 from riemhuman.bodies.fitting import fit_model
 from riemhuman.bodies.model_fit import ModelFit
-
-if TYPE_CHECKING:
-    from riemhuman.bodies.body_model import BodyModel
 
 
 @dataclass(frozen=True, eq=False)

@@ -276,7 +276,7 @@ MUTANTS = [
         "surfaces/test_mesh_files.py -k negative_indices",
     ),
     Mutant(
-        "bodies/body_model.py",
+        "bodies/skinned_model.py",
         "        limbs = onp.flatnonzero(self._parents >= 0)\n        feature",
         "        limbs = onp.arange(1, self.n_joints)\n        feature",
         "bodies/test_body_model.py -k written_out",
