@@ -1,14 +1,79 @@
-"""Sparse triangular systems in 3 x 3 blocks, for many right sides at once.
+"""Elimination of sparse symmetric matrices in 3 x 3 blocks, A = L D Lᵀ, and of many right sides.
 
 The coordinates of a vertex stand together, and so do the right sides: one block of the matrix meets
-contiguous numbers.
+contiguous numbers. Which blocks of L are not 0 is told by `riemhuman.kernels.elimination`.
 """
 
 from __future__ import annotations
 
+import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import FUSED, compiled
+
+
+@compiled(fastmath=FUSED)
+def eliminate(
+    ends: ndarray,
+    rows: ndarray,
+    columns: ndarray,
+    row_ends: ndarray,
+    by_row: ndarray,
+    blocks: ndarray,
+    pivots: ndarray,
+) -> None:
+    """Replace the lower triangle of A by L, column by column of blocks, each from those before it.
+
+    Parameters
+    ----------
+    ends, rows : array of int
+        Where the blocks of L are, see `solve_lower`; rows increase within a column.
+    columns : array of int, shape (m,)
+        Columns of the blocks.
+    row_ends : array of int, shape (n + 1,)
+        Where the blocks of each row of blocks begin in `by_row`, and where the last ends.
+    by_row : array of int, shape (m,)
+        Numbers of the blocks of one row after the other, the one on the diagonal last.
+    blocks : array, shape (m, 9)
+        Transposed blocks of A, overwritten with those of L, whose diagonal is 1.
+    pivots : array, shape (n, 3)
+        Filled with the diagonal of D.
+    """
+    n = len(pivots)
+    work = np.zeros((n, 9))
+    for j in range(n):
+        first, last = ends[j], ends[j + 1]
+        for p in range(first, last):
+            for c in range(9):
+                work[rows[p], c] = blocks[p, c]
+        for s in range(row_ends[j], row_ends[j + 1] - 1):
+            q = by_row[s]
+            k = columns[q]
+            d0, d1, d2 = pivots[k, 0], pivots[k, 1], pivots[k, 2]
+            a0, a1, a2 = d0 * blocks[q, 0], d0 * blocks[q, 1], d0 * blocks[q, 2]
+            b0, b1, b2 = d1 * blocks[q, 3], d1 * blocks[q, 4], d1 * blocks[q, 5]
+            c0, c1, c2 = d2 * blocks[q, 6], d2 * blocks[q, 7], d2 * blocks[q, 8]
+            for p in range(q, ends[k + 1]):
+                i = rows[p]
+                for r in range(3):
+                    x, y, z = blocks[p, r], blocks[p, 3 + r], blocks[p, 6 + r]
+                    work[i, r] -= x * a0 + y * b0 + z * c0
+                    work[i, 3 + r] -= x * a1 + y * b1 + z * c1
+                    work[i, 6 + r] -= x * a2 + y * b2 + z * c2
+        d0 = work[j, 0]
+        low, corner = work[j, 1] / d0, work[j, 2] / d0
+        d1 = work[j, 4] - low * work[j, 1]
+        last_of_three = (work[j, 5] - low * work[j, 2]) / d1
+        d2 = work[j, 8] - corner * work[j, 2] - last_of_three * last_of_three * d1
+        pivots[j, 0], pivots[j, 1], pivots[j, 2] = d0, d1, d2
+        blocks[first, 1], blocks[first, 2], blocks[first, 5] = low, corner, last_of_three
+        for p in range(first + 1, last):
+            i = rows[p]
+            for r in range(3):
+                x = work[i, r]
+                y = work[i, 3 + r] - low * x
+                z = work[i, 6 + r] - corner * x - last_of_three * y
+                blocks[p, r], blocks[p, 3 + r], blocks[p, 6 + r] = x / d0, y / d1, z / d2
 
 
 @compiled(fastmath=FUSED)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import math
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.block_triangles import solve_lower, solve_upper
+from riemhuman.kernels.block_triangles import eliminate, solve_lower, solve_upper
+from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
@@ -29,6 +28,7 @@ _N_PROBES = 3
 
 # Entries that are eliminated together, the coordinates of a vertex.
 _BLOCK = 3
+_ON_DIAGONAL = np.array([0, 4, 8])
 
 # Points of at most so many coordinates are one block.
 _LARGEST_BLOCK = 16
@@ -49,21 +49,21 @@ class SparseCholeskyFactor(CholeskyFactor):
         diagonal = matrix.diagonal()
         size = diagonal.mean()
         added = ridge * (diagonal + (size if size > 0 else 1.0))
-        ridged = sparse.csr_array(matrix + sparse.diags_array(added))
-        order = _elimination_order(ridged)
-        # Without row exchanges A = LU has U = D Lᵀ: elimination for a symmetric matrix.
-        elimination = splu(
-            sparse.csc_array(ridged[order][:, order]),
-            permc_spec="NATURAL",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
+        blocks = sparse.csr_array(matrix).tobsr((_BLOCK, _BLOCK))
+        found = elimination_of(blocks)
+        self._order = (_BLOCK * found.order[:, None] + np.arange(_BLOCK)).ravel()
+        lower = np.zeros((len(found.rows), _BLOCK**2))
+        lower[found.targets] = blocks.data.reshape(-1, _BLOCK**2)[found.sources]
+        lower[found.ends[:-1, None], _ON_DIAGONAL] += added[self._order].reshape(-1, _BLOCK)
+        pivots = np.empty((len(found.order), _BLOCK))
+        eliminate(
+            found.ends, found.rows, found.columns, found.row_ends, found.by_row, lower, pivots
         )
-        self._order = order[np.argsort(elimination.perm_r)]
-        self._squared_scale = elimination.U.diagonal()[:, None]
+        if not np.all(pivots > 0.0):
+            raise np.linalg.LinAlgError("the matrix is not positive definite, or not finite")
+        self._lower = found.ends, found.rows, lower
+        self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
-        transposed = elimination.L.T.tobsr((_BLOCK, _BLOCK))
-        transposed.sort_indices()
-        self._lower = transposed.indptr, transposed.indices, transposed.data.reshape(-1, _BLOCK**2)
 
     def inverse(self, columns: ndarray) -> ndarray:
         """Return A⁻¹ X.
@@ -169,31 +169,6 @@ class BlockCholeskyFactor(CholeskyFactor):
     def _apply(blocks: ndarray, columns: ndarray) -> ndarray:
         m, k, _ = blocks.shape
         return (blocks @ columns.reshape(m, k, *columns.shape[1:])).reshape(columns.shape)
-
-
-def _elimination_order(matrix: sparse.csr_array) -> ndarray:
-    """Return an order of rows that leaves few entries, blocks whole."""
-    pattern = matrix.tobsr((_BLOCK, _BLOCK))
-    numbers = (pattern.indptr, pattern.indices)
-    blocks = _order_of_blocks(*(some.astype(np.int64).tobytes() for some in numbers))
-    return (_BLOCK * blocks[:, None] + np.arange(_BLOCK)).ravel()
-
-
-@lru_cache(maxsize=4)
-def _order_of_blocks(row_ends: bytes, columns: bytes) -> ndarray:
-    """Return the order of minimum degree, which depends on the pattern alone."""
-    ends, indices = (np.frombuffer(numbers, dtype=np.int64) for numbers in (row_ends, columns))
-    size = len(ends) - 1
-    pattern = sparse.csr_array((np.ones(len(indices)), indices, ends), shape=(size, size))
-    # Any matrix of this pattern that can be eliminated.
-    matrix = pattern + sparse.diags_array(np.diff(ends).astype(float))
-    elimination = splu(
-        sparse.csc_array(matrix),
-        permc_spec="MMD_AT_PLUS_A",
-        diag_pivot_thresh=0.0,
-        options={"SymmetricMode": True},
-    )
-    return np.argsort(elimination.perm_c)
 
 
 def spatial_factor(

@@ -64,6 +64,20 @@ def test_singular_matrices_get_a_ridge(scale):
     check_transposed(BlockCholeskyFactor(matrix.toarray().reshape(1, 6, 6)), 6)
 
 
+def test_entries_that_are_not_stored_get_a_ridge():
+    check_transposed(SparseCholeskyFactor(sparse.csr_array((6, 6))), 6)
+    dense = np.diag([2.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    check_transposed(SparseCholeskyFactor(sparse.csr_array(dense)), 6)
+
+
+@pytest.mark.parametrize("entry", [-1.0, np.nan, np.inf])
+def test_indefinite_matrices_are_refused(entry):
+    dense = np.ones((6, 6)) + np.eye(6)
+    dense[4, 4] = entry
+    with pytest.raises(np.linalg.LinAlgError, match="not positive definite, or not finite"):
+        SparseCholeskyFactor(sparse.csr_array(dense))
+
+
 @pytest.mark.parametrize("name", ["all sphere", "stretch open", "srnf triangle"])
 def test_surface_metrics_give_their_matrix(name):
     """In the directions that the metric sees, the factor makes it the identity."""
