@@ -26,11 +26,11 @@ class ProjectedAreas(Record):
     Attributes
     ----------
     values : array, shape (n_radii, n_x, n_y, n_z)
-        Values of every radius: 1 at the centre of a sphere of that radius.
+        Transform for each radius: 1 at the centre of a sphere of that radius.
     inside : array of bool, shape (n_x, n_y, n_z)
-        Voxels that the surface encloses.
+        Whether the surface encloses each voxel.
     grid : VoxelGrid
-        Where the voxels are.
+        Positions of the voxels.
 
     Examples
     --------
@@ -51,11 +51,11 @@ class ProjectedAreas(Record):
 class AreaProjectionTransform(Descriptor):
     r"""Histograms of the multiscale area projection transform [1]_.
 
-    Every point of the surface moves by a radius R along its inner normal. The transform of a
-    place is the area of the surface that arrives within a distance σ = cR of it, divided by
+    Every point of the surface moves by a radius R along its inner normal. The transform at a place
+    is the area of the surface that arrives within a distance σ = cR of it, divided by
     :math:`4\pi R^2`: 1 at the centre of a sphere of radius R, about c on the axis of a cylinder.
-    The descriptor is the histogram of the values of all voxels that the surface encloses, one for
-    each radius. The surface may have holes; its triangles must be oriented alike.
+    For each radius, the descriptor has a histogram of the values at all voxels that the surface
+    encloses. The surface may have holes; its triangles must have a consistent orientation.
 
     Parameters
     ----------
@@ -68,11 +68,11 @@ class AreaProjectionTransform(Descriptor):
     n_bins : int
         Number of bins of a histogram, of equal width.
     largest : float
-        Upper end of the last bin, which also takes what lies beyond.
+        Upper end of the last bin, which also counts larger values.
     normalization : {"none", "volume"}
         Whether a histogram counts cubic metres of the body, or shares of its volume.
     distance : {"jeffrey", "l1"}
-        Between histograms p and q: the Jeffrey divergence [2]_
+        Distance of histograms p and q: the Jeffrey divergence [2]_
         :math:`\sum p \log(p/m) + q \log(q/m)` with m = (p + q) / 2, or the sum of absolute
         differences.
 
@@ -81,7 +81,7 @@ class AreaProjectionTransform(Descriptor):
     ArgumentTypeError
         If a parameter is of the wrong type.
     ArgumentError
-        If a number is out of range, or there is no such normalisation or distance.
+        If a number is out of range, or a normalisation or distance is unknown.
 
     References
     ----------
@@ -164,17 +164,10 @@ class AreaProjectionTransform(Descriptor):
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the histograms of the transform of one surface.
 
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
-        faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
-
         Returns
         -------
         array, shape (n_radii * n_bins,)
-            One histogram after the other, each with the volume of the body, or 1, as its sum.
+            One histogram after the other; each sums to the volume of the body, or to 1.
 
         Raises
         ------
@@ -188,8 +181,8 @@ class AreaProjectionTransform(Descriptor):
         found = self.transform(vertices, faces)
         if not found.inside.any():
             raise DegenerateSurfaceError(
-                f"the mesh encloses no voxel of side {self.voxel_size:g} m; it must be closed but "
-                "for small holes, its triangles oriented alike, and larger than that"
+                f"the mesh encloses no voxel of side {self.voxel_size:g} m; it must be larger than "
+                "that, closed except for small holes, and have a consistent orientation"
             )
         values = found.values[:, found.inside]
         bins = np.clip(values * (self.n_bins / self.largest), 0, self.n_bins - 1).astype(np.int64)
@@ -200,18 +193,6 @@ class AreaProjectionTransform(Descriptor):
         return counts / values.shape[1]
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
-        """Return all distances within a set of histograms.
-
-        Parameters
-        ----------
-        vectors : array_like, shape (n, d)
-            Histograms of `describe`, one set a row.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-        """
         return pairwise(vectors, _jeffrey if self.distance == "jeffrey" else "cityblock")
 
     def _refuse_large_grid(self, points: np.ndarray, reach: float) -> None:
@@ -220,18 +201,18 @@ class AreaProjectionTransform(Descriptor):
         if n_voxels > _MAX_VOXELS:
             raise ArgumentError(
                 f"a grid of voxels of {self.voxel_size:g} m around a mesh of "
-                f"{' by '.join(f'{side:.3g}' for side in extent)} m has {n_voxels:.3g} of them, "
-                f"the limit is {_MAX_VOXELS:.0e}; is the mesh in metres?"
+                f"{' by '.join(f'{side:.3g}' for side in extent)} m has {n_voxels:.3g} voxels; the "
+                f"limit is {_MAX_VOXELS:.0e}. Is the mesh in metres?"
             )
 
 
 def _samples(
     points: np.ndarray, faces: np.ndarray, spacing: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Spread points over triangles, with unit normals and the area around each.
+    """Spread points over triangles; return them with unit normals and the area of each.
 
-    Normals are interpolated from the vertices: those of the triangles would tear the parallel
-    surface apart along the edges.
+    Normals are interpolated from the vertices: with normals of triangles, the parallel surface
+    would have gaps along the edges.
     """
     corners = points[faces]
     opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
@@ -245,7 +226,7 @@ def _samples(
     )
     normals = _unit(normals)
 
-    # The corner across from the longest side comes first: slivers are cut along, not across.
+    # The corner opposite the longest side comes first: slivers are cut along their length.
     lengths = np.linalg.norm(opposite, axis=2)
     apex = lengths.argmax(axis=1)
     faces = np.take_along_axis(faces, (apex[:, np.newaxis] + np.arange(3)) % 3, axis=1)
@@ -269,7 +250,7 @@ def _samples(
 
 
 def _centers_of_cells(n_along: int, n_across: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return barycentric coordinates of points spread over a triangle, and each one's share.
+    """Return barycentric coordinates of points spread over a triangle, and their area shares.
 
     Rows run parallel to the side between the second and the third corner.
     """
@@ -286,7 +267,7 @@ def _unit(vectors: np.ndarray) -> np.ndarray:
 
 
 def _deposit(places: np.ndarray, areas: np.ndarray, grid: VoxelGrid) -> np.ndarray:
-    """Sum areas over the voxels they arrive in; what leaves the grid is lost."""
+    """Sum areas over the voxels where they arrive; areas outside the grid are dropped."""
     index = np.rint((places - grid.origin) / grid.spacing).astype(np.int64)
     kept = ((index >= 0) & (index < grid.shape)).all(axis=1)
     cell = np.ravel_multi_index(tuple(index[kept].T), grid.shape)
@@ -294,10 +275,10 @@ def _deposit(places: np.ndarray, areas: np.ndarray, grid: VoxelGrid) -> np.ndarr
 
 
 def _ball_sums(values: np.ndarray, radius: float) -> np.ndarray:
-    """Sum values over the ball around every voxel, of a radius in voxels.
+    """Sum values over the ball around every voxel, with the radius in voxels.
 
-    Voxels on the rim count by the part of them that lies in the ball, to first order. Single
-    precision is far more than the size of a voxel is worth.
+    Voxels on the rim count by their share inside the ball, to first order. Single precision is
+    enough, since the size of the voxels limits the accuracy.
     """
     half = int(np.ceil(radius + 0.5))
     offsets = np.arange(-half, half + 1)

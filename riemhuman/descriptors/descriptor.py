@@ -1,4 +1,4 @@
-"""The base class of descriptors: a mesh becomes a vector, and vectors are compared."""
+"""The base class of descriptors: vectors that represent meshes, and their distances."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import real_array
+from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.representation import constructed
@@ -21,8 +22,8 @@ Mesh = tuple[ArrayLike, ArrayLike]
 class Descriptor(ABC):
     """A vector that represents a surface, with a distance between such vectors.
 
-    Subclasses are frozen records of parameters. They define `describe`, and `distances` where the
-    Euclidean distance is not theirs.
+    Subclasses are frozen dataclasses of parameters. They define `describe`, and `distances` if the
+    distance is not Euclidean.
 
     Examples
     --------
@@ -37,8 +38,12 @@ class Descriptor(ABC):
     (3, 3)
     """
 
-    # Whether threads share the work, or only wait for each other.
+    # Whether threads make `describe_all` faster.
     _in_threads = True
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        inherit_sections(cls)
 
     def __repr__(self) -> str:
         return constructed(self)
@@ -65,11 +70,11 @@ class Descriptor(ABC):
         Parameters
         ----------
         bodies : object or iterable of (vertices, faces)
-            Registered surfaces with the fields ``points`` and ``template``, or meshes. A sequence
-            of meshes, such as `riemhuman.datasets.LabelledMeshes`, is read one at a time.
+            Registered surfaces with the fields ``points`` and ``template``, or meshes. Meshes of a
+            sequence, such as `riemhuman.datasets.LabelledMeshes`, are read one at a time.
         n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one. Spectra are computed one at a
-            time in any case.
+            Number of threads, -1 for one per core; by default one. Spectra are always computed one
+            at a time.
 
         Returns
         -------
@@ -82,7 +87,7 @@ class Descriptor(ABC):
         ArgumentError
             If there is no surface.
         RiemhumanError
-            If a surface cannot be described; the message says which.
+            If a surface cannot be described; the message gives its number.
         """
         count, mesh = meshes_of(bodies)
 
@@ -101,7 +106,7 @@ class Descriptor(ABC):
         Parameters
         ----------
         vectors : array_like, shape (n, d)
-            Vectors of `describe`, one a row.
+            Vectors of `describe`, one per row.
 
         Returns
         -------
@@ -117,9 +122,9 @@ def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarr
     Parameters
     ----------
     vectors : array_like, shape (n, d)
-        Vectors, one a row.
+        Vectors, one per row.
     metric : str or callable
-        A distance that `scipy.spatial.distance.pdist` knows.
+        A distance for `scipy.spatial.distance.pdist`.
 
     Returns
     -------
@@ -131,7 +136,7 @@ def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarr
     ArgumentTypeError
         If the vectors are not real numbers.
     ArgumentError
-        If they are not the rows of a matrix, or not finite.
+        If the vectors are not a matrix of finite numbers.
     """
     rows = real_array(vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
     if len(rows) < 2:
@@ -140,7 +145,7 @@ def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarr
 
 
 def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
-    """Return how many meshes there are, and a function that gives one by its index.
+    """Return the number of meshes, and a function that returns a mesh by its index.
 
     Parameters
     ----------
@@ -151,18 +156,18 @@ def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
     -------
     count : int
     mesh : callable
-        Takes an index to vertices and faces.
+        Takes an index; returns vertices and faces.
 
     Raises
     ------
     ArgumentTypeError
-        If it is neither.
+        If `bodies` is neither.
     ArgumentError
-        If there is none.
+        If there is no surface.
     """
     if hasattr(bodies, "points") and hasattr(bodies, "template"):
         return len(bodies.points), lambda index: (bodies.points[index], bodies.template.faces)
-    if not isinstance(bodies, Iterable):
+    if not (isinstance(bodies, Iterable) or hasattr(bodies, "__getitem__")):
         raise ArgumentTypeError(
             "bodies must be registered surfaces (with points and a template) or meshes, pairs of "
             f"vertices and faces; found {type(bodies).__name__}"

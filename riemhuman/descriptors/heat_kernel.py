@@ -1,4 +1,4 @@
-"""The heat kernel signature of a surface as a single vector."""
+"""The heat kernel signature, pooled over a surface."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError
 
 _POOLINGS = ("histogram", "mean", "vertex mean")
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
-# Of log₁₀(4πt h): 0 where the surface is flat within a distance of √t.
+# Range of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
 _LOWER, _UPPER = -0.5, 1.5
 
 
@@ -22,24 +22,24 @@ _LOWER, _UPPER = -0.5, 1.5
 class HeatKernelSignature(KernelSignature):
     r"""The heat kernel signature, pooled over the surface [1]_.
 
-    The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, zero
-    included. Used here is :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a plane. As
-    distributions of signatures tell surfaces apart [2]_, the default gathers a histogram a time,
-    weighted by area; histograms are compared by the sum of absolute differences. The mean is
-    compared by the Euclidean distance; weighted by area it is the heat trace
-    :math:`\sum_k e^{-\mu_k t} / A` and knows no more than the eigenvalues.
+    The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, including the
+    eigenvalue zero. The descriptor uses :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a
+    plane. Since distributions of signatures distinguish surfaces [2]_, the default is a histogram
+    for each time, weighted by area; the distance of histograms is the sum of absolute differences.
+    The distance of means is Euclidean; the mean weighted by area is the heat trace
+    :math:`\sum_k e^{-\mu_k t} / A`, which depends on the eigenvalues alone.
 
     Parameters
     ----------
     times : sequence of float
         Times t > 0, in square metres, or in units of the surface's area; see `normalization`.
     pooling : {"histogram", "mean", "vertex mean"}
-        "mean" is weighted by area. "vertex mean" is not: it depends on how vertices are spread
-        over the surface, and compares surfaces alike only if they are registered.
+        "mean" is weighted by area. "vertex mean" is not: it depends on the distribution of the
+        vertices over the surface, and is meaningful only for registered surfaces.
     normalization : {"none", "area"}
-        Whether surfaces are compared as they are, or scaled to area 1.
+        Whether surfaces are compared at their size, or scaled to area 1.
     n_eigenvalues : int
-        How many eigenvalues the sum has, without zero.
+        Number of eigenvalues in the sum, not counting zero.
     n_bins : int
         Number of bins of a histogram.
     laplacian : {"cotangent", "robust"}
@@ -50,7 +50,7 @@ class HeatKernelSignature(KernelSignature):
     ArgumentTypeError
         If a parameter is of the wrong type.
     ArgumentError
-        If a time is not positive, or a choice is not one of those named.
+        If a time is not positive, or a choice is unknown.
 
     References
     ----------
@@ -85,11 +85,6 @@ class HeatKernelSignature(KernelSignature):
 
     def of_spectrum(self, found: Spectrum) -> np.ndarray:
         """Return the pooled signatures of a surface.
-
-        Parameters
-        ----------
-        found : Spectrum
-            Its spectrum, with `n_eigenvalues` eigenvalues or more.
 
         Returns
         -------

@@ -18,8 +18,8 @@ _NORMALIZATIONS = ("none", "area")
 class KernelSignature(SpectralDescriptor):
     """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface.
 
-    Subclasses are frozen records of parameters that define `_of`, the signatures by a spectrum.
-    Histograms are compared by the sum of absolute differences, means by the Euclidean distance.
+    Subclasses are frozen dataclasses of parameters that define `_of`, the signatures of a spectrum.
+    The distance of histograms is the sum of absolute differences, that of means is Euclidean.
     """
 
     pooling: str
@@ -39,8 +39,9 @@ class KernelSignature(SpectralDescriptor):
         Returns
         -------
         array, shape (n_scales, V)
-            One row for each time or energy: of heat in 1 / metre², or of the surface scaled to
-            area 1; of waves times the area, with mean 1 over the surface.
+            One row for each time or energy. Heat kernel signatures are in 1 / metre², or without
+            unit for surfaces scaled to area 1; wave kernel signatures are multiplied by the area
+            and have mean 1 over the surface.
 
         Raises
         ------
@@ -54,18 +55,6 @@ class KernelSignature(SpectralDescriptor):
         return self._of(self._scaled(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)))
 
     def distances(self, vectors: ArrayLike) -> np.ndarray:
-        """Return all distances within a set of vectors.
-
-        Parameters
-        ----------
-        vectors : array_like, shape (n, d)
-            Vectors of `describe`, one a row.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-        """
         return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
 
     @abstractmethod
@@ -73,7 +62,7 @@ class KernelSignature(SpectralDescriptor):
         """Return the signatures, shape (n_scales, V)."""
 
     def _scaled(self, found: Spectrum) -> Spectrum:
-        """Return the part of a spectrum that is used, of the surface as it is or of area 1."""
+        """Return the part of a spectrum that is used, scaled to area 1 if requested."""
         found = found.first(self.n_eigenvalues)
         return found.of_unit_area() if self.normalization == "area" else found
 

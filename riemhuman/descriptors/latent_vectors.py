@@ -1,4 +1,4 @@
-"""Vectors computed elsewhere, read from files and matched to bodies by their ids."""
+"""Vectors computed by other programs, read from files and matched to bodies by id."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ from riemhuman.storage.number_text import real_field, text_content
 
 @dataclass(frozen=True, repr=False)
 class IdMatch(Record):
-    """Which ids of a data set have a vector.
+    """The ids of a data set with and without a vector.
 
     Attributes
     ----------
     found : tuple of str
-        Ids of the data set that have one, in its order.
+        Ids of the data set that have a vector, in its order.
     missing : tuple of str
-        Ids of the data set that have none.
+        Ids of the data set that have no vector.
     unused : tuple of str
-        Ids with a vector that the data set does not have.
+        Ids of vectors that are not in the data set.
 
     Examples
     --------
@@ -59,23 +59,23 @@ class IdMatch(Record):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LatentVectors(Record, Descriptor):
-    """Vectors of bodies computed elsewhere, for example by a trained network.
+    """Vectors of bodies computed by other programs, for example by a trained network.
 
-    Compared by the Euclidean distance.
+    The distance is Euclidean.
 
     Parameters
     ----------
     ids : sequence of str or int
-        Which body each vector belongs to.
+        Body of each vector.
     vectors : array_like, shape (n, d)
-        One vector a row.
+        Vectors, one per row.
 
     Raises
     ------
     ArgumentTypeError
         If an id is neither text nor a whole number, or the vectors are not real numbers.
     ArgumentError
-        If an id is empty or there twice, the lengths differ, or a number is not finite.
+        If an id is empty or repeated, the lengths differ, or a number is not finite.
 
     Examples
     --------
@@ -98,7 +98,7 @@ class LatentVectors(Record, Descriptor):
             raise ArgumentError(f"vectors holds no numbers; found shape {vectors.shape}")
         twice = [name for name, count in Counter(ids).items() if count > 1]
         if twice:
-            raise ArgumentError(f"ids must differ; there more than once: {_listed(twice)}")
+            raise ArgumentError(f"ids must differ; repeated ids: {_listed(twice)}")
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "vectors", vectors)
 
@@ -112,9 +112,9 @@ class LatentVectors(Record, Descriptor):
             One of
 
             - ``.npz`` with the fields ``ids`` (n,), text or whole numbers, and ``vectors`` (n, d);
-            - ``.csv``: a line a body, its id first and then its numbers; a first line that begins
-              with ``id`` names the columns;
-            - ``.npy``: an array (n, d), whose ids are the numbers of its rows, from 0.
+            - ``.csv`` with one line per body: its id, then its numbers; a first line that begins
+              with ``id`` is a header;
+            - ``.npy``: an array (n, d); the ids are the numbers of its rows, from 0.
 
         Returns
         -------
@@ -127,8 +127,8 @@ class LatentVectors(Record, Descriptor):
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If the ending is another, a field is missing, an id is missing or there twice, a row
-            has another length than the first, or something is not a finite number.
+            If the ending is unknown, a field is missing, an id is missing or repeated, a row has
+            another length than the first, or an entry is not a finite number.
         """
         file = file_path(path)
         readers = {".npz": _read_npz, ".csv": _read_csv, ".npy": _read_npy}
@@ -170,7 +170,7 @@ class LatentVectors(Record, Descriptor):
         Parameters
         ----------
         ids : iterable of str or int
-            Ids of the data set; vectors of others are left out.
+            Ids of the data set; other vectors are left out.
 
         Returns
         -------
@@ -179,12 +179,12 @@ class LatentVectors(Record, Descriptor):
         Raises
         ------
         ArgumentError
-            If a body has no vector; the message names every such body.
+            If a body has no vector; the message lists all of them.
         """
         found = self.match(ids)
         if found.missing:
             count = len(found.missing) + len(found.found)
-            unused = f"; vectors of no body: {_listed(found.unused)}" if found.unused else ""
+            unused = f"; vectors without a body: {_listed(found.unused)}" if found.unused else ""
             raise ArgumentError(
                 f"{len(found.missing)} of {count} bodies have no vector: "
                 f"{', '.join(found.missing)}{unused}"
@@ -193,14 +193,7 @@ class LatentVectors(Record, Descriptor):
         return LatentVectors(found.found, self.vectors[[rows[name] for name in found.found]])
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Refuse: the vector of a mesh is found by its id.
-
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions.
-        faces : array_like, shape (F, 3)
-            Triangles.
+        """Raise an error: vectors are found by id, not from a mesh.
 
         Raises
         ------
@@ -208,8 +201,8 @@ class LatentVectors(Record, Descriptor):
             Always.
         """
         raise NotDefinedError(
-            "LatentVectors were computed elsewhere and cannot describe a mesh; select(ids) gives "
-            "the vectors of known bodies"
+            "LatentVectors cannot describe a mesh, since other programs computed them; select(ids) "
+            "returns the vectors of known bodies"
         )
 
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
@@ -218,19 +211,15 @@ class LatentVectors(Record, Descriptor):
         Parameters
         ----------
         bodies : object
-            A data set; its field ``ids`` names the bodies. Vectors whose ids are the numbers of
-            the bodies, from 0, go by these.
+            A data set whose field ``ids`` names the bodies. If the ids of the vectors are the
+            numbers from 0 on, they are the numbers of the bodies instead.
         n_jobs : int, optional
-            Not used.
-
-        Returns
-        -------
-        array, shape (n, d)
+            Ignored.
 
         Raises
         ------
         ArgumentError
-            If a body has no vector; the message names every such body.
+            If a body has no vector; the message lists all of them.
         """
         numbers = [str(number) for number in range(len(bodies))]
         by_number = set(self.ids) == set(numbers)
@@ -272,11 +261,11 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
         raise FileFormatError(
             f"{file}: ids must be text or whole numbers; found {arrays['ids'].dtype}"
         )
-    # Before any of them becomes a text of its own: equal ones take no room in an archive.
+    # Before they become Python strings: an archive can hold a huge number of equal ids.
     ids, counts = np.unique(arrays["ids"], return_counts=True)
     if counts.max(initial=1) > 1:
         raise FileFormatError(
-            f"{file}: ids must differ; there more than once: "
+            f"{file}: ids must differ; repeated ids: "
             f"{_listed([str(name) for name in ids[counts > 1][:20]])}"
         )
     return arrays["ids"], arrays["vectors"]
@@ -304,7 +293,7 @@ def _read_csv(file: Path) -> tuple[Any, Any]:
             if not name:
                 raise FileFormatError(f"{where}: the id is missing")
             if name in vectors:
-                raise FileFormatError(f"{where}: the id {name[:60]!r} is there already")
+                raise FileFormatError(f"{where}: the id {name[:60]!r} is repeated")
             if not fields or (vectors and len(fields) != length):
                 expected = f"{length} expected" if vectors else "at least one expected"
                 raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")

@@ -1,4 +1,4 @@
-"""Shape and pose vectors of registered surfaces, by fitting a body model."""
+"""Shape and pose vectors of registered surfaces, from the fit of a body model."""
 
 from __future__ import annotations
 
@@ -35,13 +35,9 @@ class _ModelVectors(Descriptor):
         Parameters
         ----------
         vertices : array_like, shape (V, 3)
-            Vertex positions, in metres, in the order of the model's.
+            Vertex positions, in metres, in the model's order.
         faces : array_like, shape (F, 3)
             The model's triangles.
-
-        Returns
-        -------
-        array, shape (d,)
 
         Raises
         ------
@@ -62,11 +58,7 @@ class _ModelVectors(Descriptor):
             Registered surfaces with the fields ``points`` and ``template``, or meshes; all with
             the model's vertices and triangles.
         n_jobs : int, optional
-            Not used: the model fits its surfaces in one batch.
-
-        Returns
-        -------
-        array, shape (n, d)
+            Ignored: the model fits all surfaces in one batch.
 
         Raises
         ------
@@ -93,9 +85,9 @@ class _ModelVectors(Descriptor):
         Returns
         -------
         vectors : list of array, each of shape (n, d)
-            By descriptor.
+            Vectors of each descriptor.
         seconds : list of float
-            Time of each descriptor alone on the clock: of the fit, and of its vectors.
+            Wall-clock time that each descriptor would take alone.
 
         Raises
         ------
@@ -135,26 +127,25 @@ class _ModelVectors(Descriptor):
 
     @abstractmethod
     def _vectors(self, fit: Any) -> np.ndarray:
-        """Return what describes each surface of a fit, shape (n, d)."""
+        """Return the vector of each surface of a fit, shape (n, d)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ModelShapeVectors(_ModelVectors):
     """The shape coefficients of a body model fitted to registered surfaces.
 
-    With an SMPL model these are the SMPL shape vectors the paper compares with. The distance is
-    Euclidean.
+    With an SMPL model, these are the paper's SMPL shape vectors. The distance is Euclidean.
 
     Parameters
     ----------
     model : BodyModel
-        Model that the surfaces are registered to; its method ``fit`` takes surfaces to a record
-        with the field ``betas``.
+        Model that the surfaces are registered to; its method ``fit`` returns a record with the
+        field ``betas``.
 
     Raises
     ------
     ArgumentTypeError
-        If the model cannot fit.
+        If the model has no method ``fit``.
 
     Examples
     --------
@@ -173,26 +164,25 @@ class ModelShapeVectors(_ModelVectors):
 class ModelPoseVectors(_ModelVectors):
     """The joint rotations of a body model fitted to registered surfaces.
 
-    With an SMPL model these are the SMPL pose vectors the paper compares with.
+    With an SMPL model, these are the paper's SMPL pose vectors.
 
     Parameters
     ----------
     model : BodyModel
-        Model that the surfaces are registered to; its method ``fit`` takes surfaces to a record
-        with the field ``pose``.
+        Model that the surfaces are registered to; its method ``fit`` returns a record with the
+        field ``pose``.
     distance : {"axis-angle", "rotation"}
-        The Euclidean distance of axis-angle vectors, or the sum over joints of the angle of the
-        rotation from one to the other, which does not jump where an axis-angle vector does, at
-        half a turn.
+        The Euclidean distance of axis-angle vectors, or the sum over joints of the angles between
+        the rotations, which is continuous where axis-angle vectors jump, at half a turn.
     root : bool
-        Whether the rotation of joints without a parent counts: which way the body faces.
+        Whether to include the rotation of joints without a parent: the orientation of the body.
 
     Raises
     ------
     ArgumentTypeError
-        If the model cannot fit.
+        If the model has no method ``fit``.
     ArgumentError
-        If there is no such distance.
+        If the distance is unknown.
 
     Examples
     --------
@@ -216,7 +206,7 @@ class ModelPoseVectors(_ModelVectors):
         Parameters
         ----------
         vectors : array_like, shape (n, 3 * n_joints)
-            Vectors of `describe`, one a row.
+            Vectors of `describe`, one per row.
 
         Returns
         -------
@@ -226,7 +216,7 @@ class ModelPoseVectors(_ModelVectors):
         Raises
         ------
         ArgumentError
-            If the rows are not axis-angle vectors of joints.
+            If the number of columns is not a multiple of 3.
         """
         if self.distance == "axis-angle":
             return pairwise(vectors, "euclidean")
@@ -238,7 +228,7 @@ class ModelPoseVectors(_ModelVectors):
         turns = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat().reshape(len(rows), -1, 4)
         total = np.zeros((len(rows), len(rows)))
         for joint in np.swapaxes(turns, 0, 1):
-            # With unit quaternions p, q and the nearer of ±q: atan2 keeps small angles exact.
+            # Angle of unit quaternions, with the nearer of ±q: atan2 is accurate for small angles.
             gaps = np.linalg.norm(joint[:, np.newaxis] - joint, axis=-1)
             sums = np.linalg.norm(joint[:, np.newaxis] + joint, axis=-1)
             total += 4 * np.arctan2(np.minimum(gaps, sums), np.maximum(gaps, sums))

@@ -1,4 +1,4 @@
-"""Pooling: one vector from the values of a function at all vertices."""
+"""Pooling: one vector from values at all vertices."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy import ndarray
 def area_histograms(
     values: ndarray, areas: ndarray, lower: float, upper: float, n_bins: int
 ) -> ndarray:
-    """Return the share of the surface on which each function has values in each bin.
+    """Return histograms of functions on a surface, weighted by area.
 
     Parameters
     ----------
@@ -18,14 +18,14 @@ def area_histograms(
     areas : array, shape (V,)
         Vertex areas.
     lower, upper : float
-        Ends of the first and the last bin, which also take what lies beyond.
+        Lower end of the first and upper end of the last bin, which also count values beyond them.
     n_bins : int
         Number of bins of equal width.
 
     Returns
     -------
     array, shape (m * n_bins,)
-        One histogram after the other, each with sum 1.
+        One histogram after the other; each sums to 1.
     """
     position = (values - lower) * (n_bins / (upper - lower))
     bins = np.clip(position, 0, n_bins - 1).astype(np.int64)

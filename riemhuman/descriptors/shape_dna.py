@@ -17,19 +17,20 @@ _NORMALIZATIONS = ("none", "area", "first")
 class ShapeDNA(SpectralDescriptor):
     r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
 
-    They depend on lengths within the surface alone, so that bending leaves them as they are. By
-    Weyl's law they grow like :math:`\mu_k \approx 4\pi k / A`: divided by k, all count alike.
-    The distance is Euclidean.
+    They depend only on lengths within the surface, so bending does not change them. By Weyl's law
+    they grow like :math:`\mu_k \approx 4\pi k / A`; divided by k, they have similar sizes. The
+    distance is Euclidean.
 
     Parameters
     ----------
     n_eigenvalues : int
-        How many eigenvalues.
+        Number of eigenvalues.
     normalization : {"none", "area", "first"}
-        "none" keeps 1 / metre², and with it the size of the body; "area" multiplies by the area
-        of the surface, "first" divides by the first eigenvalue, which take the size out.
+        "none" keeps eigenvalues in 1 / metre², which depend on the size of the body. "area"
+        multiplies them by the area of the surface, and "first" divides them by the first one; both
+        remove the size.
     reweighted : bool
-        Whether the k-th eigenvalue is divided by k.
+        Whether to divide the k-th eigenvalue by k.
     laplacian : {"cotangent", "robust"}
         Discretisation, see `riemhuman.descriptors.spectra.spectrum`.
 
@@ -38,7 +39,7 @@ class ShapeDNA(SpectralDescriptor):
     ArgumentTypeError
         If a parameter is of the wrong type.
     ArgumentError
-        If there is no such normalisation or Laplacian, or no eigenvalue is asked for.
+        If the normalisation or Laplacian is unknown, or `n_eigenvalues` is less than one.
 
     References
     ----------
@@ -67,11 +68,6 @@ class ShapeDNA(SpectralDescriptor):
 
     def of_spectrum(self, found: Spectrum) -> np.ndarray:
         """Return the eigenvalues of a surface.
-
-        Parameters
-        ----------
-        found : Spectrum
-            Its spectrum, with `n_eigenvalues` eigenvalues or more.
 
         Returns
         -------

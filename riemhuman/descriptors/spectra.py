@@ -1,4 +1,4 @@
-"""Spectra of the Laplace–Beltrami operator, which do not change when a surface bends."""
+"""Spectra of the Laplace–Beltrami operator, which bending does not change."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ class Spectrum(Record):
     Attributes
     ----------
     eigenvalues : array, shape (K,)
-        Eigenvalues μ > 0 in increasing order, in 1 / metre². Zero, the eigenvalue of functions
-        that are constant on every connected component, is left out.
+        Positive eigenvalues μ in increasing order, in 1 / metre². Zero, the eigenvalue of functions
+        that are constant on each connected component, is left out.
     functions : array, shape (K, V)
         Eigenfunctions φ, orthonormal with respect to the vertex areas.
     constants : array, shape (V,)
-        Sum of φ² over the eigenfunctions with μ = 0: one over the area of a vertex's component.
+        Sum of φ² over the eigenfunctions with μ = 0: one over the area of the vertex's component.
     areas : array, shape (V,)
         Vertex areas, in square metres; 0 at a vertex that no triangle uses.
 
@@ -56,7 +56,7 @@ class Spectrum(Record):
         Parameters
         ----------
         n_eigenvalues : int
-            How many eigenvalues are kept.
+            Number of eigenvalues to keep.
 
         Returns
         -------
@@ -69,7 +69,7 @@ class Spectrum(Record):
         )
 
     def of_unit_area(self) -> Spectrum:
-        """Return the spectrum of the same surface, scaled to area 1.
+        """Return the spectrum of the surface scaled to area 1.
 
         Returns
         -------
@@ -96,13 +96,12 @@ def spectrum(
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0. The mesh may be open.
     n_eigenvalues : int
-        How many eigenvalues are wanted.
+        Number of eigenvalues.
     laplacian : {"cotangent", "robust"}
-        The cotangent Laplacian of the mesh as it is, see
-        `riemhuman.kernels.laplacian.cotangent_laplacian`, or the intrinsic Delaunay Laplacian of
-        Sharp and Crane, "A Laplacian for Nonmanifold Triangle Meshes", SGP 2020, which also takes
-        meshes with slivers, triangles without area and edges of many triangles. The second needs
-        the package robust_laplacian.
+        The cotangent Laplacian, see `riemhuman.kernels.laplacian.cotangent_laplacian`, or the
+        intrinsic Delaunay Laplacian of Sharp and Crane, "A Laplacian for Nonmanifold Triangle
+        Meshes", SGP 2020, which also works for slivers, triangles without area and edges with more
+        than two triangles. The second needs the package robust_laplacian.
 
     Returns
     -------
@@ -117,7 +116,7 @@ def spectrum(
     DegenerateSurfaceError
         If a triangle has no area, with the cotangent Laplacian.
     MissingDependencyError
-        If robust_laplacian is asked for and not installed.
+        If robust_laplacian is requested and not installed.
 
     Examples
     --------
@@ -135,7 +134,7 @@ def spectrum(
     except DegenerateSurfaceError as error:
         raise DegenerateSurfaceError(
             f"{str(error).replace('the template', 'the mesh').split(';')[0]}; the cotangent "
-            'Laplacian needs triangles with area, laplacian="robust" does not'
+            'Laplacian needs triangles with area; laplacian="robust" does not'
         ) from error
     _refuse_too_many(n_eigenvalues, mesh.faces, mesh.n_vertices)
     values, functions = harmonics(mesh, n_eigenvalues)
@@ -161,7 +160,7 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
 
 
 def _refuse_too_many(n_eigenvalues: int, faces: np.ndarray, n_vertices: int) -> int:
-    """Return the number of connected components, if that leaves enough eigenvalues."""
+    """Return the number of connected components; refuse more eigenvalues than there are."""
     n_used = len(np.unique(faces))
     n_components = int(_components(faces, n_vertices).max()) + 1 - (n_vertices - n_used)
     if n_eigenvalues > n_used - n_components:

@@ -1,4 +1,4 @@
-"""Descriptors of a surface by its spectrum, which several of them can share."""
+"""Descriptors from the spectrum of a surface, which several of them can share."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from riemhuman.progress import ProgressBar
 class SpectralDescriptor(Descriptor):
     """A vector made of the lowest eigenvalues and eigenfunctions of a surface.
 
-    Subclasses are frozen records of parameters that define `of_spectrum`.
+    Subclasses are frozen dataclasses of parameters that define `of_spectrum`.
     """
 
     _in_threads = False
@@ -29,12 +29,12 @@ class SpectralDescriptor(Descriptor):
 
     @abstractmethod
     def of_spectrum(self, found: Spectrum) -> np.ndarray:
-        """Return the vector of a surface by its spectrum.
+        """Return the vector of a surface from its spectrum.
 
         Parameters
         ----------
         found : Spectrum
-            The spectrum, with `n_eigenvalues` eigenvalues or more.
+            The spectrum, with at least `n_eigenvalues` eigenvalues.
 
         Returns
         -------
@@ -43,17 +43,6 @@ class SpectralDescriptor(Descriptor):
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the vector of one surface.
-
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
-        faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, counted from 0.
-
-        Returns
-        -------
-        array, shape (d,)
 
         Raises
         ------
@@ -84,14 +73,14 @@ class SpectralDescriptor(Descriptor):
         Returns
         -------
         vectors : list of array, each of shape (n, d)
-            By descriptor.
+            Vectors of each descriptor.
         seconds : list of float
-            Time of each descriptor alone on the clock: of the spectra, and of its vectors.
+            Wall-clock time that each descriptor would take alone.
 
         Raises
         ------
         RiemhumanError
-            If a surface cannot be described; the message says which.
+            If a surface cannot be described; the message gives its number.
         """
         count, mesh = meshes_of(bodies)
         needed: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Grids of voxels around a mesh, and which of them it encloses."""
+"""Grids of voxels around a mesh, and the voxels that it encloses."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-# The rays run beside the voxels' centres by this part of a voxel, lest they meet an edge exactly.
+# Offset of the rays from the voxels' centres, in voxels, so that no ray meets an edge exactly.
 _BESIDE = np.array([7.5487767e-7, 5.6984029e-7])
 
 
@@ -38,7 +38,7 @@ class VoxelGrid:
 
 
 def grid_around(vertices: ndarray, spacing: float, margin: float) -> VoxelGrid:
-    """Return the grid that covers the bounding box of some points and a margin.
+    """Return the grid that covers the bounding box of points, with a margin.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def grid_around(vertices: ndarray, spacing: float, margin: float) -> VoxelGrid:
     Returns
     -------
     VoxelGrid
-        With the middle of the bounding box in the middle of the grid.
+        The grid, centred on the bounding box.
     """
     lower, upper = vertices.min(axis=0), vertices.max(axis=0)
     counts = np.ceil((upper - lower + 2 * margin) / spacing).astype(int) + 1
@@ -61,10 +61,11 @@ def grid_around(vertices: ndarray, spacing: float, margin: float) -> VoxelGrid:
 
 
 def enclosed_voxels(corners: ndarray, grid: VoxelGrid) -> ndarray:
-    """Tell which voxels have their centres inside a mesh.
+    """Return which voxels have their centres inside a mesh.
 
-    A centre is inside if rays along at least two of the three axes say so, by the sum of signed
-    crossings with triangles. Holes of an open mesh thus leak along one axis at a time only.
+    A centre is inside if rays along at least two of the three axes are inside, by the sum of signed
+    crossings with triangles. A hole in the mesh thus has an effect only where it is seen along two
+    axes.
 
     Parameters
     ----------
@@ -88,7 +89,7 @@ def enclosed_voxels(corners: ndarray, grid: VoxelGrid) -> ndarray:
 
 
 def _enclosed_along_last_axis(corners: ndarray, shape: list[int]) -> ndarray:
-    """Sum the signed crossings of rays upwards, for corners in units of voxels."""
+    """Return the voxels inside by the signed crossings of rays; corners are in voxels."""
     plane = corners[:, :, :2] - _BESIDE
     first = np.maximum(np.ceil(plane.min(axis=1)), 0).astype(np.int64)
     last = np.minimum(np.floor(plane.max(axis=1)), np.array(shape[:2]) - 1).astype(np.int64)
@@ -99,7 +100,7 @@ def _enclosed_along_last_axis(corners: ndarray, shape: list[int]) -> ndarray:
     rows = first[triangle, 0] + number // np.maximum(widths[triangle, 1], 1)
     columns = first[triangle, 1] + number % np.maximum(widths[triangle, 1], 1)
 
-    # Signed areas of the triangles that a ray makes with each side: all of one sign if it crosses.
+    # Signed areas of a ray's triangles with each side: all have one sign if the ray crosses.
     to_corners = plane[triangle] - np.stack([rows, columns], axis=1)[:, np.newaxis]
     following = np.roll(to_corners, -1, axis=1)
     opposite = to_corners[:, :, 0] * following[:, :, 1] - to_corners[:, :, 1] * following[:, :, 0]

@@ -1,4 +1,4 @@
-"""The wave kernel signature of a surface, as one vector."""
+"""The wave kernel signature, pooled over a surface."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from riemhuman.errors import ArgumentError
 
 _POOLINGS = ("histogram", "vertex mean")
 _ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
-# Of A w: 1 on average over any surface.
+# Range of the signature times the area, whose mean over any surface is 1.
 _LOWER, _UPPER = 0.0, 4.0
 
 
@@ -23,26 +23,26 @@ class WaveKernelSignature(KernelSignature):
     r"""The wave kernel signature, pooled over the surface [1]_.
 
     The signature of a point x is the average of :math:`\varphi_k(x)^2` over the eigenfunctions
-    with weights :math:`\exp(-(e - \log\mu_k)^2 / 2\sigma^2)`. Multiplied by the area of the
-    surface, as it is here, its mean over the surface is 1 at every energy and tells nothing, which
-    is why there is no mean weighted by area to choose. The default gathers a histogram an energy,
-    weighted by area, compared by the sum of absolute differences.
+    with weights :math:`\exp(-(e - \log\mu_k)^2 / 2\sigma^2)`, here multiplied by the area of the
+    surface. Its mean weighted by area is then 1 at every energy; therefore `pooling` does not offer
+    that mean. The default is a histogram for each energy, weighted by area; the distance of
+    histograms is the sum of absolute differences.
 
     Parameters
     ----------
     energies : sequence of float
-        Energies e = log μ, with μ in 1 / metre², or of the surface scaled to area 1; see
+        Energies e = log μ, with μ in 1 / metre², or without unit for surfaces scaled to area 1, see
         `normalization`.
     sigma : float, optional
         Width σ > 0 of the weights; by default seven hundredths of the range of energies, as in the
         paper.
     pooling : {"histogram", "vertex mean"}
-        "vertex mean" is the plain mean over vertices: it tells how vertices are spread over the
-        surface, and compares surfaces alike only if they are registered.
+        "vertex mean" is the mean over vertices: it depends on their distribution over the surface,
+        and is meaningful only for registered surfaces.
     normalization : {"none", "area"}
-        Whether surfaces are compared as they are, or scaled to area 1.
+        Whether surfaces are compared at their size, or scaled to area 1.
     n_eigenvalues : int
-        How many eigenvalues are averaged over.
+        Number of eigenfunctions in the average.
     n_bins : int
         Number of bins of a histogram.
     laplacian : {"cotangent", "robust"}
@@ -53,7 +53,7 @@ class WaveKernelSignature(KernelSignature):
     ArgumentTypeError
         If a parameter is of the wrong type.
     ArgumentError
-        If a number is out of range, or a choice is not one of those named.
+        If a number is out of range, or a choice is unknown.
 
     References
     ----------
@@ -95,11 +95,6 @@ class WaveKernelSignature(KernelSignature):
     def of_spectrum(self, found: Spectrum) -> np.ndarray:
         """Return the pooled signatures of a surface.
 
-        Parameters
-        ----------
-        found : Spectrum
-            Its spectrum, with `n_eigenvalues` eigenvalues or more.
-
         Returns
         -------
         array, shape (n_energies * n_bins,), or (n_energies,) for a mean
@@ -115,7 +110,7 @@ class WaveKernelSignature(KernelSignature):
         gaps = np.array(self.energies)[:, np.newaxis] - np.log(found.eigenvalues)
         sigma = 0.07 * np.ptp(self.energies) if self.sigma is None else self.sigma
         exponents = -(gaps**2) / (2 * sigma**2)
-        # The largest weight is made 1: far from all eigenvalues the others underflow, not it.
+        # The largest weight is scaled to 1, so that it cannot underflow far from all eigenvalues.
         weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
         weights /= weights.sum(axis=1, keepdims=True)
         return found.areas.sum() * (weights @ found.functions**2)

@@ -1,4 +1,4 @@
-"""Codes that networks learn: what a body is in a few numbers, and bodies from such numbers."""
+"""Learned codes: networks that describe a body by a few numbers, and rebuild it from them."""
 
 from riemhuman.learned.code_descriptor import CodeDescriptor
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes

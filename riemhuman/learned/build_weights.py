@@ -2,9 +2,10 @@
 
     python -m riemhuman.learned.build_weights [folder] [--only shape-pose]
 
-writes their weights, by default over those that ship. It needs PyTorch. The same versions write
-the same files: training runs on one thread. One that was interrupted goes on from its last
-checkpoint beside the file. `python -m riemhuman.learned.evaluate` says how good they are.
+writes their weights, by default over those that ship. It needs PyTorch. Training runs on one
+thread, so the same versions of the packages write the same files. An interrupted training continues
+from its last checkpoint beside the file. `python -m riemhuman.learned.evaluate` prints how accurate
+the networks are.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ import argparse
 import sys
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
+from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import FileError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -28,92 +32,43 @@ from riemhuman.learned.training_bodies import random_bodies
 WEIGHTS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
 """Weights (a, λ, c) of the metrics that `MetricCodes` ships for."""
 N_CODES = {"shape": 64, "pose": 32}
-"""Lengths of their codes: under the metric of shapes, people are all far from each other."""
+"""Lengths of their codes. The shape metric needs more: all people are far from each other."""
 
 
-def shape_pose(checkpoint: Path) -> Codes:
-    """Train `ShapePoseCodes`.
-
-    Parameters
-    ----------
-    checkpoint : Path
-        Where checkpoints are kept.
-
-    Returns
-    -------
-    ShapePoseCodes
-    """
-    model = load_open_model("coarse")
+def _shape_pose(model: BodyModel, **options: Any) -> Codes:
     bodies = random_bodies(model, 2000, 4, rng=0)
-    codes = ShapePoseCodes(model.template)
-    return codes.fit(bodies.points, bodies.subject, checkpoint=checkpoint, progress=True)
+    return ShapePoseCodes(model.template).fit(bodies.points, bodies.subject, **options)
 
 
-def intrinsic_extrinsic(checkpoint: Path) -> Codes:
-    """Train `IntrinsicExtrinsicCodes`.
-
-    Parameters
-    ----------
-    checkpoint : Path
-        Where checkpoints are kept.
-
-    Returns
-    -------
-    IntrinsicExtrinsicCodes
-    """
-    model = load_open_model("coarse")
+def _intrinsic_extrinsic(model: BodyModel, **options: Any) -> Codes:
     bodies = random_bodies(model, 1000, 3, rng=1)
-    codes = IntrinsicExtrinsicCodes(model.template)
-    return codes.fit(bodies.points, checkpoint=checkpoint, progress=True)
+    return IntrinsicExtrinsicCodes(model.template).fit(bodies.points, **options)
 
 
-def metric(which: str) -> Callable[[Path], Codes]:
-    """Return what trains `MetricCodes`.
-
-    Parameters
-    ----------
-    which : {"shape", "pose"}
-        Which metric.
-
-    Returns
-    -------
-    callable
-        Takes the place of checkpoints to the codes.
-    """
+def _metric(model: BodyModel, which: str, **options: Any) -> Codes:
     a, lam, c = WEIGHTS[which]
-
-    def train(checkpoint: Path) -> Codes:
-        model = load_open_model("coarse")
-        # Sixteen people in three poses make a block of distances.
-        bodies = random_bodies(model, 1600, 3, rng=2)
-        space = AlignedSurfaces(model.template, equip=False)
-        codes = MetricCodes(ElasticMetric(space, a=a, lam=lam, c=c), N_CODES[which])
-        return codes.fit(bodies.points, checkpoint=checkpoint, progress=True)
-
-    return train
+    # A block of distances has sixteen people in three poses.
+    bodies = random_bodies(model, 1600, 3, rng=2)
+    metric = ElasticMetric(AlignedSurfaces(model.template, equip=False), a=a, lam=lam, c=c)
+    return MetricCodes(metric, N_CODES[which]).fit(bodies.points, **options)
 
 
-RECIPES: dict[str, tuple[str, Callable[[Path], Codes]]] = {
-    "shape-pose": ("shape_pose_codes", shape_pose),
-    "intrinsic-extrinsic": ("intrinsic_extrinsic_codes", intrinsic_extrinsic),
-    "metric-shape": ("metric_codes_shape", metric("shape")),
-    "metric-pose": ("metric_codes_pose", metric("pose")),
+RECIPES: dict[str, tuple[str, Callable[..., Codes]]] = {
+    "shape-pose": ("shape_pose_codes", _shape_pose),
+    "intrinsic-extrinsic": ("intrinsic_extrinsic_codes", _intrinsic_extrinsic),
+    "metric-shape": ("metric_codes_shape", partial(_metric, which="shape")),
+    "metric-pose": ("metric_codes_pose", partial(_metric, which="pose")),
 }
-"""What ships: the name of its file and what trains it."""
+"""The networks that ship: the name of the file, and the function that trains them."""
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Train and write.
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Train the networks and write their files.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line; the process's own by default.
-
-    Returns
-    -------
-    status : int
-        0.
+        Command line; by default that of the process.
 
     Raises
     ------
@@ -133,15 +88,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         file = options.folder / f"{title}.npz"
         checkpoint = options.folder / f"{title}.checkpoint.npz"
         clock, work = time.perf_counter(), time.process_time()
-        train(checkpoint).save(file)
+        train(load_open_model("coarse"), checkpoint=checkpoint, progress=True).save(file)
         checkpoint.unlink(missing_ok=True)
         sys.stdout.write(
             f"{file}: {file.stat().st_size / 1e6:.2f} MB, {time.process_time() - work:.0f} s of "
             f"one core, {time.perf_counter() - clock:.0f} s on the clock\n"
         )
         sys.stdout.flush()
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

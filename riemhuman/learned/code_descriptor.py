@@ -1,4 +1,4 @@
-"""Learned codes as descriptors, which tables of retrieval compare with metrics."""
+"""Learned codes as descriptors, for comparison with metrics in retrieval tables."""
 
 from __future__ import annotations
 
@@ -16,23 +16,21 @@ from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.surfaces.template import Template
 
 LEARNED = ", trained here"
-"""What the names of the rows of learned codes end with."""
-
-_NUMBERS = {"shape": 0, "intrinsic": 0, "pose": 1, "extrinsic": 1}
+"""Ending of the names of learned codes in tables."""
 
 
 @dataclass(frozen=True, eq=False)
 class CodeDescriptor(Descriptor):
-    """One of the two codes that a network finds for a body.
+    """One of the two codes that a network computes for a body.
 
-    Compared by the Euclidean distance.
+    The distance is Euclidean.
 
     Parameters
     ----------
     codes : ShapePoseCodes or IntrinsicExtrinsicCodes
-        A network that was trained.
+        A trained network.
     which : {"shape", "pose", "intrinsic", "extrinsic"}
-        Which of its codes.
+        Name of the code.
 
     Raises
     ------
@@ -52,10 +50,7 @@ class CodeDescriptor(Descriptor):
     which: str
 
     def __post_init__(self) -> None:
-        own = ("shape", "pose")
-        if isinstance(self.codes, IntrinsicExtrinsicCodes):
-            own = ("intrinsic", "extrinsic")
-        one_of(self.which, "which", own)
+        one_of(self.which, "which", self.codes.code_names)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
         """Return the code of one surface.
@@ -63,18 +58,14 @@ class CodeDescriptor(Descriptor):
         Parameters
         ----------
         vertices : array_like, shape (V, 3)
-            Vertex positions, in metres.
+            Vertex positions, metres.
         faces : array_like, shape (F, 3)
-            Triangles: for shape and pose codes, those of the network's template.
-
-        Returns
-        -------
-        array, shape (d,)
+            Triangles; shape and pose codes require those of the network's template.
 
         Raises
         ------
         ArgumentError
-            If shape and pose codes are asked for and the surface is not registered.
+            If a shape or pose code is requested and the surface is not registered.
         """
         if isinstance(self.codes, IntrinsicExtrinsicCodes):
             return self._half(self.codes.describe(vertices, faces)[None])[0]
@@ -91,11 +82,7 @@ class CodeDescriptor(Descriptor):
             Registered surfaces with the fields ``points`` and ``template``, which must be in
             correspondence with the network's own; or meshes.
         n_jobs : int, optional
-            Number of threads for meshes, -1 for one a core; by default one.
-
-        Returns
-        -------
-        array, shape (n, d)
+            Number of threads for meshes, -1 for one per core; by default one.
 
         Raises
         ------
@@ -113,7 +100,7 @@ class CodeDescriptor(Descriptor):
         return self._half(codes.transform(bodies.points))
 
     def _half(self, found: np.ndarray) -> np.ndarray:
-        return self.codes.split(found)[_NUMBERS[self.which]]
+        return self.codes.split(found)[self.codes.code_names.index(self.which)]
 
 
 def shipped_descriptors(template: Template) -> dict[str, CodeDescriptor]:
@@ -122,13 +109,13 @@ def shipped_descriptors(template: Template) -> dict[str, CodeDescriptor]:
     Parameters
     ----------
     template : Template
-        What bodies are registered to.
+        Template of the bodies.
 
     Returns
     -------
     dict of str to CodeDescriptor
-        By the names of their rows. Shape and pose codes need a template in correspondence with the
-        open one.
+        Codes by their names in tables; shape and pose codes only for templates in correspondence
+        with the open one.
     """
     clouds = IntrinsicExtrinsicCodes.load_pretrained(template)
     found = {

@@ -1,4 +1,4 @@
-"""What all learned codes share: a template, another one in correspondence with it, and files."""
+"""Base classes of learned codes: templates, training, files and correspondences."""
 
 from __future__ import annotations
 
@@ -8,39 +8,101 @@ from collections.abc import Mapping
 from copy import copy
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy import ndarray
+from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.correspondence import Correspondence
+from riemhuman.learned.networks import initial_network, network_shapes
 from riemhuman.learned.training import Loss, trained
 from riemhuman.learned.weight_files import Weights, save_weights
 from riemhuman.surfaces.template import Template
 from riemhuman.units import refuse_other_scale
 
 FOLDER = Path(__file__).parent / "data"
-"""Where the weights that ship are."""
+"""Folder of the weights that ship."""
 
 _REMEDY = "give them in the unit that the network was trained in"
 
 
 class Codes(Estimator):
-    """Vectors that a network finds for bodies registered to a template."""
+    """Vectors that networks compute for bodies registered to a template."""
 
-    # What every network keeps of how it is trained, beside settings of its own.
+    parameters_: dict[str, ndarray]
+    losses_: ndarray
+    # Parameters that all networks share.
+    n_hidden: int
     n_steps: int
     learning_rate: float
     random_state: int
 
+    # Parameters that are sizes of arrays, and the size of hidden layers in units of `n_hidden`.
     _SETTINGS: tuple[str, ...] = ()
-    # The files that ship, by what `load_pretrained` calls them.
+    _WIDTH = 1
+    # Names of the files that ship, by the argument `which` of `load_pretrained`.
     _SHIPPED: Mapping[str | None, str] = MappingProxyType({})
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        inherit_sections(cls)
+
+    @abstractmethod
+    def fit(
+        self,
+        X: ArrayLike,
+        y: Any,
+        *,
+        checkpoint: str | os.PathLike[str] | None = None,
+        progress: bool = False,
+    ) -> Self:
+        """Train the networks.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies over the template, metres.
+        y : array_like, shape (n,)
+            Person of each body, for `ShapePoseCodes`; other codes ignore it.
+        checkpoint : path_like, optional
+            An .npz file that is written during training. If it exists, training continues from it
+            and ends with the same result as without interruption.
+        progress : bool
+            Whether to show progress bars.
+
+        Returns
+        -------
+        Codes
+            The estimator itself.
+        """
+
+    @abstractmethod
+    def transform(self, X: ArrayLike) -> ndarray:
+        """Return the codes of bodies.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies over the template `template_`, metres.
+
+        Returns
+        -------
+        array, shape (n, n_codes)
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was fitted, or the bodies do not fit the template.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
 
     @classmethod
     def load_pretrained(
@@ -55,16 +117,16 @@ class Codes(Estimator):
         Parameters
         ----------
         template : Template, optional
-            What bodies are registered to; by default the coarse open model's template.
+            Template of the bodies; by default that of the coarse open model.
         correspondence : array_like of int, pair, or sparse matrix, optional
             Where the vertices of the coarse open template lie on `template`, see `on`.
         which : str, optional
-            Which of several networks: "shape" or "pose" of `MetricCodes`, where it must be given.
+            Name of the network, required by `MetricCodes` alone: "shape" or "pose".
 
         Returns
         -------
         Codes
-            The network, ready to use: PyTorch is not needed.
+            The trained network; it does not need PyTorch.
 
         Raises
         ------
@@ -77,8 +139,8 @@ class Codes(Estimator):
     def on(self, template: Template, correspondence: Any = None) -> Self:
         """Return the same network for bodies over another template.
 
-        Two templates are in correspondence where it is known which point of one is which of the
-        other. The other may be of any person in any pose, with any triangles.
+        The other template may be of any person in any pose, with any triangles; a correspondence
+        says which of its points match the vertices of the network's own template.
 
         Parameters
         ----------
@@ -87,9 +149,8 @@ class Codes(Estimator):
         correspondence : array_like of int, pair, or sparse matrix, optional
             Where the vertices of the network's template lie on the other: numbers of vertices,
             shape (V,); a pair of numbers of triangles, shape (V,), and barycentric coordinates,
-            shape (V, 3); or a matrix, whose rows sum to one. Need not be given where the vertices
-            of the network's template are among those of the other, at the same places, as the
-            coarse open template's are among the full one's.
+            shape (V, 3); or a matrix whose rows sum to one. It is optional if the other template
+            has vertices at the same places, as the full open template has those of the coarse one.
 
         Returns
         -------
@@ -98,9 +159,9 @@ class Codes(Estimator):
         Raises
         ------
         ArgumentTypeError
-            If it is not a template.
+            If `template` is not a template.
         ArgumentError
-            If nothing was fitted, or the template is not in correspondence.
+            If nothing was fitted, or the correspondence is missing or does not fit.
         """
         self._require_fit("parameters_")
         checked_template(template)
@@ -110,16 +171,17 @@ class Codes(Estimator):
         )
         given = same and correspondence is None
         other._carried = None if given else Correspondence(self._home, template, correspondence)
+        other._template = self._home if given else template
         return other
 
     @property
     def template_(self) -> Template:
-        """What bodies must be registered to."""
+        """Template that bodies must be registered to."""
         self._require_fit("parameters_")
-        return self._home if self._carried is None else self._carried.template
+        return self._template
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the network to an .npz file, which `load` reads as data.
+        """Write the network to an .npz file.
 
         Parameters
         ----------
@@ -143,19 +205,19 @@ class Codes(Estimator):
         Parameters
         ----------
         path : path_like
-            The file. Its numbers, shapes and names are checked; nothing in it is run.
+            The file. Its arrays are checked, and nothing in it is executed.
 
         Returns
         -------
         Codes
-            Bit for bit the network that was saved.
+            The saved network, bit for bit.
 
         Raises
         ------
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it is no such file.
+            If it does not hold a network of this class.
         """
         weights = Weights(path, cls.__name__, cls._SETTINGS)
         found = cls(**weights.settings)
@@ -164,7 +226,7 @@ class Codes(Estimator):
         return found
 
     def _generator(self, *sizes: str) -> np.random.Generator:
-        """Refuse settings that cannot be trained with, those sizes too; return the generator."""
+        """Check the parameters, including the named sizes, and return the random generator."""
         for name in (*self._SETTINGS, "n_steps", *sizes):
             whole_number(getattr(self, name), name, minimum=1)
         real_number(self.learning_rate, "learning_rate", minimum=0.0, strict=True)
@@ -191,30 +253,52 @@ class Codes(Estimator):
             )
         self._used = {name: array.astype(np.float64) for name, array in self.parameters_.items()}
 
+    @abstractmethod
+    def _sizes(self) -> dict[str, tuple[int, int]]:
+        """Return the numbers of inputs and outputs of each network."""
+
+    def _initial_networks(self, rng: np.random.Generator) -> dict[str, ndarray]:
+        found: dict[str, ndarray] = {}
+        for name, (n_in, n_out) in self._sizes().items():
+            found |= initial_network(name, n_in, self._WIDTH * self.n_hidden, n_out, rng)
+        return found
+
+    def _read_networks(self, weights: Weights, shapes: Mapping[str, tuple[int, ...]]) -> None:
+        """Read the networks, and other parameters of the given shapes."""
+        shapes = dict(shapes)
+        for name, (n_in, n_out) in self._sizes().items():
+            shapes |= network_shapes(name, n_in, self._WIDTH * self.n_hidden, n_out)
+        self._used = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
+        self.parameters_ = {name: array.astype(np.float16) for name, array in self._used.items()}
+
     def _settings(self) -> dict[str, int]:
-        """Return the sizes of what was fitted."""
+        """Return the sizes of the trained network."""
         return {name: int(getattr(self, name)) for name in self._SETTINGS}
 
     @abstractmethod
     def _arrays(self) -> dict[str, ndarray]:
-        """Return all that was learned, by name."""
+        """Return all learned arrays by name."""
 
     @abstractmethod
     def _read(self, weights: Weights) -> None:
-        """Take what was learned from a file."""
+        """Read the learned arrays from a file."""
 
     def _start_on(self, template: Template) -> None:
-        self._home: Template = template
+        self._home = self._template = template
         self._carried: Correspondence | None = None
 
-    def _home_points(self, X: Any) -> ndarray:
-        """Return bodies over the network's own template, all of whose triangles have an area."""
+    def _checked_points(self, X: Any) -> ndarray:
         template = self.template_
         points = template.check_points(X, "X")
         if points.ndim != 3:
             raise ArgumentError(
                 f"X must have shape (n, {template.n_vertices}, 3); found {points.shape}"
             )
+        return points
+
+    def _home_points(self, X: Any) -> ndarray:
+        """Return bodies over the network's own template, whose triangles all have an area."""
+        points = self._checked_points(X)
         if self._carried is not None:
             points = self._carried.forth(points)
         if len(points):
@@ -230,13 +314,60 @@ class Codes(Estimator):
     def _carried_back(self, points: ndarray) -> ndarray:
         return points if self._carried is None else self._carried.back(points)
 
-    @staticmethod
-    def _checked_codes(Z: Any, n_numbers: int) -> ndarray:
-        return np.asarray(real_array(Z, "Z", ("n", n_numbers), batched=False))
+
+class PairedCodes(Codes):
+    """Two codes of a body, one after the other, and bodies from both."""
+
+    code_names: ClassVar[tuple[str, str]]
+
+    @abstractmethod
+    def inverse_transform(self, Z: ArrayLike) -> ndarray:
+        """Return the bodies with given codes.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_codes)
+            Both codes of each body, see `split`; they may come from different bodies.
+
+        Returns
+        -------
+        array, shape (n, V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If nothing was fitted, or the codes have another length.
+        """
+
+    def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
+        """Return the two codes of each body.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_codes)
+            Codes, as `transform` returns them.
+
+        Returns
+        -------
+        first, second : array, shape (n, n_first) and (n, n_second)
+            Shape and pose codes of `ShapePoseCodes`, intrinsic and extrinsic codes of
+            `IntrinsicExtrinsicCodes`.
+        """
+        first, _ = self._n_codes
+        codes = self._checked_codes(Z)
+        return codes[:, :first], codes[:, first:]
+
+    @property
+    def _n_codes(self) -> tuple[int, int]:
+        first, second = self.code_names
+        return getattr(self, f"n_{first}"), getattr(self, f"n_{second}")
+
+    def _checked_codes(self, Z: Any) -> ndarray:
+        return np.asarray(real_array(Z, "Z", ("n", sum(self._n_codes)), batched=False))
 
 
 def checked_template(template: object) -> Template:
-    """Return a template, or refuse what is none.
+    """Return the argument if it is a template.
 
     Parameters
     ----------
@@ -250,7 +381,7 @@ def checked_template(template: object) -> Template:
     Raises
     ------
     ArgumentTypeError
-        If it is no template.
+        If it is not a template.
     """
     if not isinstance(template, Template):
         raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")

@@ -1,4 +1,4 @@
-"""Surfaces over one template carried to another in correspondence with it, and back."""
+"""Transfer of surfaces between two templates in correspondence."""
 
 from __future__ import annotations
 
@@ -19,39 +19,39 @@ from riemhuman.kernels.triangle_frames import (
 )
 from riemhuman.surfaces.template import Template
 
-# Vertices that are the same may differ by the rounding of a file, as a share of the height.
+# Largest distance of matching vertices, relative to the size of the template: files round.
 _SAME = 1e-5
-# Vertices that a triangle is carried by, and how much their normals count, in metres: both sides
-# of a hand are near each other.
+# Number of vertices that a triangle follows, and the weight of their normals in metres, which keeps
+# the two sides of a hand apart.
 _CARRIERS, _NORMALS = 6, 0.05
 
 
 class Correspondence:
-    """The way from surfaces over a template to those over the template of a network, and back.
+    """The transfer of surfaces from a template to the template of a network, and back.
 
     Forth, the network's vertices are combinations of the template's. Back, every triangle of the
-    template takes the deformation gradient of the network's triangles about it, and a Poisson
-    equation puts them together; what then is missing to the network's vertices is spread to the
-    vertices about them.
+    template takes the mean deformation gradient of the nearby triangles of the network, and a
+    Poisson equation gives the surface; the remaining errors at the network's vertices are then
+    corrected by moving the vertices near them.
 
     Parameters
     ----------
     home : Template
-        Template of the network.
+        Template of the network, with V vertices.
     template : Template
-        The other one: any mesh, of any person in any pose.
+        The other template, with V' vertices: any mesh, of any person in any pose.
     correspondence : array_like of int, pair, or sparse matrix, optional
         Where the vertices of `home` lie on `template`: numbers of vertices, shape (V,); a pair of
-        numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or a matrix,
+        numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or a matrix
         whose rows sum to one. By default the vertices of `template` at the same places.
 
     Raises
     ------
     ArgumentError
-        If it does not fit the templates, or by default where a vertex of `home` is not one of
-        `template`.
+        If the correspondence does not fit the templates, or is missing and `template` lacks a
+        vertex of `home`.
     DegenerateSurfaceError
-        If a triangle of `home` has no area where the correspondence puts it.
+        If a triangle of `home` has no area on `template`.
     """
 
     def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:
@@ -73,7 +73,7 @@ class Correspondence:
         normals = average @ self._start[..., 2]
         places = template.vertices[template.faces].mean(axis=1)
         self._carriers = _neighbors(start, normals, places, frames[..., 2]) @ average
-        # Small corrections need not tell the sides of a hand apart.
+        # Corrections are small: they need not distinguish the sides of a hand.
         nothing = np.zeros_like(template.vertices)
         self._spread = _neighbors(start, np.zeros_like(start), template.vertices, nothing)
 
@@ -83,7 +83,7 @@ class Correspondence:
         Parameters
         ----------
         points : array, shape (n, V', 3)
-            Surfaces over the other template.
+            Surfaces over the other template, metres.
 
         Returns
         -------
@@ -99,7 +99,7 @@ class Correspondence:
         Parameters
         ----------
         points : array, shape (n, V, 3)
-            Surfaces over the network's template.
+            Surfaces over the network's template, metres.
 
         Returns
         -------
@@ -123,16 +123,15 @@ def _same_vertices(home: Template, template: Template) -> ndarray:
     allowed = _SAME * np.ptp(home.vertices, axis=0).max()
     if gaps.max() > allowed:
         raise ArgumentError(
-            f"the template is not the network's own, nor a refinement of it: a vertex of the "
-            f"network's is {gaps.max():.3g} from the nearest. Where it lies must be given as "
-            "correspondence: numbers of vertices, triangles with barycentric coordinates, or a "
-            "matrix"
+            "correspondence is missing: the template is neither the network's own nor a refinement "
+            f"of it, and a vertex of the network's is {gaps.max():.3g} from the nearest. Give "
+            "numbers of vertices, triangles with barycentric coordinates, or a matrix"
         )
     return np.asarray(numbers)
 
 
 def _vertex_average(points: ndarray, mesh: Template) -> sparse.csr_array:
-    """Return what takes values of triangles to their means about the vertices of a surface."""
+    """Return the matrix from values at triangles to their means around vertices, (V, F)."""
     edges = points[mesh.faces[:, 1:]] - points[mesh.faces[:, :1]]
     areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     entries = (np.repeat(areas, 3), (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)))
@@ -144,9 +143,9 @@ def _vertex_average(points: ndarray, mesh: Template) -> sparse.csr_array:
 def _neighbors(
     vertices: ndarray, normals: ndarray, places: ndarray, directions: ndarray
 ) -> sparse.csr_array:
-    """Return the weights of vertices near some places (Franke and Little's, which are continuous).
+    """Return continuous weights of the vertices near some places (Franke and Little).
 
-    Those of a vertex at the very place are those of this vertex alone.
+    A vertex at the same place has all the weight.
     """
     tree = cKDTree(np.concatenate([vertices, _NORMALS * normals], axis=1))
     gaps, near = tree.query(np.concatenate([places, _NORMALS * directions], axis=1), _CARRIERS)

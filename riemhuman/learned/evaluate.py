@@ -1,9 +1,9 @@
-"""Say how good the networks that ship are, on bodies that none of them has seen.
+"""Evaluate the networks that ship on bodies that they were not trained on.
 
     python -m riemhuman.learned.evaluate [--only shape-pose]
 
-prints the numbers of the model cards: on other random people in other random poses, and on the
-open bodies, plain and natural, whose people and poses are no part of training.
+prints the numbers of the model cards: for other random people in other random poses, and for the
+plain and natural open bodies, whose people and poses are not part of the training data.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
@@ -22,6 +24,7 @@ from riemhuman.descriptors.spectra import spectrum
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.learned.build_weights import WEIGHTS
+from riemhuman.learned.codes import PairedCodes
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.metric_codes import MetricCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
@@ -29,47 +32,43 @@ from riemhuman.learned.training_bodies import random_bodies
 from riemhuman.surfaces.procrustes import procrustes
 
 UNSEEN = 1000
-"""Seed of people and poses that no network was trained on."""
+"""Seed of random people and poses that no network was trained on."""
 
 _PEOPLE, _POSES = 50, 2
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the numbers of the model cards.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line; the process's own by default.
-
-    Returns
-    -------
-    status : int
-        0.
+        Command line; by default that of the process.
     """
-    parser = argparse.ArgumentParser(description="Say how good the networks that ship are.")
+    parser = argparse.ArgumentParser(description="Evaluate the networks that ship.")
     parser.add_argument("--only", choices=tuple(_CARDS), action="append")
     options = parser.parse_args(arguments)
     for name in options.only or _CARDS:
-        sys.stdout.write(f"\n{name}\n" + "".join(f"{row}\n" for row in _CARDS[name]()))
-        sys.stdout.flush()
-    return 0
+        sys.stdout.write(f"\n{name}\n")
+        for variant in ("random", "plain", "natural"):
+            sys.stdout.write(f"{variant}: {_CARDS[name](UnseenBodies(variant))}\n")
+            sys.stdout.flush()
 
 
 class UnseenBodies:
-    """Bodies of people and in poses that no network was trained on.
+    """Bodies that no network was trained on: neither their people nor their poses.
 
     Parameters
     ----------
     name : {"random", "plain", "natural"}
-        Random people in random poses, or the open bodies of a variant.
+        Random people in random poses, or a variant of the open bodies.
 
     Attributes
     ----------
     points : array, shape (n, V, 3)
-        Coarse surfaces.
+        Surfaces at the coarse resolution, metres.
     subject : array of int, shape (n,)
-        Who it is.
+        Number of the person.
     """
 
     def __init__(self, name: str) -> None:
@@ -85,14 +84,14 @@ class UnseenBodies:
             self._betas, self._poses = bodies.betas, bodies.pose_vectors
 
     def transfers(self) -> tuple[ndarray, ndarray, ndarray]:
-        """Return people, poses of other people, and what the body model makes of both.
+        """Return pairs of bodies, and the person of the first in the pose of the second.
 
         Returns
         -------
         people, others : array of int, shape (n,)
-            Numbers of bodies.
+            Numbers of the bodies that give the person and the pose.
         truth : array, shape (n, V, 3)
-            Each of the people in the pose of the other.
+            The body model's surfaces, metres.
         """
         rng = np.random.default_rng(UNSEEN)
         people, others = np.arange(len(self.points)), np.empty(len(self.points), dtype=np.int64)
@@ -102,12 +101,12 @@ class UnseenBodies:
 
 
 def mean_error(found: ndarray, wanted: ndarray) -> float:
-    """Return the mean distance of vertices, after the best rigid motion, in millimetres.
+    """Return the mean distance of vertices after rigid alignment, in millimetres.
 
     Parameters
     ----------
     found, wanted : array, shape (n, V, 3)
-        Surfaces, in metres.
+        Surfaces, metres.
 
     Returns
     -------
@@ -117,77 +116,55 @@ def mean_error(found: ndarray, wanted: ndarray) -> float:
     return float(1000.0 * np.linalg.norm(np.stack(moved) - wanted, axis=-1).mean())
 
 
-def _shape_pose() -> list[str]:
-    network = ShapePoseCodes.load_pretrained()
-    rows = []
-    for name in ("random", "plain", "natural"):
-        bodies = UnseenBodies(name)
-        codes = network.transform(bodies.points)
-        shape, pose = network.split(codes)
-        people, others, truth = bodies.transfers()
-        mixed = network.inverse_transform(np.concatenate([shape[people], pose[others]], axis=1))
-        again = network.inverse_transform(codes)
-        rows.append(
-            f"{name}: reconstruction {mean_error(again, bodies.points):.1f} mm, shape of one and "
-            f"pose of another {mean_error(mixed, truth):.1f} mm"
-        )
-    return rows
+def _two_codes(network: PairedCodes, bodies: UnseenBodies, vertices: Any) -> str:
+    first, second = network.split(codes := network.transform(bodies.points))
+    people, others, truth = bodies.transfers()
+    mixed = network.inverse_transform(np.concatenate([first[people], second[others]], axis=1))
+    again = mean_error(network.inverse_transform(codes), bodies.points[:, vertices])
+    one, other = network.code_names
+    return (
+        f"reconstruction {again:.1f} mm, {one} of one and {other} of another "
+        f"{mean_error(mixed, truth[:, vertices]):.1f} mm"
+    )
 
 
-def _metric(which: str) -> Callable[[], list[str]]:
-    def card() -> list[str]:
-        network = MetricCodes.load_pretrained(which=which)
-        a, lam, c = WEIGHTS[which]
-        rows = []
-        for name in ("random", "plain", "natural"):
-            bodies = UnseenBodies(name)
-            space = AlignedSurfaces(bodies.model.template, equip=False)
-            pairs = np.triu_indices(len(bodies.points), 1)
-            metric = ElasticMetric(space, a=a, lam=lam, c=c)
-            wanted = metric.dist_pairwise(bodies.points)[pairs]
-            found = pdist(network.transform(bodies.points))
-            error = np.abs(found - wanted) / wanted
-            rows.append(
-                f"{name}: error of a distance, mean {100 * error.mean():.1f} %, 95 of 100 pairs "
-                f"within {100 * np.quantile(error, 0.95):.1f} %; rank correlation "
-                f"{spearmanr(found, wanted).statistic:.4f}"
-            )
-        return rows
-
-    return card
+def _shape_pose(bodies: UnseenBodies) -> str:
+    return _two_codes(ShapePoseCodes.load_pretrained(), bodies, slice(None))
 
 
-def _intrinsic_extrinsic() -> list[str]:
+def _intrinsic_extrinsic(bodies: UnseenBodies) -> str:
     network = IntrinsicExtrinsicCodes.load_pretrained()
-    rows = []
-    for name in ("random", "plain", "natural"):
-        bodies = UnseenBodies(name)
-        codes = network.transform(bodies.points)
-        intrinsic, extrinsic = network.split(codes)
-        people, others, truth = bodies.transfers()
-        mixed = network.inverse_transform(
-            np.concatenate([intrinsic[people], extrinsic[others]], axis=1)
-        )
-        seen = network.vertices_
-        faces, count = bodies.model.faces, network.n_eigenvalues
-        values = [spectrum(f, faces, count).eigenvalues for f in bodies.points]
-        error = np.abs(network.spectra(codes) / np.stack(values) - 1.0).mean()
-        again = network.inverse_transform(codes)
-        rows.append(
-            f"{name}: reconstruction {mean_error(again, bodies.points[:, seen]):.1f} mm, intrinsic "
-            f"of one and extrinsic of another {mean_error(mixed, truth[:, seen]):.1f} mm, error of "
-            f"an eigenvalue {100 * error:.1f} %"
-        )
-    return rows
+    faces, count = bodies.model.faces, network.n_eigenvalues
+    values = [spectrum(f, faces, count).eigenvalues for f in bodies.points]
+    found = network.spectra(network.transform(bodies.points))
+    error = np.abs(found / np.stack(values) - 1.0).mean()
+    return (
+        f"{_two_codes(network, bodies, network.vertices_)}, error of an eigenvalue "
+        f"{100 * error:.1f} %"
+    )
 
 
-_CARDS: dict[str, Callable[[], list[str]]] = {
+def _metric(bodies: UnseenBodies, which: str) -> str:
+    a, lam, c = WEIGHTS[which]
+    space = AlignedSurfaces(bodies.model.template, equip=False)
+    metric = ElasticMetric(space, a=a, lam=lam, c=c)
+    wanted = metric.dist_pairwise(bodies.points)[np.triu_indices(len(bodies.points), 1)]
+    found = pdist(MetricCodes.load_pretrained(which=which).transform(bodies.points))
+    error = np.abs(found - wanted) / wanted
+    return (
+        f"error of a distance, mean {100 * error.mean():.1f} %, 95 of 100 pairs within "
+        f"{100 * np.quantile(error, 0.95):.1f} %; rank correlation "
+        f"{spearmanr(found, wanted).statistic:.4f}"
+    )
+
+
+_CARDS: dict[str, Callable[[UnseenBodies], str]] = {
     "shape-pose": _shape_pose,
     "intrinsic-extrinsic": _intrinsic_extrinsic,
-    "metric-shape": _metric("shape"),
-    "metric-pose": _metric("pose"),
+    "metric-shape": partial(_metric, which="shape"),
+    "metric-pose": partial(_metric, which="pose"),
 }
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,4 +1,4 @@
-"""Intrinsic and extrinsic codes of point clouds, after Aumentado-Armstrong and others."""
+"""Intrinsic and extrinsic codes of point clouds, after Aumentado-Armstrong et al."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 
 from riemhuman.descriptors.spectra import spectrum
 from riemhuman.errors import ArgumentError
-from riemhuman.learned.codes import Codes, checked_template
-from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
+from riemhuman.learned.codes import PairedCodes, checked_template
+from riemhuman.learned.networks import in_single_precision, network
 from riemhuman.learned.point_clouds import (
     cloud_features,
     cloud_shapes,
@@ -27,29 +27,29 @@ from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
 from riemhuman.surfaces.template import Template
 
-# What counts one: an error of a point in metres, and one of the logarithm of an eigenvalue.
+# Errors with loss one: of a point, in metres, and of the logarithm of an eigenvalue.
 _ERROR, _LOGARITHM = 0.03, 0.02
-# What the noise on codes, their size and their covariances count.
+# Standard deviation of the noise on codes, and the weights of their size and covariances.
 _NOISE, _SIZE, _COVARIANCE = 0.05, 1e-3, 1.0
-# Clouds of a body whose codes are averaged, and the seed of their points.
+# Number of clouds of a body whose codes are averaged, and the seed of their points.
 _CLOUDS, _SEED_OF_POINTS = 4, 0
 
 
-class IntrinsicExtrinsicCodes(Codes):
-    r"""Two codes of a cloud of points, one of what bending leaves alone and one of the rest.
+class IntrinsicExtrinsicCodes(PairedCodes):
+    r"""Two codes of a point cloud: one of what bending does not change, and one of the rest.
 
-    After the geometrically disentangled autoencoder of Aumentado-Armstrong and others [1]_ (GDVAE).
-    Nobody is known by name, and no mesh is registered when codes are found: the network reads
-    points spread over a surface. From the intrinsic code alone it must tell the spectrum of the
-    Laplace–Beltrami operator, which bending leaves alone; from both codes it must tell where the
-    points of the template are. Covariances between the two codes are made small. Other than
-    in [1]_, codes carry noise of a fixed size, the decoder gives points that correspond, and bodies
-    are taken upright and facing forward, as they come: rotations are not learned.
+    After the geometrically disentangled autoencoder of Aumentado-Armstrong et al. [1]_ (GDVAE).
+    Training needs no labels, and codes need no registered mesh: the network reads points spread
+    over a surface. It predicts the spectrum of the Laplace–Beltrami operator, which bending does
+    not change, from the intrinsic code alone, and the positions of points of the template from both
+    codes. The loss also penalises covariances between the two codes. Unlike in [1]_, the noise on
+    codes has a fixed size, the decoder gives points in correspondence, and bodies must be upright
+    and face forward: rotations are not learned.
 
     Parameters
     ----------
     template : Template
-        What bodies are registered to in training.
+        Template of the bodies in training.
     n_intrinsic, n_extrinsic : int
         Numbers of entries of the codes.
     n_points : int
@@ -57,13 +57,13 @@ class IntrinsicExtrinsicCodes(Codes):
     n_eigenvalues : int
         Number of eigenvalues.
     n_hidden, n_features : int
-        Sizes of layers, and of what is found from a cloud before the codes.
+        Sizes of the hidden layers, and number of features of a cloud.
     n_steps : int
-        Number of steps of training.
+        Number of training steps.
     batch_size : int
-        Number of clouds of a step.
+        Number of clouds per step.
     learning_rate : float
-        Largest length of a step.
+        Largest learning rate of Adam.
     random_state : int
         Seed.
 
@@ -72,9 +72,9 @@ class IntrinsicExtrinsicCodes(Codes):
     parameters_ : dict of str to array
         Parameters of the networks.
     vertices_ : array of int, shape (n_points,)
-        The vertices of the template that `inverse_transform` gives.
+        Vertices of the template that `inverse_transform` returns.
     losses_ : array, shape (n_steps,)
-        What was lost at every step; only after `fit`.
+        Loss at each step; only after `fit`.
 
     References
     ----------
@@ -91,10 +91,10 @@ class IntrinsicExtrinsicCodes(Codes):
     ((2, 10), (2, 24))
     """
 
-    parameters_: dict[str, ndarray]
     vertices_: ndarray
-    losses_: ndarray
 
+    code_names = ("intrinsic", "extrinsic")
+    _WIDTH = 2
     _SETTINGS = (
         "n_intrinsic",
         "n_extrinsic",
@@ -140,24 +140,7 @@ class IntrinsicExtrinsicCodes(Codes):
         checkpoint: str | os.PathLike[str] | None = None,
         progress: bool = False,
     ) -> Self:
-        """Train the networks.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the template, upright and facing one way, in metres.
-        y : object
-            Not used.
-        checkpoint : path_like, optional
-            An .npz file that is written as training goes on. If it exists, training goes on from
-            there, and ends as if it had not stopped.
-        progress : bool
-            Whether to show progress bars.
-
-        Returns
-        -------
-        IntrinsicExtrinsicCodes
-            The estimator itself.
+        """Train the networks, on bodies that are upright and face forward.
 
         Raises
         ------
@@ -165,6 +148,10 @@ class IntrinsicExtrinsicCodes(Codes):
             If PyTorch is not installed.
         ArgumentError
             If bodies or parameters are wrong.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        FileFormatError
+            If the checkpoint is from another training.
         """
         rng = self._generator("batch_size")
         template, points = check_training_bodies(self.template, X)
@@ -177,7 +164,7 @@ class IntrinsicExtrinsicCodes(Codes):
         bar = ProgressBar(points, disable=not progress, unit="body", desc="spectra")
         values = np.log([spectrum(f, template.faces, self.n_eigenvalues).eigenvalues for f in bar])
         self._spectrum = values.mean(axis=0)
-        # Two clouds of every body: the network is to know the body, not the points.
+        # Two clouds of each body: the network shall learn the body, not the points.
         clouds = np.stack(
             [[surface_points(f, template.faces, self.n_points, rng) for _ in "ab"] for f in points]
         )
@@ -185,8 +172,7 @@ class IntrinsicExtrinsicCodes(Codes):
         self._place = placed.mean(axis=0)
         data = {"clouds": clouds, "points": placed - self._place, "values": values - self._spectrum}
         start = initial_cloud(self.n_hidden, self.n_features, rng)
-        for name, (n_in, n_out) in self._sizes().items():
-            start |= initial_network(name, n_in, 2 * self.n_hidden, n_out, rng)
+        start |= self._initial_networks(rng)
         self._train(start, data, self._loss, checkpoint, progress)
         self._place, self._spectrum = map(in_single_precision, (self._place, self._spectrum))
         return self
@@ -197,39 +183,24 @@ class IntrinsicExtrinsicCodes(Codes):
         Parameters
         ----------
         template : Template
-            The other template: no correspondence is needed to find codes.
+            The other template; these codes need no correspondence.
         correspondence : object
-            Not used.
-
-        Returns
-        -------
-        IntrinsicExtrinsicCodes
+            Ignored.
 
         Raises
         ------
         ArgumentTypeError
-            If it is not a template.
+            If `template` is not a template.
         ArgumentError
             If nothing was fitted.
         """
         self._require_fit("parameters_")
         other = copy(self)
-        other._over = checked_template(template)
+        other._template = checked_template(template)
         return other
 
-    @property
-    def template_(self) -> Template:
-        """What the bodies that `transform` takes are registered to."""
-        self._require_fit("parameters_")
-        return self._over
-
     def transform(self, X: ArrayLike) -> ndarray:
-        """Return the codes of bodies.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the template, upright and facing forward.
+        """Return the codes of bodies, which must be upright and face forward.
 
         Returns
         -------
@@ -243,14 +214,9 @@ class IntrinsicExtrinsicCodes(Codes):
         DegenerateSurfaceError
             If a body has no area.
         """
-        self._require_fit("parameters_")
-        points = self._over.check_points(X, "X")
-        if points.ndim != 3:
-            raise ArgumentError(
-                f"X must have shape (n, {self._over.n_vertices}, 3); found {points.shape}"
-            )
-        found = [self.describe(surface, self._over.faces) for surface in points]
-        return np.array(found).reshape(len(points), self.n_intrinsic + self.n_extrinsic)
+        points = self._checked_points(X)
+        found = [self.describe(surface, self.template_.faces) for surface in points]
+        return np.array(found).reshape(len(points), sum(self._n_codes))
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
         """Return the codes of any mesh.
@@ -260,7 +226,7 @@ class IntrinsicExtrinsicCodes(Codes):
         vertices : array_like, shape (V, 3)
             Vertex positions, in metres, y up, the body facing +z.
         faces : array_like, shape (F, 3)
-            Triangles.
+            Vertex indices of each triangle, counted from 0.
 
         Returns
         -------
@@ -281,18 +247,13 @@ class IntrinsicExtrinsicCodes(Codes):
         return np.asarray(self._encoded(self._used, clouds).mean(axis=0))
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
-        """Return the points that have given codes.
-
-        Parameters
-        ----------
-        Z : array_like, shape (n, n_intrinsic + n_extrinsic)
-            Codes.
+        """Return points of the bodies with given codes.
 
         Returns
         -------
         array, shape (n, n_points, 3)
-            The vertices `vertices_` of the template that was trained on, about the body's mean
-            vertex.
+            The vertices `vertices_` of the training template, relative to the body's mean vertex,
+            metres.
 
         Raises
         ------
@@ -300,22 +261,22 @@ class IntrinsicExtrinsicCodes(Codes):
             If nothing was fitted, or the codes have another length.
         """
         self._require_fit("parameters_")
-        codes = self._checked_codes(Z, self.n_intrinsic + self.n_extrinsic)
+        codes = self._checked_codes(Z)
         found = network(self._used, "points", codes)
         return found.reshape(len(codes), self.n_points, 3) + self._place
 
     def spectra(self, Z: ArrayLike) -> ndarray:
-        """Return the eigenvalues that the network tells from intrinsic codes.
+        """Return the eigenvalues that the network predicts from intrinsic codes.
 
         Parameters
         ----------
         Z : array_like, shape (n, n_intrinsic + n_extrinsic)
-            Codes.
+            Codes; the extrinsic ones have no effect.
 
         Returns
         -------
         array, shape (n, n_eigenvalues)
-            Ascending, without zero, in 1 / metre².
+            Without zero, in 1 / metre².
 
         Raises
         ------
@@ -325,22 +286,6 @@ class IntrinsicExtrinsicCodes(Codes):
         self._require_fit("parameters_")
         intrinsic, _ = self.split(Z)
         return np.exp(network(self._used, "spectrum", intrinsic) + self._spectrum)
-
-    def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
-        """Return the intrinsic codes and the extrinsic codes.
-
-        Parameters
-        ----------
-        Z : array_like, shape (n, n_intrinsic + n_extrinsic)
-            Codes.
-
-        Returns
-        -------
-        intrinsic : array, shape (n, n_intrinsic)
-        extrinsic : array, shape (n, n_extrinsic)
-        """
-        codes = self._checked_codes(Z, self.n_intrinsic + self.n_extrinsic)
-        return codes[:, : self.n_intrinsic], codes[:, self.n_intrinsic :]
 
     @staticmethod
     def _encoded(parameters: Any, clouds: Any, backend: ModuleType = np) -> Any:
@@ -379,10 +324,6 @@ class IntrinsicExtrinsicCodes(Codes):
             "spectrum": (self.n_intrinsic, self.n_eigenvalues),
         }
 
-    def _start_on(self, template: Template) -> None:
-        super()._start_on(template)
-        self._over = template
-
     def _arrays(self) -> dict[str, ndarray]:
         return self.parameters_ | {
             "vertices": self.vertices_.astype(np.int32),
@@ -395,8 +336,4 @@ class IntrinsicExtrinsicCodes(Codes):
         self.vertices_ = weights.indices("vertices", (self.n_points,), 0, n_vertices)
         self._place = weights.numbers("place", (self.n_points, 3))
         self._spectrum = weights.numbers("mean_spectrum", (self.n_eigenvalues,))
-        shapes = cloud_shapes(self.n_hidden, self.n_features)
-        for name, (n_in, n_out) in self._sizes().items():
-            shapes |= network_shapes(name, n_in, 2 * self.n_hidden, n_out)
-        self._used = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
-        self.parameters_ = {name: array.astype(np.float16) for name, array in self._used.items()}
+        self._read_networks(weights, cloud_shapes(self.n_hidden, self.n_features))

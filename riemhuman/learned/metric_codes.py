@@ -1,4 +1,4 @@
-"""Codes whose Euclidean distances are close to the distances of a metric."""
+"""Codes whose Euclidean distances approximate the distances of a metric."""
 
 from __future__ import annotations
 
@@ -14,31 +14,30 @@ from numpy.typing import ArrayLike
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.learned.codes import Codes
-from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
+from riemhuman.learned.networks import in_single_precision, network
 from riemhuman.learned.part_features import part_arrays, read_parts
 from riemhuman.learned.parts import Parts, find_parts
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.progress import ProgressBar
 
-_BODIES_OF_PARTS = 300
-# Bodies all of whose distances are computed at a time.
-_BLOCK = 48
+# Number of bodies that parts are found from, and of bodies in a block of distances.
+_BODIES_OF_PARTS, _BLOCK = 300, 48
 
 
 class MetricCodes(Codes):
-    r"""Codes of bodies whose Euclidean distances are nearly those of a metric.
+    r"""Codes of bodies whose Euclidean distances approximate those of a metric.
 
-    A network finds, from the mean deformation gradients and the stretches of parts (see
-    `riemhuman.learned.parts`), vectors :math:`c` with :math:`|c_i - c_j| \approx d(f_i, f_j)`. What
-    is small after training is the mean of :math:`(|c_i - c_j| - d_{ij})^2 / (d_{ij} \bar d)` over
-    pairs of bodies. Many bodies are compared by their codes in the time of a matrix product.
-    To be exact, give those of the nearest codes to `NearestNeighbors.kneighbors` as its
-    `candidates`: it compares them first, and others until none can be nearer.
+    A network computes, from the mean deformation gradients and the stretches of parts (see
+    `riemhuman.learned.parts`), vectors :math:`c` with :math:`|c_i - c_j| \approx d(f_i, f_j)`.
+    Training minimises the mean of :math:`(|c_i - c_j| - d_{ij})^2 / (d_{ij} \bar d)` over pairs of
+    bodies. Codes compare many bodies in the time of a matrix product. For exact nearest neighbours,
+    give the bodies with the nearest codes to `NearestNeighbors.kneighbors` as `candidates`: it
+    compares them first, and then others until none can be nearer.
 
     Parameters
     ----------
     metric : RiemannianMetric
-        A metric on surfaces over a template, with a closed form of its distance.
+        A metric on surfaces over a template, with a closed-form distance.
     n_codes : int
         Number of entries of a code.
     n_parts : int
@@ -46,9 +45,9 @@ class MetricCodes(Codes):
     n_hidden : int
         Size of the hidden layers.
     n_steps : int
-        Number of steps of training.
+        Number of training steps.
     learning_rate : float
-        Largest length of a step.
+        Largest learning rate of Adam.
     random_state : int
         Seed.
 
@@ -59,9 +58,9 @@ class MetricCodes(Codes):
     parameters_ : dict of str to array
         Parameters of the network.
     metric_ : str
-        How the metric was constructed.
+        The expression that constructs the metric.
     losses_ : array, shape (n_steps,)
-        What was lost at every step; only after `fit`.
+        Loss at each step; only after `fit`.
 
     Examples
     --------
@@ -73,9 +72,7 @@ class MetricCodes(Codes):
     """
 
     parts_: Parts
-    parameters_: dict[str, ndarray]
     metric_: str
-    losses_: ndarray
 
     _SETTINGS = ("n_codes", "n_parts", "n_hidden")
     _SHIPPED = MappingProxyType(
@@ -109,25 +106,10 @@ class MetricCodes(Codes):
         checkpoint: str | os.PathLike[str] | None = None,
         progress: bool = False,
     ) -> Self:
-        """Train the network.
+        """Train the network, on bodies over the metric's template.
 
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the metric's template. Distances are computed within blocks of 48 of them,
-            in the order given: let every block hold bodies near each other and bodies far apart.
-        y : object
-            Not used.
-        checkpoint : path_like, optional
-            An .npz file that is written as training goes on. If it exists, training goes on from
-            there, and ends as if it had not stopped.
-        progress : bool
-            Whether to show progress bars.
-
-        Returns
-        -------
-        MetricCodes
-            The estimator itself.
+        Distances are computed within blocks of about 48 bodies, in the given order: each block
+        should hold bodies near each other and bodies far apart.
 
         Raises
         ------
@@ -137,11 +119,15 @@ class MetricCodes(Codes):
             If there is no metric.
         ArgumentError
             If bodies or parameters are wrong.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        FileFormatError
+            If the checkpoint is from another training.
         """
         rng = self._generator()
         if not isinstance(self.metric, RiemannianMetric):
             raise ArgumentTypeError(
-                f"metric must be a metric to train on; found {type(self.metric).__name__}"
+                f"metric must be a RiemannianMetric; found {type(self.metric).__name__}"
             )
         template, points = check_training_bodies(getattr(self.metric.space, "template", None), X)
         self._start_on(template)
@@ -165,8 +151,7 @@ class MetricCodes(Codes):
         bar = ProgressBar(members, disable=not progress, unit="block", desc="distances")
         distances = np.stack([self.metric.dist_pairwise(points[block]) for block in bar])
         self._unit = float(distances[distances > 0].mean()) if (distances > 0).any() else 1.0
-        n_in = features.shape[1]
-        start = initial_network("codes", n_in, self.n_hidden, self.n_codes, rng)
+        start = self._initial_networks(rng)
         start["codes.L"] = _principal(features, self.n_codes)
         data = {"features": features, "distances": distances / self._unit}
 
@@ -194,11 +179,6 @@ class MetricCodes(Codes):
     def transform(self, X: ArrayLike) -> ndarray:
         """Return the codes of bodies.
 
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the template.
-
         Returns
         -------
         array, shape (n, n_codes)
@@ -215,6 +195,9 @@ class MetricCodes(Codes):
         features = (self.parts_.gradients(points) - self._center) / self._scale
         return np.asarray(self._unit * network(self._used, "codes", features))
 
+    def _sizes(self) -> dict[str, tuple[int, int]]:
+        return {"codes": (15 * self.parts_.n_parts, self.n_codes)}
+
     def _settings(self) -> dict[str, int]:
         return super()._settings() | {"n_parts": self.parts_.n_parts}
 
@@ -228,16 +211,14 @@ class MetricCodes(Codes):
         n_in = 15 * self.n_parts
         self.parts_ = read_parts(weights, self._home, self.n_parts)
         self._center = weights.numbers("center", (n_in,))
-        self._scale = weights.positive("scale", (n_in,))
-        self._unit = float(weights.positive("unit", ()))
+        self._scale = weights.numbers("scale", (n_in,), positive=True)
+        self._unit = float(weights.numbers("unit", (), positive=True))
         self.metric_ = weights.text("metric")
-        shapes = network_shapes("codes", n_in, self.n_hidden, self.n_codes)
-        self._used = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
-        self.parameters_ = {name: array.astype(np.float16) for name, array in self._used.items()}
+        self._read_networks(weights, {})
 
 
 def _principal(features: ndarray, count: int) -> ndarray:
-    """Return principal directions, scaled so that distances are about one."""
+    """Return principal directions, scaled to make distances about one."""
     values, vectors = np.linalg.eigh(features.T @ features / len(features))
     found = np.zeros((features.shape[1], count))
     n_found = min(count, len(values))

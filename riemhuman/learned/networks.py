@@ -1,4 +1,4 @@
-"""Small networks: one definition runs on NumPy, to use them, and on PyTorch, to train them."""
+"""Small networks: one definition runs in NumPy for use and in PyTorch for training."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ def network(parameters: Parameters, name: str, x: Any, backend: ModuleType = np)
     Parameters
     ----------
     parameters : mapping of str to array
-        Parameters of all networks; those of this one begin with its name.
+        Parameters of all networks, with names such as "shape.A" for the network "shape".
     name : str
-        Its name.
+        Name of the network.
     x : array, shape (..., n_in)
-        What goes in.
+        Inputs.
     backend : module
-        NumPy, or PyTorch where `x` and `parameters` are tensors.
+        NumPy, or PyTorch if `x` and `parameters` are tensors.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def network(parameters: Parameters, name: str, x: Any, backend: ModuleType = np)
 def initial_network(
     name: str, n_in: int, n_hidden: int, n_out: int, rng: np.random.Generator
 ) -> dict[str, ndarray]:
-    """Return parameters to begin training with: a hidden layer that does nothing yet.
+    """Return initial parameters: a random linear part, and hidden layers without effect.
 
     Parameters
     ----------
@@ -55,31 +55,23 @@ def initial_network(
     n_in, n_hidden, n_out : int
         Sizes of its layers.
     rng : numpy.random.Generator
-        Where they are drawn from.
+        Generator of the random parameters.
 
     Returns
     -------
     dict of str to array
-        In single precision; the linear part is random, and the hidden layers do not count.
+        In single precision.
     """
-
-    def drawn(*shape: int) -> ndarray:
-        return rng.standard_normal(shape) / np.sqrt(shape[0])
-
-    found = {
-        "A": drawn(n_in, n_hidden),
-        "b1": np.zeros(n_hidden),
-        "B": drawn(n_hidden, n_hidden),
-        "b2": np.zeros(n_hidden),
-        "C": np.zeros((n_hidden, n_out)),
-        "L": drawn(n_in, n_out),
-        "b3": np.zeros(n_out),
-    }
-    return {f"{name}.{key}": array.astype(np.float32) for key, array in found.items()}
+    found = {}
+    for key, shape in network_shapes(name, n_in, n_hidden, n_out).items():
+        is_random = key[-1] in "ABL"
+        array = rng.standard_normal(shape) / np.sqrt(shape[0]) if is_random else np.zeros(shape)
+        found[key] = array.astype(np.float32)
+    return found
 
 
 def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str, tuple[int, ...]]:
-    """Return the shapes of a network's parameters, which a file must have.
+    """Return the shapes of a network's parameters.
 
     Parameters
     ----------
@@ -105,9 +97,9 @@ def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str,
 
 
 def in_single_precision(numbers: Any) -> ndarray:
-    """Return numbers rounded to single precision, in which files keep them.
+    """Return numbers rounded to single precision, the precision of files.
 
-    Rounding hides the last digits of a sum, which depend on the order of its terms.
+    Rounding also removes the last digits of sums, which depend on the order of their terms.
 
     Parameters
     ----------
@@ -130,7 +122,7 @@ def activated(x: Any, backend: ModuleType = np) -> Any:
     x : array
         Numbers.
     backend : module
-        NumPy, or PyTorch where `x` is a tensor.
+        NumPy, or PyTorch if `x` is a tensor.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""How turns and stretches of parts are scaled for networks, and kept in files."""
+"""Scales of the features of parts, and parts in files."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from riemhuman.learned.parts import Parts
 from riemhuman.learned.weight_files import Weights
 from riemhuman.surfaces.template import Template
 
-# Turns, in radians, and stretches that vary less count less.
+# Least scales of rotations, in radians, and of stretches.
 _LEAST_TURN, _LEAST_STRETCH = 0.05, 0.03
 
 
 def scales_of(features: ndarray) -> tuple[ndarray, ndarray]:
-    """Return the mean of features, and their deviations, of which none is very small.
+    """Return the means and the standard deviations of features, the latter bounded from below.
 
     Parameters
     ----------
     features : array, shape (n, 9 K)
-        Turns and stretches, see `Parts.split`.
+        Rotations and stretches of K parts, see `Parts.split`.
 
     Returns
     -------
@@ -50,7 +50,7 @@ def part_arrays(parts: Parts) -> dict[str, ndarray]:
 
 
 def read_parts(weights: Weights, template: Template, n_parts: int) -> Parts:
-    """Return the parts that a file holds.
+    """Return the parts stored in a file.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def read_parts(weights: Weights, template: Template, n_parts: int) -> Parts:
     Raises
     ------
     FileFormatError
-        If they are no parts of the template.
+        If the arrays do not describe parts of the template.
     """
     part_of = weights.indices("part_of", (template.n_faces,), 0, n_parts)
     if len(np.unique(part_of)) < n_parts:

@@ -1,13 +1,13 @@
-r"""A body as parts that turn and stretch, in place of the positions of its vertices.
+r"""Bodies described by the rotations and stretches of parts instead of vertex positions.
 
 The deformation gradient of a triangle, which takes it and its normal from the template to a body,
 is close to a combination of the mean gradients :math:`A_k` of a few parts,
-:math:`G_f = \sum_k w_{fk} A_k`: parts are triangles that turn alike on many bodies, found by
-clustering, and the weights :math:`w` are a regression. The polar decomposition
-:math:`A_k = R_k S_k` separates how a part turns from how it is built. The surface follows from
-the :math:`A_k` by a Poisson equation, which is linear (Sumner and Popović, "Deformation transfer
-for triangle meshes", 2004; Gao, Lai, Yang, Zhang, Xia and Kobbelt, "Sparse data driven mesh
-deformation", 2019, use such features of single vertices).
+:math:`G_f = \sum_k w_{fk} A_k`. Clustering finds the parts, triangles that move alike on many
+bodies, and regression the weights :math:`w`. The polar decomposition :math:`A_k = R_k S_k`
+separates the rotation of a part from its stretch. The surface follows from the :math:`A_k` by a
+Poisson equation, which is linear (Sumner and Popović, "Deformation transfer for triangle meshes",
+2004; Gao, Lai, Yang, Zhang, Xia and Kobbelt, "Sparse data driven mesh deformation", 2019, use such
+features of single vertices).
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ from riemhuman.representation import Record
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.triangle_heat import adjacent_triangles
 
-# Surfaces whose gradients are held at once.
+# Number of surfaces whose gradients are held in memory together.
 _BLOCK = 64
-# Directions in which triangles are compared, how much their places count, and what keeps the
-# regression of the weights from fitting noise.
+# Dimensions in which motions of triangles are compared, relative ridge of the regression of the
+# weights, and rounds of clustering.
 _DIRECTIONS, _RIDGE, _ROUNDS = 64, 1e-5, 30
 # Entries of a symmetric matrix.
 _ROWS, _COLUMNS = np.triu_indices(3)
@@ -46,18 +46,19 @@ _ROWS, _COLUMNS = np.triu_indices(3)
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Parts(Record):
-    """Parts of a template, with the way from surfaces to their turns and stretches, and back.
+    """Parts of a template: from surfaces to rotations and stretches of parts, and back.
 
     Attributes
     ----------
     template : Template
         The template.
     part_of : array of int, shape (F,)
-        The part that each triangle belongs to.
+        Part of each triangle.
     weights : array, shape (F, K)
-        How much each part moves each triangle.
+        Weight of each part in the deformation gradient of each triangle.
     parents : array of int, shape (K,)
-        The part that each turns against; -1 of one of them, which turns against the whole body.
+        Part that the rotation of each part is relative to; -1 for the root, whose rotation is
+        relative to the whole body.
     """
 
     template: Template
@@ -72,7 +73,7 @@ class Parts(Record):
 
     @cached_property
     def levels(self) -> list[tuple[ndarray, ndarray]]:
-        """Parts by their depth in the tree, with the places of their parents one level above."""
+        """Parts at each depth of the tree, with the positions of their parents one level above."""
         found = []
         above = np.flatnonzero(self.parents < 0)
         found.append((above, np.zeros(1, dtype=np.int64)))
@@ -86,7 +87,7 @@ class Parts(Record):
 
     @cached_property
     def operator(self) -> ndarray:
-        """Takes gradients of parts to the surface about its mean vertex, shape (V, 3 K)."""
+        """Matrix from gradients of parts to vertices about their mean, shape (V, 3 K)."""
         template = self.template
         frames = triangle_frames(template.vertices, template.differential_operator)
         nowhere = np.zeros((template.n_vertices, 3))
@@ -99,19 +100,20 @@ class Parts(Record):
         return np.concatenate(columns, axis=1)
 
     def split(self, points: ndarray) -> tuple[ndarray, ndarray]:
-        """Return turns and stretches of all parts, and the frames of the bodies.
+        """Return rotations and stretches of all parts, and the rotations of the bodies.
 
         Parameters
         ----------
         points : array, shape (n, V, 3)
-            Surfaces whose triangles have an area.
+            Surfaces without triangles of zero area.
 
         Returns
         -------
         features : array, shape (n, 9 K)
-            Rotation vectors of all parts against their parents, then the upper halves of S - I.
+            Rotation vectors of all parts relative to their parents, in radians, then the upper
+            triangles of S - I.
         frames : array, shape (n, 3, 3)
-            Rotations of the bodies: those nearest to the means of all gradients.
+            Rotation of each body: the nearest to the mean of all gradients.
         """
         features = np.empty((len(points), 9 * self.n_parts))
         frames = np.empty((len(points), 3, 3))
@@ -126,12 +128,12 @@ class Parts(Record):
         Parameters
         ----------
         points : array, shape (n, V, 3)
-            Surfaces whose triangles have an area.
+            Surfaces without triangles of zero area.
 
         Returns
         -------
         array, shape (n, 15 K)
-            The gradients, then the upper halves of S - I.
+            The gradients, then the upper triangles of S - I.
         """
         found = np.empty((len(points), 15 * self.n_parts))
         for start in range(0, len(points), _BLOCK):
@@ -161,21 +163,21 @@ class Parts(Record):
         return np.concatenate(flat, axis=1), frames
 
     def surfaces(self, features: Any, backend: ModuleType = np, operator: Any = None) -> Any:
-        """Return the surfaces whose parts turn and stretch as given.
+        """Return the surfaces with given rotations and stretches of parts.
 
         Parameters
         ----------
         features : array, shape (n, 9 K)
-            As `split` returns them.
+            Features as `split` returns them.
         backend : module
-            NumPy, or PyTorch where the features are a tensor.
+            NumPy, or PyTorch if the features are a tensor.
         operator : tensor, optional
-            The operator, for PyTorch.
+            Rows of `operator` for the vertices to return; by default all.
 
         Returns
         -------
         array, shape (n, V, 3)
-            In the frames of the bodies; their mean vertex is the origin.
+            Surfaces without the rotations of the bodies, with the mean vertex at the origin.
         """
         count = self.n_parts
         n_bodies = features.shape[0]
@@ -197,7 +199,7 @@ class Parts(Record):
 
     @cached_property
     def _means(self) -> sparse.csr_array:
-        """Takes what triangles have to its means over parts, shape (K, F)."""
+        """Matrix from values at triangles to their means over parts, shape (K, F)."""
         areas = self.template.face_areas
         sums = np.bincount(self.part_of, areas, self.n_parts)
         entries = areas / sums[self.part_of]
@@ -205,7 +207,7 @@ class Parts(Record):
 
     @cached_property
     def _shares(self) -> ndarray:
-        """Shares of the parts in the area, shape (K,)."""
+        """Share of each part in the area of the template, shape (K,)."""
         sums = np.bincount(self.part_of, self.template.face_areas, self.n_parts)
         return sums / sums.sum()
 
@@ -218,7 +220,7 @@ def gradients(template: Template, points: ndarray) -> ndarray:
     template : Template
         The template.
     points : array, shape (n, V, 3)
-        Surfaces whose triangles have an area.
+        Surfaces without triangles of zero area.
 
     Returns
     -------
@@ -231,7 +233,7 @@ def gradients(template: Template, points: ndarray) -> ndarray:
 
 
 def _stretches(means: ndarray, turns: ndarray) -> ndarray:
-    """Return the upper halves of S - I of polar decompositions R S, shape (n, K, 6)."""
+    """Return the upper triangles of S - I of polar decompositions R S, shape (n, K, 6)."""
     stretches = turns.swapaxes(-1, -2) @ means
     stretches = 0.5 * (stretches + stretches.swapaxes(-1, -2)) - np.eye(3)
     return stretches[..., _ROWS, _COLUMNS]
@@ -240,7 +242,7 @@ def _stretches(means: ndarray, turns: ndarray) -> ndarray:
 def find_parts(
     template: Template, points: ndarray, n_parts: int, rng: np.random.Generator
 ) -> Parts:
-    """Find the parts that move as one on many bodies.
+    """Find parts whose triangles move alike on many bodies.
 
     Parameters
     ----------
@@ -249,9 +251,9 @@ def find_parts(
     points : array, shape (n, V, 3)
         Bodies of different people in different poses.
     n_parts : int
-        How many parts.
+        Largest number of parts.
     rng : numpy.random.Generator
-        Where clustering starts.
+        Generator of the start of clustering.
 
     Returns
     -------
@@ -260,7 +262,7 @@ def find_parts(
     Raises
     ------
     ArgumentError
-        If there are not as many triangles.
+        If the template has too few triangles, or is not connected.
     """
     areas, n_faces = template.face_areas, template.n_faces
     if n_parts >= n_faces:
@@ -271,7 +273,7 @@ def find_parts(
     with single_threaded_libraries():
         scale = np.sqrt(areas)[:, None]
         directions, squares = _principal(scale * moved)
-        # How triangles move, in metres of travel of a limb of one metre, and where they are.
+        # Motions of triangles, as metres that the end of a limb of one metre moves, and places.
         ways = directions * np.sqrt(squares / moved.shape[1]) / scale
         places = template.vertices[template.faces].mean(axis=1)
         part_of = kmeans2(
@@ -284,14 +286,14 @@ def find_parts(
         products = means @ means.T
         products += _RIDGE * np.trace(products) / n_parts * np.eye(n_parts)
         weights = np.linalg.solve(products, means @ moved.T).T
-    # In half precision, in which they are kept.
+    # In half precision, the precision of files.
     weights = weights.astype(np.float16).astype(np.float64)
     turns = nearest_rotations(means.reshape(n_parts, -1, 3, 3))
     return Parts(template, part_of, weights, _tree(template, part_of, turns))
 
 
 def _principal(rows: ndarray) -> tuple[ndarray, ndarray]:
-    """Return left singular vectors, as columns, and squared singular values: the largest."""
+    """Return the leading left singular vectors as columns, and the squared singular values."""
     n_rows, n_columns = rows.shape
     kept = slice(-min(_DIRECTIONS, n_rows, n_columns), None)
     if n_rows <= n_columns:
@@ -303,7 +305,7 @@ def _principal(rows: ndarray) -> tuple[ndarray, ndarray]:
 
 
 def _tree(template: Template, part_of: ndarray, turns: ndarray) -> ndarray:
-    """Return the parent of every part: neighbours that turn alike."""
+    """Return the parent of each part: a neighbour with a similar rotation."""
     pairs = np.unique(np.sort(part_of[adjacent_triangles(template.faces)[0]], axis=1), axis=0)
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     angles = np.linalg.norm(log(turns[pairs[:, 0]], turns[pairs[:, 1]]), axis=-1)
@@ -314,7 +316,7 @@ def _tree(template: Template, part_of: ndarray, turns: ndarray) -> ndarray:
     root = int(np.argmax(np.bincount(part_of, template.face_areas)))
     reached, before = breadth_first_order(tree, root, directed=False)
     if len(reached) < n_parts:
-        raise ArgumentError("the template must be connected: parts turn against their neighbours")
+        raise ArgumentError("template must be connected; found parts without neighbours")
     return np.where(before < 0, -1, before).astype(np.int64)
 
 

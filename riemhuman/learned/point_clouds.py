@@ -1,4 +1,4 @@
-"""Points spread over surfaces, and the network that reads them whatever their order."""
+"""Points spread over surfaces, and a network that does not depend on their order."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from riemhuman.learned.networks import activated
 def surface_points(
     vertices: ndarray, faces: ndarray, n_points: int, rng: np.random.Generator
 ) -> ndarray:
-    """Return points spread evenly over a surface, about their mean.
+    """Return random points spread evenly over a surface, relative to their mean.
 
-    One falls into every stretch of equal area, triangle after triangle.
+    The sequence of triangles is cut into stretches of equal area; each contains one point.
 
     Parameters
     ----------
@@ -27,9 +27,9 @@ def surface_points(
     faces : array of int, shape (F, 3)
         Triangles.
     n_points : int
-        How many.
+        Number of points.
     rng : numpy.random.Generator
-        Where they are drawn from.
+        Generator of the points.
 
     Returns
     -------
@@ -55,7 +55,7 @@ def surface_points(
 
 
 def cloud_features(parameters: Mapping[str, Any], x: Any, backend: ModuleType = np) -> Any:
-    r"""Return the largest value of every feature over the points of clouds.
+    r"""Return the largest value of each feature over the points of a cloud.
 
     After Qi, Su, Mo and Guibas, "PointNet: deep learning on point sets for 3D classification and
     segmentation", CVPR 2017: three layers that are the same for all points.
@@ -67,7 +67,7 @@ def cloud_features(parameters: Mapping[str, Any], x: Any, backend: ModuleType = 
     x : array, shape (n, n_points, 3)
         Clouds.
     backend : module
-        NumPy, or PyTorch where the others are tensors.
+        NumPy, or PyTorch if the parameters are tensors.
 
     Returns
     -------
@@ -99,14 +99,14 @@ def cloud_shapes(n_hidden: int, n_features: int) -> dict[str, tuple[int, ...]]:
 
 
 def initial_cloud(n_hidden: int, n_features: int, rng: np.random.Generator) -> dict[str, ndarray]:
-    """Return parameters of `cloud_features` to begin training with.
+    """Return initial parameters of `cloud_features`.
 
     Parameters
     ----------
     n_hidden, n_features : int
         Sizes of the layers.
     rng : numpy.random.Generator
-        Where they are drawn from.
+        Generator of the parameters.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def initial_cloud(n_hidden: int, n_features: int, rng: np.random.Generator) -> d
         for name, shape in shapes.items()
         if len(shape) == 2
     } | {
-        # Features turn on at different places of the cloud.
+        # Random biases activate features at different places of the cloud.
         name: (0.5 * rng.standard_normal(shape)).astype(np.float32)
         for name, shape in shapes.items()
         if len(shape) == 1

@@ -13,45 +13,41 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.errors import ArgumentError
-from riemhuman.learned.codes import Codes
-from riemhuman.learned.networks import in_single_precision, initial_network, network, network_shapes
-from riemhuman.learned.part_features import (
-    part_arrays,
-    read_parts,
-    scales_of,
-)
+from riemhuman.learned.codes import PairedCodes
+from riemhuman.learned.networks import in_single_precision, network
+from riemhuman.learned.part_features import part_arrays, read_parts, scales_of
 from riemhuman.learned.parts import Parts, find_parts
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.surfaces.template import Template
 
-# Bodies that parts are found on, and vertices that count in a step.
+# Number of bodies that parts are found from, and of vertices in the loss of a step.
 _BODIES_OF_PARTS, _VERTICES_OF_STEP = 500, 300
-# The error of a vertex that counts one, in metres, and what cycles count.
+# Error of a vertex with loss one, in metres, and the weight of self-consistency.
 _ERROR, _CYCLE = 0.02, 0.3
 
 
-class ShapePoseCodes(Codes):
-    r"""Two codes of a body, one of who it is and one of how it stands, by an autoencoder.
+class ShapePoseCodes(PairedCodes):
+    r"""Two codes of a body by an autoencoder: one of the person, and one of the pose.
 
-    After Zhou, Bhatnagar and Pons-Moll [1]_: one encoder finds a shape code, another a pose code,
-    and a decoder makes the body from both. It is known who each body is, and nothing of the poses.
-    What is small after training:
+    After Zhou, Bhatnagar and Pons-Moll [1]_: one encoder computes a shape code, another a pose
+    code, and a decoder rebuilds the body from both. Training uses labels of people, but none of
+    poses. The loss has two parts:
 
-    - the error of a body that is decoded from its own pose code and the shape code of the same
-      person in another pose (they call it cross-consistency);
-    - for the shape code of one person and the pose code of another, what the decoder makes of
-      them must have these very codes, and with the second person's shape code it must give
-      the second person's body (self-consistency).
+    - cross-consistency: the error of a body that is decoded from its own pose code and the shape
+      code of the same person in another pose;
+    - self-consistency: the decoder makes a body from the shape code of one person and the pose code
+      of another. Its own codes must equal these, and its pose code with the second person's
+      shape code must give the second person's body.
 
-    In place of convolutions on the mesh, bodies are turns and stretches of parts, see
-    `riemhuman.learned.parts`: the shape code is found from how parts are stretched, the pose code
-    from how they turn against their neighbours, and the decoder gives both. So codes do not know
-    where a body is or which way it faces.
+    Instead of convolutions on the mesh, the networks use rotations and stretches of parts, see
+    `riemhuman.learned.parts`: the shape code depends on the stretches of parts, the pose code on
+    their rotations relative to their neighbours, and the decoder gives both. Codes therefore do not
+    depend on the body's position and orientation.
 
     Parameters
     ----------
     template : Template
-        What bodies are registered to; connected.
+        Template of the bodies; it must be connected.
     n_shape, n_pose : int
         Numbers of entries of the codes.
     n_parts : int
@@ -59,11 +55,11 @@ class ShapePoseCodes(Codes):
     n_hidden : int
         Size of the hidden layers.
     n_steps : int
-        Number of steps of training.
+        Number of training steps.
     batch_size : int
-        Number of pairs of people of a step, each in two poses.
+        Number of pairs of people per step, each person in two poses.
     learning_rate : float
-        Largest length of a step.
+        Largest learning rate of Adam.
     random_state : int
         Seed.
 
@@ -74,7 +70,7 @@ class ShapePoseCodes(Codes):
     parameters_ : dict of str to array
         Parameters of the networks.
     losses_ : array, shape (n_steps,)
-        What was lost at every step; only after `fit`.
+        Loss at each step; only after `fit`.
 
     References
     ----------
@@ -93,9 +89,8 @@ class ShapePoseCodes(Codes):
     """
 
     parts_: Parts
-    parameters_: dict[str, ndarray]
-    losses_: ndarray
 
+    code_names = ("shape", "pose")
     _SETTINGS = ("n_shape", "n_pose", "n_parts", "n_hidden")
     _SHIPPED = MappingProxyType({None: "shape_pose_codes.npz"})
 
@@ -130,25 +125,9 @@ class ShapePoseCodes(Codes):
         checkpoint: str | os.PathLike[str] | None = None,
         progress: bool = False,
     ) -> Self:
-        """Train the networks.
+        """Train the networks, on at least two people in at least two poses each.
 
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies, in metres.
-        y : array_like, shape (n,)
-            Who each body is; at least two people in at least two poses each. People who are there
-            once are left out.
-        checkpoint : path_like, optional
-            An .npz file that is written as training goes on. If it exists, training goes on from
-            there, and ends as if it had not stopped.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        ShapePoseCodes
-            The estimator itself.
+        People with only one body are left out.
 
         Raises
         ------
@@ -159,7 +138,7 @@ class ShapePoseCodes(Codes):
         DegenerateSurfaceError
             If a triangle has no area.
         FileFormatError
-            If the checkpoint is of another training.
+            If the checkpoint is from another training.
         """
         rng = self._generator("batch_size")
         template, points = check_training_bodies(self.template, X)
@@ -188,11 +167,6 @@ class ShapePoseCodes(Codes):
     def transform(self, X: ArrayLike) -> ndarray:
         """Return the codes of bodies.
 
-        Parameters
-        ----------
-        X : array_like, shape (n, V, 3)
-            Bodies over the template.
-
         Returns
         -------
         array, shape (n, n_shape + n_pose)
@@ -213,15 +187,10 @@ class ShapePoseCodes(Codes):
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
         """Return the bodies with given codes.
 
-        Parameters
-        ----------
-        Z : array_like, shape (n, n_shape + n_pose)
-            Codes; those of shape and of pose may come from different bodies.
-
         Returns
         -------
         array, shape (n, V, 3)
-            Bodies that face as the template does; their mean vertex is the origin.
+            Bodies with the orientation of the template and their mean vertex at the origin, metres.
 
         Raises
         ------
@@ -229,25 +198,9 @@ class ShapePoseCodes(Codes):
             If nothing was fitted, or the codes have another length.
         """
         self._require_fit("parameters_")
-        codes = self._checked_codes(Z, self.n_shape + self.n_pose)
+        codes = self._checked_codes(Z)
         features = self._decoded(self._used, codes) * self._scale + self._center
         return self._carried_back(self.parts_.surfaces(features))
-
-    def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
-        """Return the shape codes and the pose codes.
-
-        Parameters
-        ----------
-        Z : array_like, shape (n, n_shape + n_pose)
-            Codes.
-
-        Returns
-        -------
-        shape : array, shape (n, n_shape)
-        pose : array, shape (n, n_pose)
-        """
-        codes = self._checked_codes(Z, self.n_shape + self.n_pose)
-        return codes[:, : self.n_shape], codes[:, self.n_shape :]
 
     def transfer(self, X: ArrayLike, poses: ArrayLike) -> ndarray:
         """Return people in the poses of other bodies.
@@ -255,23 +208,24 @@ class ShapePoseCodes(Codes):
         Parameters
         ----------
         X : array_like, shape (n, V, 3)
-            Bodies who give the shape.
+            Bodies that give the shapes, metres.
         poses : array_like, shape (n, V, 3)
-            Bodies that give the pose.
+            Bodies that give the poses, metres.
 
         Returns
         -------
         array, shape (n, V, 3)
+            Bodies as `inverse_transform` returns them.
 
         Raises
         ------
         ArgumentError
-            If there are not as many of one as of the other, or they do not fit the template.
+            If the numbers of bodies differ, or the bodies do not fit the template.
         """
         people, others = self.transform(X), self.transform(poses)
         if len(people) != len(others):
             raise ArgumentError(
-                f"X and poses must hold as many bodies; found {len(people)} and {len(others)}"
+                f"X and poses must have the same length; found {len(people)} and {len(others)}"
             )
         mixed = [self.split(people)[0], self.split(others)[1]]
         return self.inverse_transform(np.concatenate(mixed, axis=1))
@@ -319,7 +273,7 @@ class ShapePoseCodes(Codes):
         decoded = self._decoded(parameters, torch.concatenate([swapped, pose], 1), torch)
         crossed = missed(surfaces(decoded), wanted) + ((decoded - features) ** 2).mean()
 
-        # The shape of the first half of the people, in poses of the other half.
+        # Shapes of the first half of the people in poses of the other half.
         here, there = slice(0, size), slice(size, n_bodies)
         mixed = torch.concatenate([shape[here], pose[there]], 1)
         again_shape, again_pose = self._encoded(
@@ -334,20 +288,15 @@ class ShapePoseCodes(Codes):
     def _initial(
         self, features: ndarray, bodies_of: list[ndarray], rng: np.random.Generator
     ) -> dict[str, ndarray]:
-        """Return networks that begin as principal components."""
+        """Return initial networks that compute principal components."""
         n_turns, n_codes = 3 * self.parts_.n_parts, self.n_shape + self.n_pose
-        found: dict[str, ndarray] = {}
-        for name, (n_in, n_out) in self._sizes().items():
-            found |= initial_network(name, n_in, self.n_hidden, n_out, rng)
+        found = self._initial_networks(rng)
         means = np.stack([features[bodies, n_turns:].mean(axis=0) for bodies in bodies_of])
         shapes, spreads = _components(means, self.n_shape)
         poses, widths = _components(features[:, :n_turns], self.n_pose)
         width = widths[widths > 0].mean() if widths.any() else 1.0
         spreads = np.where(spreads > 0, spreads, 1.0)
-        turns, stretches = (
-            np.zeros((n_codes, n_turns)),
-            np.zeros((n_codes, 6 * self.parts_.n_parts)),
-        )
+        turns, stretches = np.zeros((n_codes, n_turns)), np.zeros((n_codes, 2 * n_turns))
         turns[self.n_shape :] = width * poses.T
         stretches[: self.n_shape] = (shapes * spreads).T
         linear = {"shape": shapes / spreads, "pose": poses / width}
@@ -368,30 +317,23 @@ class ShapePoseCodes(Codes):
         return super()._settings() | {"n_parts": self.parts_.n_parts}
 
     def _arrays(self) -> dict[str, ndarray]:
-        scales = {
-            "center": self._center.astype(np.float32),
-            "scale": self._scale.astype(np.float32),
-        }
-        return self.parameters_ | scales | part_arrays(self.parts_)
+        scales = {"center": self._center, "scale": self._scale}
+        single = {name: numbers.astype(np.float32) for name, numbers in scales.items()}
+        return self.parameters_ | single | part_arrays(self.parts_)
 
     def _read(self, weights: Weights) -> None:
         self.parts_ = read_parts(weights, self._home, self.n_parts)
         self._center = weights.numbers("center", (9 * self.parts_.n_parts,))
-        self._scale = weights.positive("scale", (9 * self.parts_.n_parts,))
-        self._used = {
-            name: weights.numbers(name, shape)
-            for network_name, (n_in, n_out) in self._sizes().items()
-            for name, shape in network_shapes(network_name, n_in, self.n_hidden, n_out).items()
-        }
-        self.parameters_ = {name: array.astype(np.float16) for name, array in self._used.items()}
+        self._scale = weights.numbers("scale", (9 * self.parts_.n_parts,), positive=True)
+        self._read_networks(weights, {})
 
 
 def _by_person(points: ndarray, y: ArrayLike) -> tuple[ndarray, list[ndarray]]:
-    """Return the bodies of people who are there more than once, and which are whose."""
+    """Return the bodies of people with more than one, and the numbers of each person's bodies."""
     labels = np.asarray(y)
     if labels.shape != (len(points),):
         raise ArgumentError(
-            f"y must have shape ({len(points)},), one label a body; found {labels.shape}"
+            f"y must have shape ({len(points)},), one label per body; found {labels.shape}"
         )
     _, person = np.unique(labels, return_inverse=True)
     kept = np.bincount(person)[person] > 1
@@ -405,7 +347,7 @@ def _by_person(points: ndarray, y: ArrayLike) -> tuple[ndarray, list[ndarray]]:
 
 
 def _components(rows: ndarray, count: int) -> tuple[ndarray, ndarray]:
-    """Return principal directions as columns, and the deviations along them; zero past the last."""
+    """Return principal directions as columns, and the deviations along them, padded with zeros."""
     directions, deviations = np.zeros((rows.shape[1], count)), np.zeros(count)
     values, vectors = np.linalg.eigh(rows.T @ rows / len(rows))
     n_found = min(count, len(values))

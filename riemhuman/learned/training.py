@@ -1,4 +1,4 @@
-"""Training of networks with PyTorch: seeded, on one thread, and taken up again where it stopped."""
+"""Training of networks with PyTorch: seeded, on one thread, with checkpoints."""
 
 from __future__ import annotations
 
@@ -38,37 +38,36 @@ def trained(
     checkpoint: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> tuple[dict[str, ndarray], ndarray]:
-    """Return the parameters that Adam finds, and what was lost at every step.
+    """Train networks with Adam, and return their parameters and the losses.
 
-    Every step draws from a generator of its own, so that a training that was taken up again does
-    the same as one that was never stopped, bit for bit. It runs on one thread: sums over several
-    would depend on their number.
+    Each step has a generator of its own, so that a training continued from a checkpoint gives the
+    same result, bit for bit, as one without interruption. Training runs on one thread, since sums
+    over several threads depend on their number.
 
     Parameters
     ----------
     parameters : mapping of str to array
-        Where training starts.
+        Initial parameters.
     data : mapping of str to array
-        What `loss` needs: given to it as tensors, in single precision.
+        Data, given to `loss` as tensors in single precision.
     loss : callable
-        Takes PyTorch, parameters and data as tensors, and a generator for the batch, to the number
-        that is to become small.
+        Takes the module torch, the parameters and the data as tensors, and a generator for the
+        batch; returns the loss.
     n_steps : int
         Number of steps.
     seed : int
         Seed of the batches.
     learning_rate : float
-        Largest length of a step; it rises at first and falls to 0 as half a cosine.
+        Largest learning rate; it rises at first, then falls to 0 as half a cosine.
     checkpoint : path_like, optional
-        An .npz file that is written every 200 steps, and from which training goes on if
-        it exists.
+        An .npz file that is written every 200 steps; if it exists, training continues from it.
     progress : bool
         Whether to show a progress bar.
 
     Returns
     -------
     parameters : dict of str to array
-        Rounded to half precision, in which they are kept.
+        In half precision, the precision of files.
     losses : array, shape (n_steps,)
 
     Raises
@@ -76,7 +75,7 @@ def trained(
     MissingDependencyError
         If PyTorch is not installed.
     FileFormatError
-        If the checkpoint is of another training.
+        If the checkpoint is from another training.
     ArgumentError
         If the loss is not finite.
     """
@@ -102,7 +101,9 @@ def trained(
             value.backward()
             losses[step] = float(value.detach())
             if not np.isfinite(losses[step]):
-                raise ArgumentError(f"the loss is not finite at step {step}; try a smaller step")
+                raise ArgumentError(
+                    f"the loss is not finite at step {step}; try a smaller learning_rate"
+                )
             torch.nn.utils.clip_grad_norm_(tensors.values(), 1.0)
             adam.step()
             if step % 20 == 0:
@@ -119,7 +120,7 @@ def _pace(step: int, n_steps: int) -> float:
 
 
 def _origin(parameters: Any, data: Any, *settings: Any) -> str:
-    """Return what a training is known by: where it starts, its data and its settings."""
+    """Return a digest of the initial parameters, the data and the settings of a training."""
     found = hashlib.sha256(repr(settings).encode())
     for arrays in (parameters, data):
         for name in sorted(arrays):
@@ -145,8 +146,8 @@ def _restore(
     arrays = load_arrays(file, ["origin", "step", "losses", *names], [])
     if arrays["origin"].shape != () or str(arrays["origin"]) != origin:
         raise FileFormatError(
-            f"{file} is a checkpoint of another training: with other data, parameters or seed. "
-            "Remove it, or name another file"
+            f"{file} is a checkpoint from another training, with other data, parameters or seed; "
+            "remove it, or name another file"
         )
     shapes = {f"{kind} {name}": tuple(tensors[name].shape) for kind, name in pairs}
     shapes |= {"step": (), "losses": losses.shape}

@@ -1,7 +1,7 @@
-"""Random people in random poses, from the open body model: what the shipped networks learn from.
+"""Training data of the networks that ship: random people of the open body model in random poses.
 
-The poses of the open bodies, plain or natural, are not among them, nor are their people: every
-joint is drawn between the limits of its movement.
+Every joint is drawn between the limits of its movement. The people and poses of the open bodies,
+plain or natural, are not among them.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import Rng, generator, whole_number
 from riemhuman.datasets.open_poses import pose_vectors
 
-# Axes, and least and largest angles in degrees from the T-pose, as `open_poses` writes them: of a
-# joint without a side, or of the left one.
+# Axes, and least and largest angles in degrees from the T-pose, in the notation of `open_poses`,
+# for joints without a side and for left joints.
 _LIMITS: dict[str, tuple[str, tuple[float, ...], tuple[float, ...]]] = {
     "pelvis": ("xyz", (-15, -15, -10), (25, 15, 10)),
     "lower_spine": ("xyz", (-8, -10, -8), (15, 10, 8)),
@@ -48,13 +48,13 @@ class TrainingBodies(NamedTuple):
     Attributes
     ----------
     points : array, shape (n_people * n_poses, V, 3)
-        Surfaces, person by person.
+        Surfaces, person by person, metres.
     subject : array of int, shape (n_people * n_poses,)
-        Who it is.
+        Number of the person.
     betas : array, shape (n_people * n_poses, B)
         Shape coefficients.
     poses : array, shape (n_people * n_poses, J, 3)
-        Pose vectors.
+        Axis-angle vectors of the joints, radians.
     """
 
     points: ndarray
@@ -64,14 +64,14 @@ class TrainingBodies(NamedTuple):
 
 
 def random_bodies(model: BodyModel, n_people: int, n_poses: int, rng: Rng = 0) -> TrainingBodies:
-    """Draw people and poses.
+    """Draw random people in random poses.
 
     Parameters
     ----------
     model : BodyModel
         The open model, at any resolution.
     n_people, n_poses : int
-        How many people, and in how many poses each.
+        Number of people, and of poses of each.
     rng : int or numpy.random.Generator
         Seed, or the generator to draw from.
 
@@ -83,7 +83,7 @@ def random_bodies(model: BodyModel, n_people: int, n_poses: int, rng: Rng = 0) -
     Raises
     ------
     ArgumentError
-        If there are to be no people or no poses.
+        If a number is less than one.
     """
     n_people = whole_number(n_people, "n_people", minimum=1)
     n_poses = whole_number(n_poses, "n_poses", minimum=1)
@@ -91,28 +91,30 @@ def random_bodies(model: BodyModel, n_people: int, n_poses: int, rng: Rng = 0) -
     betas = np.repeat(rng.standard_normal((n_people, model.n_betas)), n_poses, axis=0)
     poses = random_poses(model, len(betas), rng)
     points = np.empty((len(betas), model.n_vertices, 3))
-    for start in range(0, len(betas), 64):  # blended motions fill memory
+    for start in range(0, len(betas), 64):  # posing all at once would need much memory
         some = slice(start, start + 64)
         points[some] = model(betas[some], poses[some])
     return TrainingBodies(points, np.repeat(np.arange(n_people), n_poses), betas, poses)
 
 
 def random_poses(model: BodyModel, n_poses: int, rng: np.random.Generator) -> ndarray:
-    """Draw poses: every joint between its limits, every limb more or less far from the T-pose.
+    """Draw random poses.
+
+    Each joint is drawn between its limits, and each limb has a random extent from the T-pose.
 
     Parameters
     ----------
     model : BodyModel
         The open model.
     n_poses : int
-        How many.
+        Number of poses.
     rng : numpy.random.Generator
-        Where they are drawn from.
+        Generator of the poses.
 
     Returns
     -------
     array, shape (n_poses, J, 3)
-        Pose vectors.
+        Axis-angle vectors of the joints, radians.
     """
     limb_of = {joint: limb for limb, joints in _LIMBS.items() for joint in joints}
     extents: dict[str, ndarray] = {}
@@ -123,7 +125,7 @@ def random_poses(model: BodyModel, n_poses: int, rng: np.random.Generator) -> nd
             side, joint = "", name
         limb = f"{side} {limb_of.get(joint, 'trunk')}"
         if limb not in extents:
-            # Arms are rarely held straight out: all of their angles are as likely.
+            # Angles of arms are uniform, since arms are rarely held straight out.
             extents[limb] = np.ones(1) if limb.endswith("arm") else rng.random((n_poses, 1))
         axes, least, largest = _LIMITS[joint]
         degrees = rng.uniform(least, largest, (n_poses, len(axes))) * extents[limb]

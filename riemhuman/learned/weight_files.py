@@ -1,4 +1,4 @@
-"""Files of networks: named arrays in an .npz file, which is read as data and checked."""
+"""Files of networks: named arrays in .npz files, checked when they are read."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def save_weights(
     kind : str
         Name of the class.
     settings : mapping of str to int
-        Whole numbers that say how large everything is.
+        Sizes of the network.
     template : Template
-        The template that the network was trained on.
+        Template that the network was trained on.
     arrays : mapping of str to array
-        Everything else.
+        Learned arrays.
 
     Raises
     ------
@@ -58,7 +58,7 @@ def save_weights(
 
 
 class Weights:
-    """What a file of a network holds, checked as it is asked for.
+    """The content of a network's file; each array is checked when it is requested.
 
     Parameters
     ----------
@@ -67,14 +67,14 @@ class Weights:
     kind : str
         Name of the class.
     settings : sequence of str
-        Whole numbers that must be there.
+        Names of the sizes that the file must hold.
 
     Raises
     ------
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is no such file, of another class or a later version.
+        If it does not hold a network of this class, or has another format version.
     """
 
     def __init__(self, path: str | os.PathLike[str], kind: str, settings: Sequence[str]) -> None:
@@ -83,8 +83,8 @@ class Weights:
         self._fields = load_arrays(path, required)
         if self._fields["format_version"].tolist() != _VERSION:
             raise self.refused(
-                f"format version {str(self._fields['format_version'].tolist())[:40]}; this release "
-                f"reads version {_VERSION}"
+                f"its format version is {str(self._fields['format_version'].tolist())[:40]}; this "
+                f"release reads version {_VERSION}"
             )
         if self._fields["kind"].tolist() != kind:
             raise self.refused(
@@ -110,15 +110,17 @@ class Weights:
         """
         return FileFormatError(f"{self._path}: {reason}")
 
-    def numbers(self, name: str, shape: Sequence[int]) -> ndarray:
-        """Return an array of real numbers.
+    def numbers(self, name: str, shape: Sequence[int], *, positive: bool = False) -> ndarray:
+        """Return an array of finite real numbers.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the array.
         shape : sequence of int
-            The shape it must have.
+            Required shape.
+        positive : bool
+            Whether all numbers must be positive.
 
         Returns
         -------
@@ -128,35 +130,12 @@ class Weights:
         Raises
         ------
         FileFormatError
-            If it is missing, has another shape or type, or holds what is not finite.
+            If the array is missing, or has another shape or type, or wrong entries.
         """
-        array = self._array(name, shape, "f")
+        array = self._array(name, shape, "f").astype(np.float64)
         if not np.isfinite(array).all():
             raise self.refused(f"{name} holds numbers that are not finite")
-        return array.astype(np.float64)
-
-    def positive(self, name: str, shape: Sequence[int]) -> ndarray:
-        """Return an array of positive numbers.
-
-        Parameters
-        ----------
-        name : str
-            Its name.
-        shape : sequence of int
-            The shape it must have.
-
-        Returns
-        -------
-        array
-            In double precision.
-
-        Raises
-        ------
-        FileFormatError
-            If it is missing, has another shape or type, or a number that is not positive.
-        """
-        array = self.numbers(name, shape)
-        if (array <= 0).any():
+        if positive and (array <= 0).any():
             raise self.refused(f"{name} must be positive; found {array.min():.3g}")
         return array
 
@@ -166,11 +145,11 @@ class Weights:
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the array.
         shape : sequence of int
-            The shape it must have.
+            Required shape.
         least, end : int
-            Its entries are at least `least` and less than `end`.
+            Least entry, and one more than the largest entry.
 
         Returns
         -------
@@ -179,7 +158,7 @@ class Weights:
         Raises
         ------
         FileFormatError
-            If it is missing, has another shape or type, or other entries.
+            If the array is missing, or has another shape or type, or wrong entries.
         """
         array = self._array(name, shape, "iu").astype(np.int64)
         if array.size and (array.min() < least or array.max() >= end):
@@ -190,12 +169,12 @@ class Weights:
         return array
 
     def text(self, name: str) -> str:
-        """Return a text.
+        """Return a string.
 
         Parameters
         ----------
         name : str
-            Its name.
+            Name of the field.
 
         Returns
         -------
@@ -204,7 +183,7 @@ class Weights:
         Raises
         ------
         FileFormatError
-            If it is missing or no text.
+            If the field is missing or not a string.
         """
         return str(self._array(name, (), "U"))
 
@@ -231,14 +210,14 @@ class Weights:
 def check_training_bodies(
     template: Template | None, X: object, name: str = "X"
 ) -> tuple[Template, ndarray]:
-    """Return the template and the surfaces to train on.
+    """Return the template and the surfaces for training after checking them.
 
     Parameters
     ----------
     template : Template
-        Their template.
+        Template of the surfaces.
     X : array_like, shape (n, V, 3)
-        Surfaces.
+        Surfaces, metres.
     name : str
         Name of the argument, for messages.
 
@@ -250,15 +229,15 @@ def check_training_bodies(
     Raises
     ------
     ArgumentTypeError
-        If there is no template, or they are not numbers.
+        If there is no template, or the surfaces are not numbers.
     ArgumentError
-        If they do not fit the template.
+        If the surfaces do not fit the template, or there are fewer than two.
     DegenerateSurfaceError
         If a triangle has no area.
     """
     if not isinstance(template, Template):
         raise ArgumentTypeError(
-            f"template must be a Template to train on; found {type(template).__name__}"
+            f"template must be a Template for training; found {type(template).__name__}"
         )
     points: ndarray = template.check_points(X, name)
     if points.ndim != 3 or len(points) < 2:

@@ -1,4 +1,4 @@
-"""Measurements of bodies: girths, lengths, heights, breadths, volumes, and bodies from them."""
+"""Body measurements: girths, lengths, heights, breadths and volumes, and bodies from them."""
 
 from riemhuman.measurements.comparison import VisitComparison, compare_visits, noise_of_poses
 from riemhuman.measurements.definitions import measurement_from_dict

@@ -1,10 +1,10 @@
-"""Remake the statistics of adults that `model_from_measurements` goes by.
+"""Rebuild the statistics of adults that `model_from_measurements` uses.
 
     python -m riemhuman.measurements.build_adults [folder]
 
-writes adults.json: mean and covariance of the open body model's shape coefficients among women,
-men, and both, of the adults that the model was made from. Needs the package anny 0.6 (with torch);
-nothing at run time does.
+writes adults.json: mean and covariance of the open body model's shape coefficients over women,
+men and both, for the adults that the model was made from. It needs the package anny 0.6 (with
+torch), which the library itself does not.
 """
 
 from __future__ import annotations
@@ -20,23 +20,19 @@ import numpy as np
 from riemhuman.datasets import load_open_model
 from riemhuman.datasets.build_open_model import EXTRA, adult_phenotypes, read_source
 from riemhuman.errors import FileError
+from riemhuman.measurements.open_body import FOLDER
 from riemhuman.optional import import_optional
 
 _DIGITS = 5
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Compute the statistics and write them.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line; the process's own by default.
-
-    Returns
-    -------
-    status : int
-        0.
+        Command line; by default that of the process.
 
     Raises
     ------
@@ -45,8 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     FileError
         If the folder does not exist.
     """
-    parser = argparse.ArgumentParser(description="Remake the statistics of adults.")
-    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "data")
+    parser = argparse.ArgumentParser(description="Rebuild the statistics of adults.")
+    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
     folder = parser.parse_args(arguments).folder
     if not folder.is_dir():
         raise FileError(f"{folder} is not a folder; it must exist to receive the statistics")
@@ -71,8 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path = folder / "adults.json"
     path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(f"{path}: {int(is_man.sum())} men of {len(is_man)} adults\n")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

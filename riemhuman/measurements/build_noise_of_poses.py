@@ -1,11 +1,11 @@
-"""Measure how alike one person measures in ten poses, and remake noise_of_poses.json.
+"""Measure how much the measurements of one person vary over poses; rebuild noise_of_poses.json.
 
     python -m riemhuman.measurements.build_noise_of_poses [folder] [--resolution full]
 
 prints, for the plain and the natural open bodies, the standard deviation of every measurement over
-ten poses, of the median and of the worst of ten people, in millimetres, as the bodies stand and in
-the standard pose; and writes the medians of the natural bodies. The plain people are the ten that
-ship, the natural ones others that nothing was tuned on.
+ten poses, in millimetres: the median and the worst of ten people in the standard pose, and the
+median as the bodies stand. It writes the medians of the natural bodies in the standard pose. The
+plain people are the ten that ship; the natural ones are others, who played no part in tuning.
 """
 
 from __future__ import annotations
@@ -32,23 +32,18 @@ from riemhuman.measurements.standard_pose import in_standard_pose
 
 _HELD_OUT = 1
 _DIGITS = 6
-# ISO 20685-1 permits so much mean difference between scan-derived and manual values, millimetres.
+# Mean differences in millimetres that ISO 20685-1 permits between scan-derived and manual values.
 _LARGE_GIRTH, _SMALL, _BREADTH = 9, 4, 5
 _LARGE = ("chest", "bust", "waist", "hip")
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Measure, print and write.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line; the process's own by default.
-
-    Returns
-    -------
-    status : int
-        0.
+        Command line; by default that of the process.
 
     Raises
     ------
@@ -78,7 +73,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     path = options.folder / "noise_of_poses.json"
     path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
     sys.stdout.write(f"{path}\n")
-    return 0
 
 
 def _spread(values: ndarray, bodies: Bodies) -> ndarray:
@@ -123,4 +117,4 @@ def _permitted(measurement: Measurement) -> str:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,4 +1,4 @@
-"""Remake the measurements of the open body model from the geometry of its mean body.
+"""Rebuild the measurements of the open body model from the geometry of its mean body.
 
     python -m riemhuman.measurements.build_open_measurements [folder]
 
@@ -37,31 +37,27 @@ from riemhuman.surfaces.nearest_places import nearest_places
 
 _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
 _UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]
-# Of the mean body's stature, the height of the glabella, above the brows.
+# Height of the glabella, just above the brows, as a share of the stature.
 _GLABELLA = 0.953
+# Distances below the crotch and below the fold of the breast, and between levels, metres.
 _BELOW_CROTCH, _BELOW_FOLD = 0.03, 0.01
 _STEP = 0.005
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Find the landmarks and write both files.
 
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line; the process's own by default.
-
-    Returns
-    -------
-    status : int
-        0.
+        Command line; by default that of the process.
 
     Raises
     ------
     FileError
         If the folder does not exist.
     """
-    parser = argparse.ArgumentParser(description="Remake the open body's measurements.")
+    parser = argparse.ArgumentParser(description="Rebuild the open body's measurements.")
     parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
     folder = parser.parse_args(arguments).folder
     if not folder.is_dir():
@@ -72,22 +68,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         path = folder / f"open_body_{resolution}.json"
         build(load_open_model(resolution), points, fractions).save(path)
         sys.stdout.write(f"{path}: {len(points)} landmarks, {path.stat().st_size / 1e3:.0f} kB\n")
-    return 0
 
 
 def build(
     model: BodyModel, points: dict[str, ndarray], fractions: dict[str, float]
 ) -> MeasurementSet:
-    """Return the measurements of one resolution of the model.
+    """Return the measurements of the model at one resolution.
 
     Parameters
     ----------
     model : BodyModel
         The model.
     points : dict of str to array, shape (3,)
-        Landmarks of the mean body in the standard pose.
+        Landmarks of the mean body in the standard pose, metres.
     fractions : dict of str to float
-        Where on their bones limbs are thickest or thinnest.
+        Places on their bones, from 0 to 1, where limbs are thickest or thinnest.
 
     Returns
     -------
@@ -109,14 +104,14 @@ def find_landmarks(model: BodyModel) -> tuple[dict[str, ndarray], dict[str, floa
     Parameters
     ----------
     model : BodyModel
-        The model in full resolution.
+        The model at full resolution.
 
     Returns
     -------
     points : dict of str to array, shape (3,)
-        Landmarks, on or near the surface.
+        Landmarks on or near the surface, metres.
     fractions : dict of str to float
-        Where on their bones limbs are thickest or thinnest.
+        Places on their bones, from 0 to 1, where limbs are thickest or thinnest.
     """
     bare = _bare(model)
     surface = model(pose=standard_pose(model))
@@ -210,7 +205,7 @@ class _Body:
 
 
 def _fold(body: _Body, nipple: ndarray) -> ndarray:
-    """Return a place just below where the profile under a nipple bends most."""
+    """Return the place just below the sharpest bend of the profile under a nipple."""
     heights = np.arange(nipple[1] - 0.11, nipple[1] - 0.02, _STEP)
     inside = [np.array([nipple[0], height, 0.0]) for height in heights]
     profile = np.array([body.hits(place, _FORWARD)[0][2] for place in inside])
@@ -256,4 +251,4 @@ def _bare(model: BodyModel) -> MeasurementSet:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -1,4 +1,4 @@
-"""Comparison of two visits of one person, with the pose removed."""
+"""Comparison of two visits of one person, in the standard pose."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from riemhuman.measurements.standard_pose import in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.rendering import vertex_normals
 
-# A difference of two visits has the variance of both; it is seen above twice its deviation.
+# A difference has the variance of both visits; a change counts above two of its deviations.
 _SEEN = 2.0 * np.sqrt(2.0)
 
 
@@ -30,21 +30,21 @@ class VisitComparison:
     Attributes
     ----------
     names, units : tuple of str
-        Measurements.
+        Names and units of the measurements.
     before, after : array, shape (M,)
-        Their values in the standard pose.
+        Values in the standard pose.
     noise : array, shape (M,)
-        Standard deviation of one value between poses of one person, on open bodies that nothing was
-        tuned on; NaN for measurements that are not the open body's.
+        Standard deviation of each measurement over poses of one person, see `noise_of_poses`; NaN
+        for measurements that the open body does not have.
     points_before, points_after : array, shape (V, 3)
         Both visits in the standard pose, the second moved onto the first.
     area_changes : array, shape (F,)
-        Natural logarithm of the ratio of the areas of every triangle.
+        Natural logarithm of each triangle's area at the second visit over that at the first.
     area_noise : array, shape (F,)
-        Standard deviation of a logarithm of areas between poses, that of the triangle's part of the
-        body; NaN where it is not known.
+        Standard deviation of the logarithm of a triangle's area over poses of one person, by part
+        of the body; NaN where it is unknown.
     displacements : array, shape (V,)
-        How far each vertex moved outward, metres.
+        Outward displacement of each vertex, metres.
 
     Examples
     --------
@@ -73,24 +73,24 @@ class VisitComparison:
 
     @property
     def seen(self) -> ndarray:
-        """Which changes exceed the noise, two standard deviations of a difference; shape (M,)."""
+        """Which changes exceed two standard deviations of their noise, shape (M,)."""
         return np.abs(self.changes) > _SEEN * self.noise
 
     @property
     def areas_seen(self) -> ndarray:
-        """Which triangles changed their area by more than the noise, shape (F,)."""
+        """Which changes of area exceed two standard deviations of their noise, shape (F,)."""
         return np.abs(self.area_changes) > _SEEN * self.area_noise
 
 
 def compare_visits(measurements: Measurements, before: Any, after: Any) -> VisitComparison:
-    """Compare two visits of one person, in whatever poses.
+    """Compare two visits of one person, in any poses.
 
-    Both are brought to the standard pose, see `in_standard_pose`, and measured there.
+    `in_standard_pose` brings both bodies to the standard pose, where they are measured.
 
     Parameters
     ----------
     measurements : Measurements
-        What is measured; of a body model.
+        The measurements; their template must be a body model.
     before, after : array_like, shape (V, 3)
         The person at both visits, metres.
 
@@ -101,7 +101,7 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
     Raises
     ------
     ArgumentError
-        If a body does not fit, or the measurements are not of a body model.
+        If a body does not fit the template, or the template is not a body model.
 
     Examples
     --------
@@ -143,14 +143,15 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
 
 @lru_cache(maxsize=1)
 def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
-    """Return standard deviations between poses of one person, after the pose is removed.
+    """Return standard deviations over poses of one person, measured in the standard pose.
 
-    They are medians over the ten people of `load_open_bodies("coarse", "natural", people=1)`.
+    They are medians over ten people who played no part in tuning:
+    `load_open_bodies("coarse", "natural", people=1)`.
 
     Returns
     -------
     measurements : dict of str to float
-        By name, in the unit of the measurement.
+        Of each measurement by name, in its unit.
     parts : dict of str to float
         Of the logarithm of a triangle's area, by part of the body.
 

@@ -1,4 +1,4 @@
-"""All kinds of measurements, and how JSON names them."""
+"""The kinds of measurements, and measurements from JSON records."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ KINDS = {
 
 
 def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
-    """Return the measurement that a record of JSON describes.
+    """Return the measurement that a JSON record describes.
 
     Parameters
     ----------
     record : mapping
-        Its kind, and the parameters of that.
+        The name of its class under "kind", and its parameters.
 
     Returns
     -------
@@ -34,10 +34,10 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
     Raises
     ------
     ArgumentError
-        If the kind or a parameter is unknown, with the nearest one that is known, or one is missing
-        or out of its range.
+        If the kind or a parameter is unknown (the message offers the nearest names), or a parameter
+        is missing or out of range.
     ArgumentTypeError
-        If it is no record.
+        If it is not a mapping.
 
     Examples
     --------
@@ -47,7 +47,7 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
     'crown'
     """
     if not isinstance(record, Mapping):
-        raise ArgumentTypeError(f"a measurement must be a record; found {record!r}")
+        raise ArgumentTypeError(f"a measurement must be a mapping; found {record!r}")
     known = dict(record)
     kind = KINDS[nearest_name(str(known.pop("kind", "")), "kind of measurement", KINDS)]
     for name in known:
@@ -61,16 +61,16 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
 
 
 def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, Any]) -> str:
-    """Return a name that is known.
+    """Return a name if it is known; otherwise offer the nearest names.
 
     Parameters
     ----------
     name : str
         The name.
     what : str
-        What it is a name of, for messages.
+        The kind of thing named, for messages.
     known : sequence of str
-        All there are.
+        All known names.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, Any])
     Raises
     ------
     ArgumentError
-        If it is not known; the message offers those that are spelt alike.
+        If it is unknown; the message offers names with a similar spelling.
     """
     if name in known:
         return name

@@ -1,12 +1,12 @@
-"""Shortest paths on triangulated surfaces, whose lengths have derivatives: compiled loops.
+"""Geodesics on triangulated surfaces and the derivatives of their lengths, in compiled loops.
 
-A path runs through a strip of triangles. Laid flat, the strip has one shortest path in it, which
+A path runs through a strip of triangles. Laid flat, the strip contains one shortest path, which
 the funnel algorithm finds (Lee and Preparata, "Euclidean shortest paths in the presence of
-rectilinear barriers", Networks 14, 1984). Where that bends at a vertex, the strip is led around
-the other side of the vertex if the path gets shorter; where no change helps, it is a geodesic: no
-path near it is shorter. All bodies start from the strip of the template, and so have like paths. A
-length is stationary under moves of the crossings along their edges, so its derivatives are those
-with the crossings held on their edges.
+rectilinear barriers", Networks 14, 1984). Where the path bends at a vertex, the strip is rerouted
+around the other side of the vertex if that makes the path shorter. When no rerouting helps, the
+path is a geodesic: no path near it is shorter. The search starts from the template's strip on all
+bodies, so their paths correspond. The length is stationary in the crossings, so its derivatives
+are those with the crossings fixed on their edges.
 """
 
 from __future__ import annotations
@@ -26,20 +26,21 @@ from riemhuman.kernels.compiled import compiled
 SurfacePoint = tuple[int, ndarray]
 """Number of a triangle, and barycentric coordinates in it, shape (3,)."""
 
-# A path gets shorter by more than this share of its length, or its strip stays.
+# The strip changes if the path gets shorter by more than this share of its length.
 _GAIN = 1e-12
 _MOST_ROUNDS = 200
+# Triangles that a strip may have, for each that it starts with.
 _ROOM = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """What paths need of a template.
+    """Vertices, triangles and adjacency of a template.
 
     Attributes
     ----------
     vertices : array, shape (V, 3)
-        The template's own.
+        Vertices of the template, metres.
     faces : array of int, shape (F, 3)
         Triangles.
     neighbours : array of int, shape (F, 3)
@@ -51,7 +52,7 @@ class Mesh:
     neighbours: ndarray
 
     def strip(self, first: int, last: int) -> ndarray:
-        """Return triangles from one to another, as a shortest path of centroids has them.
+        """Return the triangles on the shortest path of centroids from one triangle to another.
 
         Parameters
         ----------
@@ -60,12 +61,12 @@ class Mesh:
 
         Returns
         -------
-        strip : array of int
+        strip : array of int, shape (k,)
 
         Raises
         ------
         ArgumentError
-            If the surface does not connect them.
+            If no path on the surface connects them.
         """
         one, corner = np.nonzero(self.neighbours >= 0)
         other = self.neighbours[one, corner]
@@ -76,23 +77,25 @@ class Mesh:
         strip = [first]
         while strip[-1] != last:
             if before[strip[-1]] < 0:
-                raise ArgumentError("a path along the surface needs ends on one connected surface")
+                raise ArgumentError(
+                    "a path along the surface must begin and end on one connected component"
+                )
             strip.append(int(before[strip[-1]]))
         return np.array(strip)
 
 
 @primitive
 def geodesic_lengths(surfaces: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Any:
-    """Return the lengths of shortest paths, differentiable by autograd in the surfaces.
+    """Return the lengths of geodesics; autograd can differentiate them by the surfaces.
 
     Parameters
     ----------
     surfaces : array, shape (n, V, 3)
-        Vertices.
+        Surfaces over the template.
     start, end : pair of int and array, shape (3,)
-        Triangle and barycentric coordinates.
+        Triangle and barycentric coordinates of the ends.
     mesh : Mesh
-        The triangles.
+        The template's mesh.
 
     Returns
     -------
@@ -128,21 +131,21 @@ defvjp(geodesic_lengths, _pull_back, argnums=(0,))
 
 
 def geodesic_path(surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> ndarray:
-    """Return a shortest path.
+    """Return the points of a geodesic.
 
     Parameters
     ----------
     surface : array, shape (V, 3)
-        Vertices.
+        A surface over the template.
     start, end : pair of int and array, shape (3,)
-        Triangle and barycentric coordinates.
+        Triangle and barycentric coordinates of the ends.
     mesh : Mesh
-        The triangles.
+        The template's mesh.
 
     Returns
     -------
     points : array, shape (k, 3)
-        The ends, and the crossings with edges between them.
+        The two ends and, between them, the crossings with edges.
     """
     strip = mesh.strip(start[0], end[0])
     _, vertices, weights = _shortest(surface, start, end, mesh, strip)
@@ -152,21 +155,13 @@ def geodesic_path(surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh
 def _shortest(
     surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh, first: ndarray
 ) -> tuple[float, ndarray, ndarray]:
-    """Return the length of a path, and its points as combinations of three vertices each."""
+    """Return the length of a path, and three vertices with weights for each of its points."""
     strip = np.empty(_ROOM * len(first) + 200, np.int64)
     strip[: len(first)] = first
     edges, places = np.empty((len(strip), 2), np.int64), np.empty(len(strip))
-    length, size = _straighten(
-        np.require(surface, np.float64, ["C", "W"]),
-        mesh.faces,
-        mesh.neighbours,
-        strip,
-        len(first),
-        np.require(start[1], np.float64, ["C", "W"]),
-        np.require(end[1], np.float64, ["C", "W"]),
-        edges,
-        places,
-    )
+    f, *ends = (np.require(array, np.float64, ["C", "W"]) for array in (surface, start[1], end[1]))
+    triangles = mesh.faces, mesh.neighbours
+    length, size = _straighten(f, triangles, strip, len(first), tuple(ends), edges, places)
     crossed = np.concatenate([edges[: size - 1], edges[: size - 1, :1]], axis=1)
     vertices = np.concatenate([mesh.faces[[start[0]]], crossed, mesh.faces[[end[0]]]])
     t = places[: size - 1]
@@ -192,24 +187,14 @@ def _product(f: Any, origin: int, one: int, other: int) -> float:
     return total
 
 
-# In loops: numba takes seconds to compile assignments of arrays to parts of arrays.
+# Written in loops: numba takes seconds to compile assignments of arrays to parts of arrays.
 @compiled
-def _unfold(
-    f: Any,
-    faces: Any,
-    neighbours: Any,
-    strip: Any,
-    size: int,
-    start: Any,
-    end: Any,
-    edges: Any,
-    right: Any,
-    left: Any,
-) -> bool:
-    """Lay a strip flat; edges[k] leads from triangle k to k + 1, from its right to its left end.
+def _unfold(f: Any, mesh: Any, strip: Any, size: int, ends: Any, edges: Any, sides: Any) -> bool:
+    """Lay a strip flat; edges[k] is the right and the left vertex between triangles k and k + 1.
 
-    Rows 0 and `size` of `right` and `left` are the ends of the path, row k the edge k - 1.
+    Row 0 of `right` and `left` is the start of the path, row `size` its end, row k the edge k - 1.
     """
+    (faces, neighbours), (start, end), (right, left) = mesh, ends, sides
     face = strip[0]
     a, b, c = faces[face, 0], faces[face, 1], faces[face, 2]
     along = np.sqrt(_product(f, a, b, b))
@@ -252,7 +237,7 @@ def _unfold(
 
 @compiled
 def _side(a: Any, b: Any, c: Any) -> float:
-    """Return how far c lies to the left of the ray from a through b."""
+    """Return twice the signed area of the triangle a, b, c: positive where c lies left of a, b."""
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
@@ -291,7 +276,7 @@ def _funnel(right: Any, left: Any, size: int, bends: Any, of_left: Any) -> int:
 def _cross_edges(
     right: Any, left: Any, size: int, bends: Any, of_left: Any, count: int, places: Any
 ) -> float:
-    """Say where the path crosses each edge, from 0 at its right to 1; return the length."""
+    """Store where the path crosses each edge, from 0 (right) to 1 (left); return its length."""
     length, k = 0.0, 1
     here = right[0]
     for number in range(count + 1):
@@ -310,93 +295,82 @@ def _cross_edges(
 
 
 @compiled
-def _led_around(
-    faces: Any, neighbours: Any, strip: Any, size: int, vertex: int, edge: int, edges: Any, led: Any
-) -> int:
-    """Lead a strip around the other side of a vertex; return its new size, or -1."""
+def _reroute(mesh: Any, strip: Any, size: int, vertex: int, edge: int, edges: Any, new: Any) -> int:
+    """Reroute a strip around the other side of a vertex; return its new size, or -1."""
+    faces, neighbours = mesh
     first, last = edge, edge
     while first > 0 and (edges[first - 1, 0] == vertex or edges[first - 1, 1] == vertex):
         first -= 1
     while last + 1 < size - 1 and (edges[last + 1, 0] == vertex or edges[last + 1, 1] == vertex):
         last += 1
-    # The strip crosses edges first to last, all at the vertex, on triangles first to last + 1.
+    # Edges first to last meet the vertex; they lie between triangles first to last + 1.
     for k in range(first + 1):
-        led[k] = strip[k]
+        new[k] = strip[k]
     count, face, goal = first + 1, strip[first], strip[last + 1]
     vertex_was_left = edges[first, 1] == vertex
     while face != goal:
         corner = _corner_of(faces, face, vertex)
         if corner < 0:
             return -1
-        # Of the two edges at the vertex, take the one that turns the other way about it.
+        # Leave by the edge at the vertex that turns the other way around it.
         face = neighbours[face, corner if vertex_was_left else (corner + 2) % 3]
-        if face < 0 or count >= len(led):
+        if face < 0 or count >= len(new):
             return -1
-        led[count] = face
+        new[count] = face
         count += 1
     for k in range(last + 2, size):
-        if count >= len(led):
+        if count >= len(new):
             return -1
-        led[count] = strip[k]
+        new[count] = strip[k]
         count += 1
-    # What goes to a triangle and straight back stays out of it.
+    # Remove triangles that the strip enters and leaves by the same edge.
     kept = 0
     for k in range(count):
-        if kept >= 2 and led[kept - 2] == led[k]:
+        if kept >= 2 and new[kept - 2] == new[k]:
             kept -= 1
-        elif kept >= 1 and led[kept - 1] == led[k]:
+        elif kept >= 1 and new[kept - 1] == new[k]:
             continue
         else:
-            led[kept] = led[k]
+            new[kept] = new[k]
             kept += 1
     return kept
 
 
 @compiled
 def _straighten(
-    f: Any,
-    faces: Any,
-    neighbours: Any,
-    strip: Any,
-    size: int,
-    start: Any,
-    end: Any,
-    edges: Any,
-    places: Any,
+    f: Any, mesh: Any, strip: Any, size: int, ends: Any, edges: Any, places: Any
 ) -> Any:
-    """Shorten a path until no change of its strip helps; return its length and triangles."""
+    """Shorten a path until no change of its strip helps; return its length and strip size."""
     room = len(strip)
-    right, left = np.empty((room + 1, 2)), np.empty((room + 1, 2))
+    sides = right, left = np.empty((room + 1, 2)), np.empty((room + 1, 2))
     bends, of_left = np.empty(room + 1, np.int64), np.empty(room + 1, np.bool_)
-    led, led_edges, led_places = np.empty_like(strip), np.empty_like(edges), np.empty_like(places)
-    if not _unfold(f, faces, neighbours, strip, size, start, end, edges, right, left):
+    new, new_edges, new_places = np.empty_like(strip), np.empty_like(edges), np.empty_like(places)
+    if not _unfold(f, mesh, strip, size, ends, edges, sides):
         return np.nan, size
     count = _funnel(right, left, size, bends, of_left)
     length = _cross_edges(right, left, size, bends, of_left, count, places)
-    led_bends, led_left = np.empty_like(bends), np.empty_like(of_left)
+    new_bends, new_left = np.empty_like(bends), np.empty_like(of_left)
     for _ in range(_MOST_ROUNDS):
         shorter = False
         for number in range(count):
             edge = bends[number] - 1
-            if not 0 <= edge < size - 1:  # a bend at an end of the path
+            if not 0 <= edge < size - 1:  # the bend is an end of the path
                 continue
             vertex = edges[edge, 1] if of_left[number] else edges[edge, 0]
-            led_size = _led_around(faces, neighbours, strip, size, vertex, edge, edges, led)
-            if led_size < 1 or not _unfold(
-                f, faces, neighbours, led, led_size, start, end, led_edges, right, left
-            ):
+            new_size = _reroute(mesh, strip, size, vertex, edge, edges, new)
+            if new_size < 1 or not _unfold(f, mesh, new, new_size, ends, new_edges, sides):
                 continue
-            led_count = _funnel(right, left, led_size, led_bends, led_left)
-            led_length = _cross_edges(
-                right, left, led_size, led_bends, led_left, led_count, led_places
+            new_count = _funnel(right, left, new_size, new_bends, new_left)
+            new_length = _cross_edges(
+                right, left, new_size, new_bends, new_left, new_count, new_places
             )
-            if led_length < length * (1.0 - _GAIN):
-                for k in range(led_size):
-                    strip[k], places[k] = led[k], led_places[k]
-                    edges[k, 0], edges[k, 1] = led_edges[k, 0], led_edges[k, 1]
-                for k in range(led_count):
-                    bends[k], of_left[k] = led_bends[k], led_left[k]
-                length, size, count, shorter = led_length, led_size, led_count, True
+            if new_length < length * (1.0 - _GAIN):
+                for k in range(new_size):
+                    strip[k], places[k] = new[k], new_places[k]
+                    edges[k, 0], edges[k, 1] = new_edges[k, 0], new_edges[k, 1]
+                for k in range(new_count):
+                    bends[k], of_left[k] = new_bends[k], new_left[k]
+                length, size, count, shorter = new_length, new_size, new_count, True
                 break
         if not shorter:
             break

@@ -25,10 +25,9 @@ from riemhuman.measurements.open_body import FOLDER, open_measurements
 from riemhuman.measurements.standard_pose import standard_pose_vector
 
 SEXES = ("woman", "man", "adult")
-# What is known of a value is not better than this share of it, when it is compared with the others.
+# Least relative uncertainty of a value when it is compared with the others.
 _COARSENESS = 0.01
-# A value contradicts the others if it differs by so many standard deviations from what they lead
-# to expect.
+# A value contradicts the others if it is this many standard deviations from their prediction.
 _CONTRADICTION = 4.0
 _AT_REST = 1e-6
 _LENGTH_TOLERANCE, _SHARE_TOLERANCE = 3e-4, 1e-3
@@ -43,21 +42,21 @@ class MeasuredPerson:
     points : array, shape (V, 3)
         The body in the standard pose, metres.
     betas : array, shape (B,)
-        Its shape coefficients.
+        Shape coefficients of the body.
     values : dict of str to float
-        What was asked for, as the body has it.
+        The requested measurements, as the body has them.
     misses : dict of str to float
-        By how much that differs from what was asked for.
+        These less the requested values.
     z_scores : dict of str to float
-        By how many standard deviations each value differs from what the others lead to expect.
+        Each requested value less its prediction from the others, in standard deviations.
     contradictory : tuple of str
-        Names of values that the others contradict, the worst first.
+        Names of values more than four standard deviations from their prediction, the worst first.
     improbability : float
-        Distance of the person from the mean adult, in standard deviations of one coefficient.
+        Mahalanobis distance of the body from the mean person of the chosen sex.
     converged : bool
-        Whether the search came to rest.
+        Whether the search converged.
     message : str
-        What is to be said about the result.
+        Which values contradict the others, and whether the search converged.
 
     Examples
     --------
@@ -91,27 +90,26 @@ def model_from_measurements(
     Parameters
     ----------
     values : mapping of str to float
-        Some measurements of the open body by name, in metres, square metres, cubic metres or
-        kilograms.
+        Measurements of the open body by name, in metres, square metres, cubic metres or kilograms.
     sex : {"adult", "woman", "man"}
-        Among whom the body is the most probable.
+        Population among which the body is the most probable.
     tolerances : mapping of str to float, optional
-        Standard deviations σ of the values, in their units; those not named have 0.3 mm, areas,
-        volumes and masses a thousandth of the value.
+        Standard deviations σ of the values, in their units; by default 0.3 mm for lengths, and a
+        thousandth of the value for areas, volumes and masses.
     resolution : {"full", "coarse"}
         Resolution of the model.
     max_iter : int
-        Most steps of the search.
+        Largest number of steps.
 
     Returns
     -------
     MeasuredPerson
-        Values that contradict the others are named in `contradictory` and in the message.
+        Its `contradictory` and `message` name values that contradict the others.
 
     Raises
     ------
     ArgumentError
-        If a name is unknown, or a value is not above zero.
+        If a name is unknown, or a value or tolerance is not positive.
 
     Examples
     --------
@@ -200,7 +198,7 @@ class _Search:
         return self._rest + np.tensordot(betas, self._directions, axes=1)
 
     def _measured(self, betas: ndarray) -> tuple[ndarray, ndarray]:
-        """Return values and their derivatives by the betas; NaN where they cannot be taken."""
+        """Return values and their derivatives by the betas; NaN where a measurement fails."""
         measured = self._own.measure(self._body(betas), axes="space", gradient=True, missing="nan")
         assert measured.gradient is not None
         return measured.values, np.einsum("mvx,bvx->mb", measured.gradient, self._directions)
@@ -218,16 +216,16 @@ class _Search:
         scores = self._scores(betas, found, slopes)
         order = np.argsort(-np.abs(scores))
         contradictory = tuple(self._names[k] for k in order if abs(scores[k]) > _CONTRADICTION)
-        said = [] if converged else ["the search has not come to rest"]
+        said = [] if converged else ["the search did not converge"]
         if contradictory:
             worst = order[0]
             agreeing = self._wanted[worst] - self._gaps[worst]
             said.append(
-                f"{contradictory[0]} of {self._wanted[worst]:.4g} contradicts the other values the "
-                f"most, with which about {agreeing:.4g} would agree"
+                f"{contradictory[0]} of {self._wanted[worst]:.4g} contradicts the other values "
+                f"most; about {agreeing:.4g} would agree with them"
             )
         if len(contradictory) > 1:
-            said.append(f"then {', '.join(contradictory[1:])}")
+            said.append(f"so do {', '.join(contradictory[1:])}")
         return MeasuredPerson(
             points=self._body(betas),
             betas=betas,
@@ -241,10 +239,10 @@ class _Search:
         )
 
     def _scores(self, betas: ndarray, found: ndarray, slopes: ndarray) -> ndarray:
-        """Compare each value with what the others lead to expect, to first order.
+        """Compare each value with its prediction from the others, to first order.
 
-        Where values y are normal with covariance C, y_k differs from its mean given the others by
-        (C⁻¹y)_k/(C⁻¹)_kk, with the variance 1/(C⁻¹)_kk.
+        If values y are normal with mean 0 and covariance C, then y_k less its mean given the others
+        is (C⁻¹y)_k/(C⁻¹)_kk, with variance 1/(C⁻¹)_kk.
         """
         noise = np.maximum(self._spread, _COARSENESS * self._wanted)
         covariance = slopes @ self._covariance @ slopes.T + np.diag(noise**2)

@@ -1,10 +1,10 @@
-"""Bodies of one template with the landmarks, axes and parts that measurements refer to."""
+"""Surfaces over one template, with the landmarks, axes and parts that measurements refer to."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import autograd.numpy as np
 import numpy as onp
@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import values_of
 from riemhuman.measurements.geodesics import geodesic_lengths, geodesic_path
-from riemhuman.measurements.sections import Cutter, section_sizes
+from riemhuman.measurements.sections import section_sizes
 
 Place = str | Mapping[str, float]
 """A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
@@ -20,57 +20,27 @@ Place = str | Mapping[str, float]
 _AXES = {"left": 0, "up": 1, "forward": 2}
 
 
-class _Description(Protocol):
-    """What is asked of a `MeasurementSet`."""
-
-    @property
-    def landmarks(self) -> Mapping[str, tuple[ndarray, ndarray]]: ...
-
-    @property
-    def axes(self) -> Any: ...
-
-    @property
-    def frame(self) -> Any: ...
-
-    @property
-    def axes_in_frame(self) -> ndarray: ...
-
-    @property
-    def faces(self) -> ndarray: ...
-
-    @property
-    def mesh(self) -> Any: ...
-
-    def cutter(self, parts: tuple[str, ...], leave_out: tuple[str, ...] = ()) -> Cutter: ...
-
-    def in_parts(self, parts: tuple[str, ...]) -> ndarray: ...
-
-    def bones(self, first: str, last: str) -> tuple[str, ...]: ...
-
-    def on_surface(self, place: Place) -> Any: ...
-
-
 class LandmarkedBodies:
-    """Surfaces of one template, with landmarks, axes and parts by name.
+    """Surfaces over one template, with landmarks, axes and parts by name.
 
-    Everything is differentiable by autograd in the surfaces.
+    Autograd can differentiate places, axes, lengths, areas and volumes by the surfaces.
 
     Parameters
     ----------
     description : MeasurementSet
-        Where landmarks and parts are.
+        Landmarks, axes and parts of the template.
     surfaces : array, shape (n, V, 3)
         Vertices, metres.
     axes : {"body", "space"}
-        Whether level is perpendicular to the trunk of each body, or to the template's own axis.
+        Whether the axes move with the trunk of each body, or are those of the template in space.
     """
 
-    def __init__(self, description: _Description, surfaces: Any, axes: str) -> None:
+    def __init__(self, description: Any, surfaces: Any, axes: str) -> None:
         self._set, self._surfaces, self._frames = description, surfaces, axes
         self._known: dict[Any, Any] = {}
 
     def place(self, place: Place) -> Any:
-        """Return a landmark or an affine combination of landmarks.
+        """Return the position of a landmark or of an affine combination of landmarks.
 
         Parameters
         ----------
@@ -90,7 +60,7 @@ class LandmarkedBodies:
         return self._known[place]
 
     def axis(self, axis: Any) -> Any:
-        """Return a direction: an axis of the body, or from one place to another.
+        """Return an axis of the bodies, or the direction from one place to another.
 
         Parameters
         ----------
@@ -114,7 +84,7 @@ class LandmarkedBodies:
         if self._frames == "space":
             return own + np.zeros((len(self._surfaces), 1, 1))
         bottom, top, right, left = (self.place(name) for name in self._set.frame)
-        # The same landmarks of the template say how the axes lie in this frame.
+        # The axes lie in this frame as the template's axes lie in the frame of its landmarks.
         return np.matmul(_frame(bottom, top, right, left), self._set.axes_in_frame)
 
     def section_sizes(
@@ -125,77 +95,56 @@ class LandmarkedBodies:
         Parameters
         ----------
         parts, leave_out : tuple of str
-            Parts of the body.
+            Parts that are measured, and parts that the loop passes over.
         at : place
             A place in the plane.
         normal : str or pair of places
             Normal of the plane.
         direction : array, shape (n, 3)
-            Direction of extents.
+            Unit vectors along which extents are measured.
         kind : int
             `LENGTH`, `HULL` or `EXTENT`.
 
         Returns
         -------
         array, shape (n,)
+            Metres; NaN where there is no section.
         """
         cutter = self._set.cutter(parts, leave_out)
         plane = self.place(at), self.axis(normal)
         return section_sizes(self._surfaces, *plane, direction, cutter, kind)
 
-    def section(self, parts: Any, leave_out: Any, at: Place, normal: Any) -> ndarray:
-        """Return the section of the first body.
+    def section(self, parts: Any, leave_out: Any, at: Place, normal: Any) -> tuple[ndarray, int]:
+        """Return a section of the first body, or why there is none.
 
         Parameters
         ----------
         parts, leave_out : tuple of str
-            Parts of the body.
+            Parts that are measured, and parts that the loop passes over.
         at : place
             A place in the plane.
         normal : str or pair of places
             Normal of the plane.
-
-        Returns
-        -------
-        array, shape (k, 3)
-            Empty where there is none.
-        """
-        cutter = self._set.cutter(parts, leave_out)
-        return self.cut(cutter, at, normal, 0)[0]
-
-    def cut(self, cutter: Cutter, at: Place, normal: Any, number: int) -> tuple[ndarray, int]:
-        """Return the section of one body, or why there is none.
-
-        Parameters
-        ----------
-        cutter : Cutter
-            Triangles that may be cut.
-        at : place
-            A place in the plane.
-        normal : str or pair of places
-            Normal of the plane.
-        number : int
-            Which body.
 
         Returns
         -------
         points : array, shape (k, 3)
-            The section.
+            The section; empty if there is none.
         status : int
-            0, or why there is none.
+            0, or why there is none, see `Cutter.section`.
         """
-        plane = self.place(at)[number], self.axis(normal)[number]
-        return cutter.section(self._surfaces[number], *plane)
+        cutter = self._set.cutter(parts, leave_out)
+        return cutter.section(self._surfaces[0], self.place(at)[0], self.axis(normal)[0])
 
     def tape(self, loop: ndarray, hull: bool) -> ndarray:
-        """Return a closed curve: a loop, or its convex hull.
+        """Return a section or its convex hull as a closed curve.
 
         Parameters
         ----------
         loop : array, shape (k, 3)
-            A section.
+            Points of the section.
         hull : bool
-            Whether the tape spans hollows.
+            Whether to return the convex hull.
 
         Returns
         -------
@@ -211,7 +160,7 @@ class LandmarkedBodies:
         return onp.concatenate([loop, loop[:1]])
 
     def floor(self) -> Any:
-        """Return the height of the lowest vertex along the standing axis.
+        """Return the coordinate of the lowest vertex along the axis "up".
 
         Returns
         -------
@@ -224,7 +173,7 @@ class LandmarkedBodies:
         return self._known["floor"]
 
     def bones(self, first: str, last: str) -> tuple[str, ...]:
-        """Return the joints on the way from one to another.
+        """Return the names of the joints on the path from one joint to another.
 
         Parameters
         ----------
@@ -238,12 +187,12 @@ class LandmarkedBodies:
         return self._set.bones(first, last)
 
     def geodesic_lengths(self, one: Place, other: Place) -> Any:
-        """Return lengths of shortest paths along the surfaces.
+        """Return the lengths of geodesics along the surfaces.
 
         Parameters
         ----------
         one, other : place
-            Where they begin and end.
+            The ends.
 
         Returns
         -------
@@ -253,12 +202,12 @@ class LandmarkedBodies:
         return geodesic_lengths(self._surfaces, start, end, self._set.mesh)
 
     def geodesic(self, one: Place, other: Place) -> ndarray:
-        """Return the shortest path along the first surface.
+        """Return a geodesic along the first surface.
 
         Parameters
         ----------
         one, other : place
-            Where it begins and ends.
+            The ends.
 
         Returns
         -------
@@ -268,30 +217,32 @@ class LandmarkedBodies:
         return geodesic_path(values_of(self._surfaces)[0], start, end, self._set.mesh)
 
     def volumes(self) -> Any:
-        """Return the volumes inside closed surfaces.
+        """Return the volumes that closed surfaces enclose.
 
         Returns
         -------
         array, shape (n,)
+            Cubic metres.
         """
         if "volume" not in self._known:
-            # Seen from the body's own middle, where products of coordinates lose least.
+            # About the mean vertex, where products of coordinates lose the fewest digits.
             middle = np.mean(self._surfaces, axis=1, keepdims=True)
             a, b, c = self._corners(self._set.faces, self._surfaces - middle)
             self._known["volume"] = np.sum(a * np.cross(b, c), axis=(-2, -1)) / 6.0
         return self._known["volume"]
 
     def areas(self, parts: tuple[str, ...]) -> Any:
-        """Return the areas of some parts of the surfaces, or of all.
+        """Return the areas of some parts of the surfaces.
 
         Parameters
         ----------
         parts : tuple of str
-            Names of parts.
+            Names of parts; if empty, the whole body.
 
         Returns
         -------
         array, shape (n,)
+            Square metres.
         """
         faces = self._set.faces[self._set.in_parts(parts)]
         a, b, c = self._corners(faces, self._surfaces)
@@ -303,12 +254,12 @@ class LandmarkedBodies:
 
 
 def axes_in_frame(places: ndarray, axes: ndarray) -> ndarray:
-    """Return the axes of a template as the frame of its landmarks has them.
+    """Return the axes of a template in the frame of its landmarks.
 
     Parameters
     ----------
     places : array, shape (4, 3)
-        The landmarks: bottom, top, right, left.
+        The landmarks: bottom, top, right and left.
     axes : array, shape (3, 3)
         Left, up and forward as columns.
 

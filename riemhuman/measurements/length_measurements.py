@@ -1,4 +1,4 @@
-"""Measurements from place to place: heights and lengths."""
+"""Heights and lengths between places of the body."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ PATHS = ("straight", "surface", "joints")
 
 @dataclass(frozen=True, kw_only=True)
 class Height(Measurement):
-    """The height of a place above the floor, along the standing axis.
+    """The height of a place above the floor, along the axis "up".
 
     Parameters
     ----------
     name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+        Name, the standard that defines it, and a remark.
     at : str or mapping of str to float
-        The place.
+        The place: a landmark, or landmarks with weights.
     above : str or mapping of str to float, optional
-        Another place to measure from; by default the floor, at the lowest vertex.
+        Place from which the height is measured; by default the floor, at the lowest vertex.
 
     Examples
     --------
@@ -61,17 +61,17 @@ class Height(Measurement):
 
 @dataclass(frozen=True, kw_only=True)
 class Length(Measurement):
-    """The length of a way from place to place.
+    """The length of a path through places of the body.
 
     Parameters
     ----------
     name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+        Name, the standard that defines it, and a remark.
     along : sequence of places
-        Two places or more. Of "joints", the first and the last joint.
+        Two or more places in order; for the path "joints", the first and the last joint.
     path : {"straight", "surface", "joints"}
-        Straight from place to place; along the shortest path on the surface between them; or from
-        joint to joint of the body model's tree.
+        Straight lines between the places, geodesics on the surface between them, or straight lines
+        from joint to joint of the body model.
 
     Examples
     --------
@@ -90,7 +90,7 @@ class Length(Measurement):
         super().__post_init__()
         one_of(self.path, "path", PATHS)
         if isinstance(self.along, (str, Mapping)) or len(self.along) < 2:
-            raise ArgumentError(f"along must hold two places or more; found {self.along!r}")
+            raise ArgumentError(f"along must hold two or more places; found {self.along!r}")
         object.__setattr__(self, "along", tuple(self.along))
         if self.path == "joints" and (
             len(self.along) != 2 or not all(isinstance(place, str) for place in self.along)

@@ -1,7 +1,7 @@
-"""What a measurement is: a small declarative object that JSON can hold.
+"""The base class of measurements: records of parameters that JSON can hold.
 
-A measurement knows landmarks, axes and parts by name; `riemhuman.measurements.MeasurementSet` says
-where they are on a template.
+A measurement refers to landmarks, axes and parts by name; a
+`riemhuman.measurements.MeasurementSet` locates them on a template.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ class Measurement:
     Parameters
     ----------
     name : str
-        Its name in tables.
+        Name in tables.
     standard : str
-        The standard that defines it, where there is one.
+        The standard that defines it, such as "ISO 8559-1".
     note : str
-        What is to be known about it.
+        A remark.
 
     Examples
     --------
@@ -41,40 +41,40 @@ class Measurement:
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
-            raise ArgumentTypeError(f"name must be a text; found {self.name!r}")
+            raise ArgumentTypeError(f"name must be a non-empty string; found {self.name!r}")
 
     @property
     def places(self) -> tuple[Place, ...]:
-        """Places it is taken at."""
+        """Places that the measurement refers to."""
         return ()
 
     @property
     def parts_named(self) -> tuple[str, ...]:
-        """Parts of the body it refers to."""
+        """Parts of the body that the measurement refers to."""
         return ()
 
     def value(self, bodies: LandmarkedBodies) -> Any:
-        """Return the values of bodies, differentiable by autograd.
+        """Return the measurement of each body; autograd can differentiate it.
 
         Parameters
         ----------
         bodies : LandmarkedBodies
-            Bodies with landmarks.
+            The bodies.
 
         Returns
         -------
         array, shape (n,)
-            NaN where it cannot be taken.
+            NaN for bodies where the measurement is not defined.
         """
         raise NotImplementedError
 
     def curves(self, bodies: LandmarkedBodies) -> list[Any]:
-        """Return where the tape runs on the first of the bodies.
+        """Return the curves of the tape on the first body.
 
         Parameters
         ----------
         bodies : LandmarkedBodies
-            Bodies with landmarks.
+            The bodies.
 
         Returns
         -------
@@ -84,7 +84,7 @@ class Measurement:
         return []
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as JSON has it, with its kind.
+        """Return the record that JSON holds: the kind and the parameters without their defaults.
 
         Returns
         -------
@@ -99,7 +99,7 @@ class Measurement:
 
 
 def names_of_parts(value: Any, name: str) -> tuple[str, ...]:
-    """Return a list of names as a tuple.
+    """Return names of parts as a tuple.
 
     Parameters
     ----------
@@ -115,7 +115,7 @@ def names_of_parts(value: Any, name: str) -> tuple[str, ...]:
     Raises
     ------
     ArgumentTypeError
-        If it is a text, or holds anything but texts.
+        If the value is a string, or holds anything but strings.
     """
     if isinstance(value, str) or not all(isinstance(part, str) for part in value):
         raise ArgumentTypeError(f"{name} must be a list of names; found {value!r}")
@@ -123,7 +123,7 @@ def names_of_parts(value: Any, name: str) -> tuple[str, ...]:
 
 
 def _listed(value: Any) -> Any:
-    """Return tuples as lists, as JSON gives them back."""
+    """Return tuples as lists, as JSON reads them."""
     if isinstance(value, (tuple, list)):
         return [_listed(entry) for entry in value]
     return dict(value) if isinstance(value, Mapping) else value

@@ -1,4 +1,4 @@
-"""Measurement sets: definitions with the landmarks and parts of one template."""
+"""Measurement sets: measurements with the landmarks and parts of one template."""
 
 from __future__ import annotations
 
@@ -38,27 +38,28 @@ class MeasurementSet:
     Parameters
     ----------
     template : Template or BodyModel
-        Vertices and triangles. The joints of a body model are landmarks too, by their names.
+        Vertices and triangles. The joints of a body model are also landmarks, by their names.
     measurements : sequence of Measurement
-        What is measured, by different names.
-    landmarks : mapping of str to pair
+        The measurements; their names must differ.
+    landmarks : mapping of str to pair of array_like, shape (n,)
         Numbers of vertices, and weights that sum to one.
     parts : mapping of str to array of int
         Numbers of triangles.
     frame : sequence of str
-        Four landmarks of the trunk, bottom, top, right and left: the standing axis of a body is
-        carried along with them.
+        Four landmarks of the trunk: bottom, top, right and left. The axes of a body move with them;
+        without a frame, the axes are those of the template in space.
     axes : array_like, shape (3, 3)
         Left, up and forward of the template, as columns; by default x, y and z.
     standard_pose : mapping of str to array_like, shape (3,)
-        Axis-angle rotations of joints from the rest pose to the standard pose, radians; joints that
-        are not named stay.
+        Axis-angle rotations of joints from the rest pose to the standard pose, radians; zero for
+        joints that are not named.
 
     Raises
     ------
     ArgumentError
-        If two measurements share a name, or one refers to what there is not; the nearest name is
-        offered.
+        If two measurements share a name, a number of a vertex or triangle is out of range, or a
+        measurement refers to an unknown landmark, part or joint; the message offers the nearest
+        names.
 
     Examples
     --------
@@ -86,16 +87,10 @@ class MeasurementSet:
             for name in self.standard_pose:
                 nearest_name(name, "joint", self.template.joint_names)
         for name, (vertices, _) in marks.items():
-            if vertices.size and not 0 <= vertices.min() <= vertices.max() < self.n_vertices:
-                raise ArgumentError(
-                    f"landmark {name!r} is at vertex {vertices.max()}; there are {self.n_vertices}"
-                )
+            _check_range(f"landmark {name!r} is at vertex", vertices, self.n_vertices)
         parts = {name: np.asarray(faces, dtype=np.int64) for name, faces in self.parts.items()}
         for name, faces in parts.items():
-            if faces.size and not 0 <= faces.min() <= faces.max() < len(self.faces):
-                raise ArgumentError(
-                    f"part {name!r} has triangle {faces.max()}; there are {len(self.faces)}"
-                )
+            _check_range(f"part {name!r} has triangle", faces, len(self.faces))
         object.__setattr__(self, "landmarks", marks)
         object.__setattr__(self, "parts", parts)
         object.__setattr__(self, "axes", np.asarray(self.axes, dtype=np.float64))
@@ -133,7 +128,7 @@ class MeasurementSet:
 
     @property
     def model(self) -> BodyModel | None:
-        """The body model, where there is one."""
+        """The body model, or None if the template is a surface."""
         return self.template if isinstance(self.template, BodyModel) else None
 
     @property
@@ -157,24 +152,20 @@ class MeasurementSet:
 
     @cached_property
     def mesh(self) -> Mesh:
-        """Triangles and their neighbours, for paths along the surface."""
-        return Mesh(self.vertices, self.faces, self._neighbours)
+        """Vertices, triangles and their neighbours."""
+        return Mesh(self.vertices, self.faces, neighbours_of(self.faces))
 
     @cached_property
     def is_closed(self) -> bool:
         """Whether every edge has two triangles."""
-        return bool((self._neighbours >= 0).all())
+        return bool((self.mesh.neighbours >= 0).all())
 
     @cached_property
     def axes_in_frame(self) -> ndarray:
-        """Axes of the template as the frame of its landmarks has them, shape (3, 3)."""
+        """Axes of the template in the frame of its landmarks, shape (3, 3)."""
         marks = [self.landmarks[name] for name in self.frame]
         places = [weights @ self.vertices[vertices] for vertices, weights in marks]
         return axes_in_frame(np.array(places), self.axes)
-
-    @cached_property
-    def _neighbours(self) -> ndarray:
-        return neighbours_of(self.faces)
 
     @cached_property
     def _cutters(self) -> dict[Any, Cutter]:
@@ -186,7 +177,7 @@ class MeasurementSet:
         Parameters
         ----------
         parts, leave_out : tuple of str
-            Parts that a section may run over, by default all, and parts that are cut away.
+            Parts that are measured, all if empty, and parts that the loop passes over.
 
         Returns
         -------
@@ -198,17 +189,16 @@ class MeasurementSet:
             roles[self.in_parts(parts)] = WANTED
             if leave_out:
                 roles[self.in_parts(leave_out)] = LEFT_OUT
-            candidates = np.flatnonzero(roles == WANTED)
-            self._cutters[key] = Cutter(self.faces, self._neighbours, roles, candidates)
+            self._cutters[key] = Cutter(self.faces, self.mesh.neighbours, roles)
         return self._cutters[key]
 
     def in_parts(self, parts: tuple[str, ...]) -> ndarray:
-        """Return which triangles belong to some parts, or to the body.
+        """Return which triangles belong to some parts.
 
         Parameters
         ----------
         parts : tuple of str
-            Names; none stand for the whole body.
+            Names of parts; if empty, the whole body.
 
         Returns
         -------
@@ -220,7 +210,7 @@ class MeasurementSet:
         return chosen
 
     def bones(self, first: str, last: str) -> tuple[str, ...]:
-        """Return the joints on the way from one to another.
+        """Return the names of the joints on the path from one joint to another.
 
         Parameters
         ----------
@@ -234,21 +224,21 @@ class MeasurementSet:
         Raises
         ------
         ArgumentError
-            If there is no body model, or no such joint.
+            If the template is not a body model, or has no such joint.
         """
         if self.model is None:
-            raise ArgumentError("lengths along joints need a body model; the template is a surface")
+            raise ArgumentError("lengths along joints need a body model; found a surface")
         names = self.model.joint_names
         ends = (names.index(nearest_name(joint, "joint", names)) for joint in (first, last))
         return tuple(names[number] for number in joints_between(self.model.parents, *ends))
 
     def on_surface(self, place: Place) -> SurfacePoint:
-        """Return the triangle a place lies in, with barycentric coordinates.
+        """Return the triangle that a place lies in, with barycentric coordinates.
 
         Parameters
         ----------
         place : str or mapping of str to float
-            The place; the closest point of the template where it lies off the surface.
+            The place. If it lies off the surface, the nearest point of the template replaces it.
 
         Returns
         -------
@@ -273,7 +263,7 @@ class MeasurementSet:
         Parameters
         ----------
         measurements : iterable of Measurement or str
-            Measurements of one's own, or names of those there are.
+            New measurements, or names of measurements of this set.
 
         Returns
         -------
@@ -282,7 +272,7 @@ class MeasurementSet:
         Raises
         ------
         ArgumentError
-            If one refers to what there is not.
+            If a name is unknown, or a measurement refers to an unknown landmark, part or joint.
         """
         own = dict(zip(self.names, self.measurements, strict=True))
         chosen = [
@@ -304,21 +294,21 @@ class MeasurementSet:
         Parameters
         ----------
         template : Template or BodyModel
-            The other one.
+            The other template. For lengths along joints it must be a body model that has joints of
+            these names.
         correspondence : array_like of int, pair, or sparse matrix
             Where each vertex of this template lies on the other: numbers of vertices, shape (V,); a
             pair of numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or
-            a matrix, whose rows sum to one. See `correspondence_to`.
+            a matrix whose rows sum to one. See `correspondence_to`.
         standard_pose : mapping of str to array_like, shape (3,), optional
-            Standard pose of another body model; by default its rest pose, or this standard pose
-            where all its joints are there.
+            Standard pose of the other body model; by default the same rotations if it has all
+            their joints, else its rest pose.
         axes : array_like, shape (3, 3), optional
-            Left, up and forward of the other template; by default as here.
+            Left, up and forward of the other template, as columns; by default the same.
 
         Returns
         -------
         MeasurementSet
-            Lengths along joints ask for a body model with joints of these names.
 
         Raises
         ------
@@ -352,15 +342,15 @@ class MeasurementSet:
     def correspondence_to(
         self, template: Template | BodyModel, registered: ndarray | None = None
     ) -> tuple[ndarray, ndarray]:
-        """Return where the vertices of this template lie on another, as closest points.
+        """Return the points of another template nearest to the vertices of this one.
 
         Parameters
         ----------
         template : Template or BodyModel
-            The other one.
+            The other template.
         registered : array, shape (V, 3), optional
-            This template registered to the other one, as `rh.registration` does it; by default the
-            template as it is, for templates that lie on each other.
+            This template registered to the other one, for example by `rh.registration`; by default
+            the template as it is, for templates that coincide in space.
 
         Returns
         -------
@@ -388,19 +378,8 @@ class MeasurementSet:
             If it cannot be written.
         """
         joints = self.model.joint_names if self.model else ()
-        write_set(
-            path,
-            {
-                "n_vertices": self.n_vertices,
-                "n_faces": len(self.faces),
-                "measurements": self.measurements,
-                "landmarks": {k: mark for k, mark in self.landmarks.items() if k not in joints},
-                "parts": self.parts,
-                "frame": self.frame,
-                "axes": self.axes,
-                "standard_pose": self.standard_pose,
-            },
-        )
+        own = {name: mark for name, mark in self.landmarks.items() if name not in joints}
+        write_set(path, self, own)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:
@@ -409,9 +388,9 @@ class MeasurementSet:
         Parameters
         ----------
         path : path_like
-            A file as `save` writes it.
+            A file that `save` wrote.
         template : Template or BodyModel
-            What they are on.
+            Template of the file, with as many vertices and triangles.
 
         Returns
         -------
@@ -422,11 +401,14 @@ class MeasurementSet:
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it is no such file, or is for another template.
+            If the file does not hold measurements, or is for another template.
         """
         surface = template.template if isinstance(template, BodyModel) else template
-        return read_set(
-            path,
-            (surface.n_vertices, surface.n_faces),
-            lambda fields: cls(template, **fields),
-        )
+        sizes = surface.n_vertices, surface.n_faces
+        return read_set(path, sizes, lambda fields: cls(template, **fields))
+
+
+def _check_range(what: str, numbers: ndarray, count: int) -> None:
+    wrong = numbers[(numbers < 0) | (numbers >= count)]
+    if wrong.size:
+        raise ArgumentError(f"{what} {wrong[0]}; there are {count}")

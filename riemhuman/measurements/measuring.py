@@ -1,4 +1,4 @@
-"""Measuring of bodies: values with names and units, and their derivatives."""
+"""Values of measurements of bodies, with names, units and derivatives."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from riemhuman.extensions import extensions
 from riemhuman.kernels.threads import in_chunks
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.landmarks import LandmarkedBodies
-from riemhuman.measurements.measurement import Measurement
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.open_body import open_measurements
 from riemhuman.measurements.section_measurements import PlaneSection
@@ -31,17 +30,18 @@ from riemhuman.units import body_units
 
 POSES = ("as is", "standard")
 AXES = ("body", "space")
-# Temporary arrays are made for bodies of so many vertices together: they stay in the cache.
+# Vertices of the bodies that are measured together: their temporary arrays stay in the cache.
 _VERTICES = 20_000
+# Number of bodies from which on threads share the work.
 _THREADED = 64
-# Some vertices tell the size of a body well enough.
+# Number of vertices that the size of a body is estimated from.
 _N_SAMPLES = 256
 _REASONS = {
     MISSES: "its plane misses {parts}",
-    MEETS_OTHER_PART: "its loop leaves {parts} and meets another part of the body; leave that part "
-    "out, or take the measurement in another place or pose",
+    MEETS_OTHER_PART: "its loop leaves {parts} and meets another part of the body; list that part "
+    "in leave_out, or measure at another place or in another pose",
 }
-_OPEN = "its loop around {parts} meets the boundary of the surface, or a fault of the mesh"
+_OPEN = "its loop around {parts} meets a boundary or a defect of the mesh"
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,11 +53,11 @@ class MeasuredBodies:
     names : tuple of str
         Names of the measurements.
     values : array, shape (..., M)
-        Metres, square metres, cubic metres, kilograms: see `units`.
+        Values in the units of `units`; NaN where a measurement is not defined.
     units : tuple of str
-        Unit of each measurement.
+        Unit of each measurement: "m", "m²", "m³" or "kg".
     gradient : array, shape (..., M, V, 3), optional
-        Derivatives of the values by the vertices, where asked for.
+        Derivatives of the values by the vertices, if they were requested.
 
     Examples
     --------
@@ -91,12 +91,12 @@ class MeasuredBodies:
         return {name: self.values[..., k] for k, name in enumerate(self.names)}
 
     def to_frame(self, index: Sequence[Any] | None = None) -> Any:
-        """Return a table of pandas: a row a body, a column a measurement with its unit.
+        """Return a pandas table with one row per body and one column per measurement.
 
         Parameters
         ----------
         index : sequence, optional
-            What to call the bodies; by default their numbers.
+            Names of the bodies; by default their numbers.
 
         Returns
         -------
@@ -115,17 +115,16 @@ class MeasuredBodies:
 
 
 class Measurements:
-    """A set of measurements, taken of bodies that share a template.
+    """Measurements of bodies that are registered to one template.
 
     Parameters
     ----------
     model : BodyModel, Template or MeasurementSet
-        What the bodies are registered to. The open body model brings its own measurements; a set
-        brings its template.
+        The body model or template of the bodies; or a set, which includes its template.
     definitions : MeasurementSet, path_like, or sequence of Measurement or str, optional
-        What is measured: a set on this template, a JSON file of one, or measurements of one's own
-        and names of those there are, at the landmarks of the open body model. By default the open
-        body model's own, and those of other packages, see `riemhuman.extensions`.
+        The measurements: a set on this template, a JSON file of a set, or a sequence of new
+        measurements and of names of the open body model's. By default the open body model's
+        measurements and those that other packages add, see `riemhuman.extensions`.
 
     Raises
     ------
@@ -197,16 +196,15 @@ class Measurements:
         points : array_like, shape (..., V, 3)
             Bodies, metres.
         pose : {"as is", "standard"}
-            Whether bodies are measured as they stand, or brought to the standard pose before, see
-            `in_standard_pose`; for this the template must be a body model.
+            Whether bodies are measured as they stand, or after `in_standard_pose`, which needs a
+            body model.
         axes : {"body", "space"}
-            What is level where bodies are measured as they stand: what is perpendicular to the
-            standing axis that the trunk carries along, or to the template's axis in space.
+            Whether the axes move with the trunk of each body, or are those of the template in
+            space. Bodies in the standard pose are measured along the axes of the template.
         gradient : bool
-            Whether derivatives by the vertices are returned too; of bodies as they stand.
+            Whether to return derivatives by the vertices; only for bodies as they stand.
         missing : {"raise", "nan"}
-            What is done where a measurement cannot be taken: raise an error that says why, or
-            return NaN.
+            Whether a measurement that is not defined raises an error or gives NaN.
 
         Returns
         -------
@@ -215,8 +213,10 @@ class Measurements:
         Raises
         ------
         ArgumentError
-            If the shape is wrong, bodies are not of the size of bodies in metres, a volume is
-            asked of an open surface, a plane misses its part, or a loop meets another part.
+            If the shape is wrong, the bodies are in other units than metres, or a measurement is
+            not defined; the message says why.
+        DegenerateSurfaceError
+            If a volume or mass is requested and the template has boundaries.
         """
         one_of(pose, "pose", POSES)
         one_of(missing, "missing", ("raise", "nan"))
@@ -228,7 +228,7 @@ class Measurements:
         self._check_closed()
         if pose == "standard":
             if gradient:
-                raise ArgumentError('gradient is of bodies as they stand; found pose="standard"')
+                raise ArgumentError('gradient requires pose="as is"; found pose="standard"')
             surfaces, axes = in_standard_pose(self.definitions, surfaces), "space"
         if not self.definitions.frame:
             axes = "space"
@@ -252,19 +252,19 @@ class Measurements:
         return MeasuredBodies(self.names, values.reshape(shape), self.units, slopes)
 
     def tapes(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
-        """Return the tapes of all measurements on one body, in its own pose.
+        """Return the tapes of all measurements on one body as it stands.
 
         Parameters
         ----------
         surface : array_like, shape (V, 3)
             The body, metres.
         axes : {"body", "space"}
-            What is level, as of `measure`.
+            Axes, as for `measure`.
 
         Returns
         -------
         dict of str to list of array, shape (k, 3)
-            Curves by name; none for volumes, areas, and what cannot be taken.
+            Curves by name; empty for volumes, areas and measurements that are not defined.
         """
         shape = (self.definitions.n_vertices, 3)
         surface = real_array(surface, "surface", shape, batched=False)
@@ -272,7 +272,7 @@ class Measurements:
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
         found = {}
         for measurement in self.definitions.measurements:
-            taken = not np.isnan(self._value(measurement, bodies)[0])
+            taken = not np.isnan(measurement.value(bodies)[0])
             found[measurement.name] = [
                 np.asarray(curve) for curve in (measurement.curves(bodies) if taken else [])
             ]
@@ -284,28 +284,24 @@ class Measurements:
         measurements = self.definitions.measurements
         if not gradient:
             bodies = LandmarkedBodies(self.definitions, surfaces, axes)
-            values = [self._value(measurement, bodies) for measurement in measurements]
+            values = [measurement.value(bodies) for measurement in measurements]
             return np.stack(values, axis=-1), None
         values, slopes = [], []
         for measurement in measurements:
             pull_back, value = make_vjp(
-                lambda moved, taken=measurement: self._value(
-                    taken, LandmarkedBodies(self.definitions, moved, axes)
+                lambda moved, taken=measurement: taken.value(
+                    LandmarkedBodies(self.definitions, moved, axes)
                 )
             )(surfaces)
             values.append(value)
             slopes.append(pull_back(np.ones(len(surfaces))))
         return np.stack(values, axis=-1), np.stack(slopes, axis=1)
 
-    @staticmethod
-    def _value(measurement: Measurement, bodies: LandmarkedBodies) -> Any:
-        return measurement.value(bodies)
-
     def _check_closed(self) -> None:
         for measurement in self.definitions.measurements:
             if isinstance(measurement, (Volume, Mass)) and not self.definitions.is_closed:
                 raise DegenerateSurfaceError(
-                    f"{measurement.name!r} asks for a closed surface; the template has boundaries"
+                    f"{measurement.name!r} needs a closed surface; the template has boundaries"
                 )
 
     def _refuse_missing(self, surfaces: ndarray, values: ndarray, axes: str) -> None:
@@ -315,21 +311,20 @@ class Measurements:
         if not isinstance(measurement, PlaneSection):
             raise ArgumentError(f"{where}there is no path along the surface")
         bodies = LandmarkedBodies(self.definitions, surfaces[[number]], axes)
-        cutter = self.definitions.cutter(measurement.parts, measurement.leave_out)
-        _, status = bodies.cut(cutter, measurement.at, measurement.normal, 0)
+        _, status = measurement.section(bodies)
         parts = " and ".join(measurement.parts) or "the surface"
         raise ArgumentError(where + _REASONS.get(status, _OPEN).format(parts=parts))
 
 
 def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
-    """Return wanted values of measurements, by names that are known.
+    """Return values of measurements by name, after checking the names.
 
     Parameters
     ----------
     values : mapping of str to float
         Values by name.
     names : sequence of str
-        Names there are.
+        Known names.
 
     Returns
     -------
@@ -338,10 +333,10 @@ def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
     Raises
     ------
     ArgumentError
-        If a name is unknown, with the nearest ones, or there are no values.
+        If there are no values, or a name is unknown; the message offers the nearest names.
     """
     if not isinstance(values, Mapping) or not values:
-        raise ArgumentError(f"values must be measurements by name; found {values!r}")
+        raise ArgumentError(f"values must map names of measurements to numbers; found {values!r}")
     return {nearest_name(name, "measurement", names): float(v) for name, v in values.items()}
 
 
@@ -352,7 +347,7 @@ def _check_fits(own: MeasurementSet, model: BodyModel | Template) -> None:
 
 
 def _refuse_other_units(surfaces: ndarray) -> None:
-    """Refuse bodies in millimetres and the like; surfaces of no body's size in any unit pass."""
+    """Refuse bodies in other units, such as millimetres; accept sizes of a body in no unit."""
     if not surfaces.size:
         return
     some = surfaces[:, :: max(1, surfaces.shape[1] // _N_SAMPLES)]
@@ -361,6 +356,6 @@ def _refuse_other_units(surfaces: ndarray) -> None:
         units = body_units(float(extent))
         if units and "metres" not in units:
             raise ArgumentError(
-                f"points[{number}] is {extent:.4g} long, a body in {' or '.join(units)}; "
-                "measurements are of bodies in metres"
+                f"points[{number}] is {extent:.4g} long, as a body in {' or '.join(units)} is; "
+                "measurements need bodies in metres"
             )

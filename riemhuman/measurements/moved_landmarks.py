@@ -1,4 +1,4 @@
-"""Landmarks as weights of vertices, on one template and moved to another."""
+"""Landmarks as weighted vertices, and their transfer to another template."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ def checked_landmark(name: str, mark: Any) -> Landmark:
     Raises
     ------
     ArgumentError
-        If there is not one weight for each vertex, or their sum is another.
+        If there is not one weight for each vertex, or the weights do not sum to one.
     """
     vertices, weights = np.asarray(mark[0], dtype=np.int64), np.asarray(mark[1], dtype=np.float64)
     if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > 1e-3:
         raise ArgumentError(
-            f"landmark {name!r} must have one weight for each vertex, 1 in sum; found "
-            f"{vertices.shape} vertices and weights of sum {weights.sum():g}"
+            f"landmark {name!r} must have one weight for each vertex, with sum 1; found vertices "
+            f"of shape {vertices.shape} and weights with sum {weights.sum():g}"
         )
     return vertices, weights / weights.sum()
 
@@ -48,14 +48,14 @@ def checked_landmark(name: str, mark: Any) -> Landmark:
 def moved_landmarks(
     landmarks: Mapping[str, Landmark], matrix: sparse.csr_array
 ) -> dict[str, Landmark]:
-    """Return landmarks on another template.
+    """Transfer landmarks to another template.
 
     Parameters
     ----------
     landmarks : mapping of str to pair
-        Landmarks.
-    matrix : csr_array, shape (V, other V)
-        Where each vertex lies on the other template: rows of weights of its vertices.
+        Landmarks of the first template.
+    matrix : csr_array, shape (V, V')
+        Position of each vertex on the other template, as weights of its V' vertices.
 
     Returns
     -------
@@ -69,21 +69,21 @@ def moved_landmarks(
 
 
 def nearest_triangles(places: ndarray, faces: ndarray, other: Template) -> ndarray:
-    """Return the triangle nearest to each triangle of another template.
+    """Return, for each triangle of another template, the triangle with the nearest centroid.
 
     Parameters
     ----------
     places : array, shape (V, 3)
-        Where the vertices of one template lie on the other.
+        Positions of the vertices of the first template on the other.
     faces : array of int, shape (F, 3)
-        Triangles of the one.
+        Triangles of the first template.
     other : Template
-        The other.
+        The other template.
 
     Returns
     -------
     array of int, shape (other.n_faces,)
-        Numbers of triangles of the one, by the distances of centroids.
+        Numbers of triangles of the first template.
     """
     tree = cKDTree(places[faces].mean(axis=1))
     return tree.query(other.vertices[other.faces].mean(axis=1))[1]

@@ -1,7 +1,7 @@
-r"""The nearest body with other measurements.
+r"""The nearest body with given measurements.
 
-Minimises d²(f₀, f) over all vertices of f subject to m_k(f) = v_k, by steps of sequential quadratic
-programming: with M the matrix of the metric at f, g the gradient of d² and J the derivatives of the
+Sequential quadratic programming minimises d²(f₀, f) over all vertices of f subject to m_k(f) = v_k:
+with M the matrix of the metric at f, g the gradient of d² and J the derivatives of the
 measurements, the step p solves 2 M p + Jᵀ μ = −g, J p = v − m(f).
 """
 
@@ -27,7 +27,7 @@ _MOST_HALVINGS = 12
 
 @dataclass(frozen=True, eq=False)
 class NearestBody:
-    """A body with the wanted measurements, and its changes.
+    """The nearest body with given measurements.
 
     Attributes
     ----------
@@ -36,13 +36,13 @@ class NearestBody:
     distance : float
         Its distance from the given body.
     before, after : dict of str to float
-        All measurements of both bodies.
+        Measurements of the given body and of this one.
     converged : bool
-        Whether the measurements are met and the search came to rest.
+        Whether the measurements have the given values and the search converged.
     n_iterations : int
-        Steps.
+        Number of steps.
     message : str
-        How the search ended.
+        Why the search ended, and which measurements missed their values.
 
     Examples
     --------
@@ -66,7 +66,7 @@ class NearestBody:
 
     @property
     def changes(self) -> dict[str, float]:
-        """Differences of all measurements, after less before."""
+        """Changes of all measurements: after less before."""
         return {name: value - self.before[name] for name, value in self.after.items()}
 
 
@@ -81,25 +81,25 @@ def nearest_body(
 ) -> NearestBody:
     """Return the body nearest to a given one whose measurements have given values.
 
-    Which body that is depends on the metric. Under metrics of first order, such as
-    `rh.ElasticMetric`, the surface may have an edge where a tape runs; with a second-order term, as
-    `rh.SobolevMetric` has it, the change is smooth. All vertices are free.
+    All vertices are free, and the metric decides how they move. With a first-order metric, such as
+    `rh.ElasticMetric`, the surface may get a crease along the tape; a second-order term, as in
+    `rh.SobolevMetric`, makes the change smooth.
 
     Parameters
     ----------
     measurements : Measurements
-        What is measured.
+        The measurements.
     metric : RiemannianMetric
         A metric on aligned surfaces with `energy_and_gradient` and `metric_matrix`.
     point : array_like, shape (V, 3)
-        The given body, as it stands, metres.
+        The given body, metres; it is measured as it stands.
     wanted : mapping of str to float
-        Values to have; the other measurements are free.
+        Values of some of the measurements; the others are free.
     tolerance : float
-        Values are met to this share, and the search is at rest when no vertex moves by more than
-        this share of a metre.
+        Largest relative error of the values. The search stops when they are met and no coordinate
+        changes by this many metres.
     max_iter : int
-        Most steps.
+        Largest number of steps.
 
     Returns
     -------
@@ -108,12 +108,12 @@ def nearest_body(
     Raises
     ------
     ArgumentError
-        If a name is unknown, the metric has no matrix, or a measurement cannot be taken.
+        If a name is unknown, the metric has no matrix, or a measurement is not defined.
 
     Warns
     -----
     ConvergenceWarning
-        If the values are not met, or the search has not come to rest.
+        If the values are not met, or `max_iter` steps were not enough.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def nearest_body(
         by_rows, by_gradient = solved[:, :-1], solved[:, -1]
         gram = rows @ by_rows
         multipliers = -np.linalg.solve(gram, values - found + rows @ by_gradient)
-        # The second step meets the values alone, where a kink of a hull is in the way.
+        # The second step only meets the values; it helps at a kink of a hull.
         steps = [
             -(by_gradient + by_rows @ multipliers),
             by_rows @ np.linalg.solve(gram, values - found),

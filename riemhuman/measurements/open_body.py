@@ -1,4 +1,4 @@
-"""The measurements of the open body model, which ship with it."""
+"""The measurements of the open body model, which ship with the package."""
 
 from __future__ import annotations
 
@@ -20,14 +20,13 @@ def open_measurements(model: BodyModel | Template | None = None) -> MeasurementS
     Parameters
     ----------
     model : BodyModel or Template, optional
-        The open model, or a template with its triangles, in full resolution or coarse; by default
-        the full model.
+        The open model or a template with the same triangles, at full or coarse resolution; by
+        default the model at full resolution.
 
     Returns
     -------
     MeasurementSet or None
-        None where the triangles are others. Of a template, its measurements are taken with the
-        open model's joints.
+        The set of the open model of that resolution; None for other triangles.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Measurements of the open body model, in the terms of the standards."""
+"""Definitions of the open body model's measurements, named as in the standards."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from riemhuman.measurements.section_measurements import Breadth, Depth, Girth
 from riemhuman.measurements.volume_measurements import DENSITY, Area, Mass, Volume
 
 STANDARD_POSE = {"shoulder": ("z", -50), "hip": ("z", 3)}
-"""Joint angles of the standard pose, as `riemhuman.datasets.open_poses` writes them."""
+"""Joint angles of the standard pose, in the notation of `riemhuman.datasets.open_poses`."""
 
 _TRUNK_JOINTS = ("pelvis", "lower_spine", "middle_spine", "upper_spine", "chest")
 PARTS = {
@@ -27,12 +27,12 @@ PARTS = {
         )
     },
 }
-"""Parts of the body, and the joints that move their triangles most."""
+"""Parts of the body: a triangle belongs to the part of the joint with its largest weight."""
 
 TRUNK, ARMS, LEGS = ("trunk",), ("left arm", "right arm"), ("left leg", "right leg")
 _RIGHT_ARM, _RIGHT_LEG = ("right arm",), ("right leg",)
 
-# The names are those of the standards as far as they are sure; clauses are not, and are left out.
+# Names follow the standards where they are certain; numbers of clauses are not, so none are given.
 _CLOTHING, _DESIGN = "ISO 8559-1", "ISO 7250-1"
 _SKULL = {"glabella": 0.5, "opisthocranion": 0.5}
 _BUST = {"left_nipple": 0.5, "right_nipple": 0.5}
@@ -47,7 +47,8 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
     Parameters
     ----------
     fractions : mapping of str to float
-        Where on their bones the forearm and the calf are thickest, wrist and ankle thinnest.
+        Places on their bones, from 0 to 1, where the forearm and the calf are thickest and the
+        wrist and the ankle thinnest.
 
     Returns
     -------

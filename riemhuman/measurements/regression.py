@@ -1,4 +1,4 @@
-"""Regression of body shape on a measurement or covariate, with a permutation test."""
+"""Regression of bodies on a measurement or covariate, with a permutation test."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from riemhuman.statistics.tangent_pca import mean_point
 
 @dataclass(frozen=True, eq=False)
 class ShapeRegression:
-    """Bodies along a measurement.
+    """Regression of bodies on a number, with its significance.
 
     Attributes
     ----------
     regression : GeodesicRegression
         The fitted geodesic: ``regression.predict([0.7, 0.9])`` gives bodies.
     explained : float
-        Share of the variance at the mean that the number explains, R².
+        Share R² of the variance at the mean that the number explains.
     p_value : float
-        Probability of as large a share were the numbers dealt to the people at random.
+        Share of permutations of the numbers that explain at least as much.
     n_permutations : int
-        Number of deals tried.
+        Number of random permutations.
 
     Examples
     --------
@@ -58,30 +58,30 @@ def regress_shape(
     rng: Rng = None,
     **options: Any,
 ) -> ShapeRegression:
-    r"""Fit bodies by a geodesic along a number, and test it by permutations.
+    r"""Fit bodies by a geodesic in a number, and test the fit by permutations.
 
-    With logarithms :math:`L_i` of the bodies at their mean, and centred numbers :math:`t_i`, the
-    share explained is :math:`R^2 = |\sum_i t_i L_i|^2 / (\sum_i t_i^2 \sum_i |L_i|^2)`. The numbers
-    are dealt to the people anew, and the p-value is the share of deals, the given one among them,
-    that explain as much.
+    With logarithms :math:`L_i` of the bodies at their mean and centred numbers :math:`t_i`, the
+    explained share is :math:`R^2 = |\sum_i t_i L_i|^2 / (\sum_i t_i^2 \sum_i |L_i|^2)`. The p-value
+    is the share of permutations of the numbers among the people, including the given order, that
+    explain at least as much.
 
     Parameters
     ----------
     space : AlignedSurfaces
         Space with a metric.
     values : array_like, shape (n,)
-        A measurement or a covariate of every body.
+        Measurement or covariate of each body.
     points : array_like, shape (n, V, 3)
         Bodies.
     people : array_like, shape (n,), optional
-        Who each body is: bodies of one person have one value and keep it together. By default every
-        body is a person.
+        Person of each body. Bodies of one person must have one value, and permutations keep them
+        together; by default each body is a person.
     n_permutations : int
-        Number of deals.
+        Number of random permutations.
     rng : int or numpy.random.Generator, optional
-        Where deals are drawn from.
+        Seed or generator of the permutations.
     **options
-        Further arguments of `rh.GeodesicRegression`.
+        Arguments of `rh.GeodesicRegression`.
 
     Returns
     -------
@@ -90,7 +90,7 @@ def regress_shape(
     Raises
     ------
     ArgumentError
-        If numbers and bodies do not fit each other, or one person has several values.
+        If `values` or `people` has the wrong shape, or one person has several values.
 
     Examples
     --------
@@ -112,7 +112,7 @@ def regress_shape(
     _, first, of_person = np.unique(labels, return_index=True, return_inverse=True)
     of_person = of_person.reshape(-1)
     if (values != values[first][of_person]).any():
-        raise ArgumentError("values must be one for each person; found several of one")
+        raise ArgumentError("values must be the same for all bodies of a person")
     regression = GeodesicRegression(space, **options).fit(values, points)
     gram = _gram_matrix(space, regression, points)
     rng = generator(rng)

@@ -1,4 +1,4 @@
-"""Measurements of plane sections: girths, breadths and depths."""
+"""Girths, breadths and depths: measurements of plane sections."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import autograd.numpy as np
+from numpy import ndarray
 
 from riemhuman.checks import one_of
+from riemhuman.docstrings import inherit_parameters
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.landmarks import LandmarkedBodies, Place
 from riemhuman.measurements.measurement import Measurement, names_of_parts
@@ -19,21 +21,22 @@ AXES = ("up", "left", "forward")
 
 @dataclass(frozen=True, kw_only=True)
 class PlaneSection(Measurement):
-    """A measurement taken of a plane section through a place.
+    """A measurement of the section of the body by a plane.
 
     Parameters
     ----------
     name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+        Name, the standard that defines it, and a remark.
     at : str or mapping of str to float
-        A place in the plane.
+        A place in the plane: a landmark, or landmarks with weights. The section nearest to it is
+        measured.
     normal : str or pair of places
-        Normal of the plane: "up" for level planes, "left", "forward", or from one place to another,
-        for planes perpendicular to a bone.
+        Normal of the plane: "up", "left", "forward", or the direction from one place to another,
+        such as along a bone.
     parts : sequence of str
-        Parts of the body that the loop may run over; all of the body by default.
+        Parts of the body that are measured; by default the whole body.
     leave_out : sequence of str
-        Parts that are cut away from the loop, such as arms that hang at the chest.
+        Parts that the loop passes over without being measured, such as arms that touch the chest.
     """
 
     at: Place
@@ -66,29 +69,44 @@ class PlaneSection(Measurement):
             self.parts, self.leave_out, self.at, self.normal, bodies.axis(direction), kind
         )
 
-    def _loop(self, bodies: LandmarkedBodies) -> Any:
+    def section(self, bodies: LandmarkedBodies) -> tuple[ndarray, int]:
+        """Return the section of the first body, or why there is none.
+
+        Parameters
+        ----------
+        bodies : LandmarkedBodies
+            The bodies.
+
+        Returns
+        -------
+        points : array, shape (k, 3)
+            The section; empty if there is none.
+        status : int
+            0, or why there is none, see `riemhuman.measurements.sections`.
+        """
         return bodies.section(self.parts, self.leave_out, self.at, self.normal)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Girth(PlaneSection):
-    """The length of a loop around a part of the body.
+    """The length of the loop around a part of the body.
 
     Parameters
     ----------
     name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+        Name, the standard that defines it, and a remark.
     at : str or mapping of str to float
-        A place in the plane of the loop.
+        A place in the plane: a landmark, or landmarks with weights. The loop nearest to it is
+        measured.
     normal : str or pair of places
-        Normal of the plane: "up" for level planes, "left", "forward", or from one place to another,
-        for planes perpendicular to a bone.
+        Normal of the plane: "up", "left", "forward", or the direction from one place to another,
+        such as along a bone.
     parts : sequence of str
-        Parts of the body that the loop may run over; all of the body by default.
+        Parts of the body that are measured; by default the whole body.
     leave_out : sequence of str
-        Parts that are cut away from the loop, such as arms; they ask for a hull.
+        Parts that the loop passes over without being measured; they require ``hull=True``.
     hull : bool
-        Whether the tape spans hollows: the length of the convex hull of the loop.
+        Whether to measure the convex hull of the loop, as a tape that spans hollows does.
 
     Examples
     --------
@@ -102,29 +120,18 @@ class Girth(PlaneSection):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.leave_out and not self.hull:
-            raise ArgumentError(f"{self.name!r} leaves parts out; its tape needs hull=True")
+            raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         return self._size(bodies, HULL if self.hull else LENGTH, "up")
 
     def curves(self, bodies: LandmarkedBodies) -> list[Any]:
-        return [bodies.tape(self._loop(bodies), self.hull)]
+        return [bodies.tape(self.section(bodies)[0], self.hull)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Breadth(PlaneSection):
     """The extent of a section of the body from side to side.
-
-    Parameters
-    ----------
-    name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
-    at : str or mapping of str to float
-        A place in the plane of the section.
-    normal : str or pair of places
-        Normal of the plane, as of `Girth`.
-    parts, leave_out : sequence of str
-        Parts that the section runs over, and parts that are cut away from it.
 
     Examples
     --------
@@ -142,7 +149,7 @@ class Breadth(PlaneSection):
         return self._size(bodies, EXTENT, self._direction)
 
     def curves(self, bodies: LandmarkedBodies) -> list[Any]:
-        loop, axis = self._loop(bodies), bodies.axis(self._direction)[0]
+        loop, axis = self.section(bodies)[0], bodies.axis(self._direction)[0]
         middle = loop.mean(axis=0)
         ends = ((loop - middle) @ axis).min(), ((loop - middle) @ axis).max()
         return [middle + np.array(ends)[:, None] * axis]
@@ -151,17 +158,6 @@ class Breadth(PlaneSection):
 @dataclass(frozen=True, kw_only=True)
 class Depth(Breadth):
     """The extent of a section of the body from back to front.
-
-    Parameters
-    ----------
-    name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
-    at : str or mapping of str to float
-        A place in the plane of the section.
-    normal : str or pair of places
-        Normal of the plane, as of `Girth`.
-    parts, leave_out : sequence of str
-        Parts that the section runs over, and parts that are cut away from it.
 
     Examples
     --------
@@ -172,3 +168,7 @@ class Depth(Breadth):
     """
 
     _direction: ClassVar[str] = "forward"
+
+
+inherit_parameters(Breadth)
+inherit_parameters(Depth)

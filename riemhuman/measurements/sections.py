@@ -1,14 +1,15 @@
-r"""Plane sections of triangulated surfaces, measured in compiled loops with their derivatives.
+r"""Plane sections of triangulated surfaces: sizes and their derivatives, in compiled loops.
 
-A plane through o with the normal n crosses the edge from a to b at c = a + t (b − a),
-t = d_a/(d_a − d_b), where d_x = n·(x − o). The section is followed from triangle to triangle, from
-the crossing nearest to o, until it closes; its length, the length of its convex hull and its extent
+The plane through o with normal n crosses the edge from a to b at c = a + t (b − a), with
+t = d_a/(d_a − d_b) and d_x = n·(x − o). The section starts at the crossing nearest to o and runs
+from triangle to triangle until it closes. Its length, the length of its convex hull and its extent
 along a direction are functions of the points c, piecewise smooth in the vertices and in the plane.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,13 +19,13 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import compiled
 
 LENGTH, HULL, EXTENT = 0, 1, 2
-"""What is measured of a section: its length, that of its convex hull, its extent."""
+"""Sizes of a section: its length, the length of its convex hull, its extent."""
 
 FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
-"""Roles of triangles: not to be met, measured, or passed over."""
+"""Roles of triangles: the loop must not meet them, is measured on them, or passes over them."""
 
 MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
-"""Why there is no section: the plane misses the part, the loop leaves it, or meets a boundary."""
+"""Why there is no section: the plane misses the part, or the loop leaves it or meets a boundary."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,36 +40,52 @@ class Cutter:
         Triangle beyond the edge from corner k to k + 1; -1 at boundaries.
     roles : array of uint8, shape (F,)
         `FOREIGN`, `WANTED` or `LEFT_OUT`.
-    candidates : array of int
-        Triangles where a section may start: all that are wanted.
     """
 
     faces: ndarray
     neighbours: ndarray
     roles: ndarray
-    candidates: ndarray
+
+    @cached_property
+    def mesh(self) -> tuple[ndarray, ndarray, ndarray, ndarray]:
+        """Arrays for the loops: the attributes, and the triangles where a section may start."""
+        return self.faces, self.neighbours, self.roles, np.flatnonzero(self.roles == WANTED)
+
+    def workspace(self) -> tuple[ndarray, ndarray, ndarray]:
+        """Return uninitialised arrays for one section.
+
+        Returns
+        -------
+        ends : array of int, shape (F, 2)
+            Edge that each point lies on.
+        places : array, shape (F,)
+            Place of each point on its edge, from 0 to 1.
+        wanted : array of bool, shape (F,)
+            Whether the triangle after each point is measured.
+        """
+        count = len(self.faces)
+        return np.empty((count, 2), np.int64), np.empty(count), np.empty(count, np.bool_)
 
     def section(self, surface: ndarray, origin: ndarray, normal: ndarray) -> tuple[ndarray, int]:
-        """Return the points of one section, in order, and 0 or why there is none.
+        """Return the points of one section in order, or why there is none.
 
         Parameters
         ----------
         surface : array, shape (V, 3)
-            Vertices.
+            Vertices, metres.
         origin, normal : array, shape (3,)
-            The plane.
+            A point of the plane, and its normal.
 
         Returns
         -------
         points : array, shape (k, 3)
-            Crossings of the loop with edges, those of wanted triangles alone.
+            Crossings of the loop with the edges of wanted triangles.
         status : int
             0, `MISSES`, `MEETS_OTHER_PART` or `OPEN`.
         """
-        ends, places, wanted = _workspace(len(self.faces))
-        arrays = (self.faces, self.neighbours, self.roles, self.candidates)
-        planes = _plain(surface, origin, normal)
-        count = _trace(planes[0], *arrays, *planes[1:], ends, places, wanted)
+        ends, places, wanted = trace = self.workspace()
+        f, *plane = _plain(surface, origin, normal)
+        count = _trace(f, self.mesh, *plane, trace)
         if count < 0:
             return np.empty((0, 3)), int(count)
         kept = wanted[:count] | np.roll(wanted[:count], 1)
@@ -77,7 +94,7 @@ class Cutter:
 
 
 def neighbours_of(faces: ndarray) -> ndarray:
-    """Return the triangle beyond every edge.
+    """Return the neighbour of each triangle across each of its edges.
 
     Parameters
     ----------
@@ -87,7 +104,7 @@ def neighbours_of(faces: ndarray) -> ndarray:
     Returns
     -------
     neighbours : array of int, shape (F, 3)
-        Of the edge from corner k to k + 1; -1 where there is none, or more than one.
+        Triangle beyond the edge from corner k to k + 1; -1 if there is none or more than one.
     """
     edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
     _, numbers, counts = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
@@ -110,18 +127,18 @@ def section_sizes(
 ) -> ndarray:
     """Measure one section of every surface.
 
-    Differentiable by autograd in the first four arguments.
+    Autograd can differentiate the sizes by the first four arguments.
 
     Parameters
     ----------
     surfaces : array, shape (n, V, 3)
-        Vertices.
+        Vertices, metres.
     origins, normals : array, shape (n, 3)
-        Planes.
+        Points of the planes, and their normals.
     directions : array, shape (n, 3)
-        Directions of unit length, for extents.
+        Unit vectors along which extents are measured.
     cutter : Cutter
-        The triangles.
+        The triangles that a plane may cut.
     kind : int
         `LENGTH`, `HULL` or `EXTENT`.
 
@@ -131,10 +148,8 @@ def section_sizes(
         NaN where there is no section.
     """
     sizes = np.empty(len(surfaces))
-    arrays = (cutter.faces, cutter.neighbours, cutter.roles, cutter.candidates)
-    space = _workspace(len(cutter.faces))
-    planes = _plain(surfaces, origins, normals, directions)
-    _measure(planes[0], *arrays, *planes[1:], kind, *space, sizes)
+    f, *planes = _plain(surfaces, origins, normals, directions)
+    _measure(f, cutter.mesh, tuple(planes), kind, cutter.workspace(), sizes)
     return sizes
 
 
@@ -148,13 +163,11 @@ def _pull_back(number: int) -> Any:
         cutter: Cutter,
         kind: int,
     ) -> Any:
-        arrays = (cutter.faces, cutter.neighbours, cutter.roles, cutter.candidates)
-
         def pull_back(upstream: ndarray) -> ndarray:
             slopes = [np.zeros(a.shape) for a in (surfaces, origins, normals, directions)]
-            space = _workspace(len(cutter.faces))
-            surface, *plane, scales = _plain(surfaces, origins, normals, directions, upstream)
-            _differentiate(surface, *arrays, *plane, kind, scales, *space, *slopes)
+            f, *planes, scales = _plain(surfaces, origins, normals, directions, upstream)
+            trace = cutter.workspace()
+            _differentiate(f, cutter.mesh, tuple(planes), kind, scales, trace, tuple(slopes))
             return slopes[number]
 
         return pull_back
@@ -166,12 +179,8 @@ defvjp(section_sizes, *(_pull_back(number) for number in range(4)), argnums=(0, 
 
 
 def _plain(*arrays: ndarray) -> list[ndarray]:
-    """Return arrays of one layout: for each other one, loops would be compiled anew."""
+    """Return arrays in one memory layout: loops are compiled anew for each other layout."""
     return [np.require(array, np.float64, ["C", "W"]) for array in arrays]
-
-
-def _workspace(n_faces: int) -> tuple[ndarray, ndarray, ndarray]:
-    return np.empty((n_faces, 2), np.int64), np.empty(n_faces), np.empty(n_faces, np.bool_)
 
 
 @compiled
@@ -182,19 +191,10 @@ def _height(f: Any, vertex: int, o: Any, n: Any) -> float:
 
 
 @compiled
-def _trace(
-    f: Any,
-    faces: Any,
-    neighbours: Any,
-    roles: Any,
-    candidates: Any,
-    o: Any,
-    n: Any,
-    ends: Any,
-    places: Any,
-    wanted: Any,
-) -> int:
-    """Follow the section nearest to the origin; return its number of points, or why not."""
+def _trace(f: Any, mesh: Any, o: Any, n: Any, trace: Any) -> int:
+    """Follow the section nearest to o; return its number of points, or why there is none."""
+    faces, neighbours, roles, candidates = mesh
+    ends, places, wanted = trace
     least, face, corner = np.inf, -1, -1
     for candidate in candidates:
         for k in range(3):
@@ -212,7 +212,7 @@ def _trace(
         return MISSES
     first, count = face, 0
     while True:
-        # The loop comes into the triangle by the edge that runs from above the plane to below it.
+        # The loop enters the triangle by the edge that runs from above the plane to below it.
         a, b = faces[face, corner], faces[face, (corner + 1) % 3]
         above, below = _height(f, a, o, n), _height(f, b, o, n)
         ends[count, 0], ends[count, 1] = a, b
@@ -221,7 +221,7 @@ def _trace(
         count += 1
         if roles[face] == FOREIGN:
             return MEETS_OTHER_PART
-        # It leaves by the edge from below to above, which the next triangle runs the other way.
+        # It leaves by the edge from below to above, which runs the other way in the next triangle.
         out = (corner + 1) % 3
         if _height(f, faces[face, (out + 1) % 3], o, n) < 0.0:
             out = (out + 1) % 3
@@ -257,7 +257,7 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
     for x in range(1, 3):
         if abs(normal[x]) < abs(normal[least]):
             least = x
-    # Across the normal: products in loops, as sorting below, which numba compiles in no time.
+    # Two axes of the plane; products and sorting are written in loops, which compile fast.
     one, other = np.zeros(3), np.zeros(3)
     before, after = (least + 2) % 3, (least + 1) % 3
     one[after], one[before] = normal[before], -normal[after]
@@ -273,7 +273,7 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
         flat[k, 0] = point[0] * one[0] + point[1] * one[1] + point[2] * one[2]
         flat[k, 1] = point[0] * other[0] + point[1] * other[1] + point[2] * other[2]
     order = np.arange(len(numbers))
-    for k in range(1, len(order)):  # from left to right, points above each other from below
+    for k in range(1, len(order)):  # from left to right, then from below
         j = k
         while j > 0 and (
             flat[order[j - 1], 0] > flat[order[j], 0]
@@ -300,7 +300,7 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
                 size -= 1
             chain[size] = k
             size += 1
-        size -= 1  # the last of a half is the first of the other
+        size -= 1  # each half ends where the other starts
     hull = np.empty(size, np.int64)
     for k in range(size):
         hull[k] = numbers[chain[k]]
@@ -309,7 +309,7 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
 
 @compiled
 def _segments(points: Any, wanted: Any, count: int, normal: Any, direction: Any, kind: int) -> Any:
-    """Return pairs of numbers of points, whose distances add up to the size."""
+    """Return pairs of points whose distances add up to the size."""
     if kind == LENGTH:
         kept = 0
         for k in range(count):
@@ -348,31 +348,18 @@ def _segments(points: Any, wanted: Any, count: int, normal: Any, direction: Any,
 
 
 @compiled
-def _measure(
-    surfaces: Any,
-    faces: Any,
-    neighbours: Any,
-    roles: Any,
-    candidates: Any,
-    origins: Any,
-    normals: Any,
-    directions: Any,
-    kind: int,
-    ends: Any,
-    places: Any,
-    wanted: Any,
-    sizes: Any,
-) -> None:
-    points = np.empty((len(faces), 3))
+def _measure(surfaces: Any, mesh: Any, planes: Any, kind: int, trace: Any, sizes: Any) -> None:
+    origins, normals, directions = planes
+    points = np.empty((len(mesh[0]), 3))
     for i in range(len(surfaces)):
-        f, o, n = surfaces[i], origins[i], normals[i]
-        count = _trace(f, faces, neighbours, roles, candidates, o, n, ends, places, wanted)
+        f, n = surfaces[i], normals[i]
+        count = _trace(f, mesh, origins[i], n, trace)
         if count < 0:
             sizes[i] = np.nan
             continue
-        _fill_points(f, ends, places, count, points)
+        _fill_points(f, trace[0], trace[1], count, points)
         size = 0.0
-        for p, q in _segments(points, wanted, count, n, directions[i], kind):
+        for p, q in _segments(points, trace[2], count, n, directions[i], kind):
             squared, along = 0.0, 0.0
             for x in range(3):
                 step = points[q, x] - points[p, x]
@@ -384,30 +371,17 @@ def _measure(
 
 @compiled
 def _differentiate(
-    surfaces: Any,
-    faces: Any,
-    neighbours: Any,
-    roles: Any,
-    candidates: Any,
-    origins: Any,
-    normals: Any,
-    directions: Any,
-    kind: int,
-    upstream: Any,
-    ends: Any,
-    places: Any,
-    wanted: Any,
-    of_surfaces: Any,
-    of_origins: Any,
-    of_normals: Any,
-    of_directions: Any,
+    surfaces: Any, mesh: Any, planes: Any, kind: int, upstream: Any, trace: Any, slopes: Any
 ) -> None:
-    points, pulls = np.empty((len(faces), 3)), np.empty((len(faces), 3))
+    origins, normals, directions = planes
+    ends, places, wanted = trace
+    of_surfaces, of_origins, of_normals, of_directions = slopes
+    points, pulls = np.empty((len(mesh[0]), 3)), np.empty((len(mesh[0]), 3))
     for i in range(len(surfaces)):
         if upstream[i] == 0.0:
             continue
         f, o, n = surfaces[i], origins[i], normals[i]
-        count = _trace(f, faces, neighbours, roles, candidates, o, n, ends, places, wanted)
+        count = _trace(f, mesh, o, n, trace)
         if count < 0:
             of_surfaces[i] = np.nan
             continue

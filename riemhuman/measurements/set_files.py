@@ -1,4 +1,4 @@
-"""Files of measurement sets: JSON with one entry a line."""
+"""Files of measurement sets: JSON with one entry per line."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.measurements.definitions import measurement_from_dict
+from riemhuman.measurements.moved_landmarks import Landmark
 from riemhuman.storage.file_content import file_content, file_path
 from riemhuman.storage.whole_files import whole_file
 
@@ -20,33 +21,39 @@ _FORMAT = 1
 Found = TypeVar("Found")
 
 
-def write_set(path: str | os.PathLike[str], fields: Mapping[str, Any]) -> None:
+def write_set(
+    path: str | os.PathLike[str], description: Any, landmarks: Mapping[str, Landmark]
+) -> None:
     """Write a measurement set.
 
     Parameters
     ----------
     path : path_like
         File to write; an existing file is replaced.
-    fields : mapping of str to object
-        Parameters of a `MeasurementSet`, and how many vertices and triangles its template has.
+    description : MeasurementSet
+        The set.
+    landmarks : mapping of str to pair
+        Those of its landmarks that are not joints of its body model.
 
     Raises
     ------
     FileError
         If it cannot be written.
     """
+    pose = description.standard_pose
     record = {
         "format": _FORMAT,
-        **fields,
-        "measurements": [measurement.to_dict() for measurement in fields["measurements"]],
+        "n_vertices": description.n_vertices,
+        "n_faces": len(description.faces),
+        "measurements": [measurement.to_dict() for measurement in description.measurements],
         "landmarks": {
             name: {"vertices": vertices.tolist(), "weights": weights.tolist()}
-            for name, (vertices, weights) in fields["landmarks"].items()
+            for name, (vertices, weights) in landmarks.items()
         },
-        "parts": {name: _runs(faces) for name, faces in fields["parts"].items()},
-        "frame": list(fields["frame"]),
-        "axes": fields["axes"].tolist(),
-        "standard_pose": {k: np.asarray(v).tolist() for k, v in fields["standard_pose"].items()},
+        "parts": {name: _runs(faces) for name, faces in description.parts.items()},
+        "frame": list(description.frame),
+        "axes": description.axes.tolist(),
+        "standard_pose": {name: np.asarray(turn).tolist() for name, turn in pose.items()},
     }
     with whole_file(file_path(path)) as file:
         file.write_text(_json_text(record), encoding="utf-8")
@@ -62,21 +69,21 @@ def read_set(
     path : path_like
         The file.
     sizes : pair of int
-        How many vertices and triangles the template has.
+        Numbers of vertices and triangles of the template.
     make : callable
-        Takes the parameters of a `MeasurementSet`, but for the template.
+        Takes a dictionary of the parameters of `MeasurementSet` other than the template.
 
     Returns
     -------
     object
-        What `make` returns.
+        The result of `make`.
 
     Raises
     ------
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is no such file, or is for another template.
+        If the file does not hold measurements, or is for another template.
     """
     try:
         record = json.loads(file_content(file_path(path)))
@@ -100,7 +107,7 @@ def read_set(
 
 
 def _runs(numbers: ndarray) -> list[list[int]]:
-    """Return whole numbers as runs, first and last."""
+    """Return whole numbers as the first and last of each run of consecutive ones."""
     ordered = np.unique(numbers)
     breaks = np.flatnonzero(np.diff(ordered) > 1)
     firsts = np.concatenate([ordered[:1], ordered[breaks + 1]])
@@ -114,7 +121,7 @@ def _numbers(runs: Sequence[Sequence[int]]) -> ndarray:
 
 
 def _json_text(record: Mapping[str, Any]) -> str:
-    """Return JSON with one entry a line, two levels deep."""
+    """Return JSON with one entry per line, two levels deep."""
     lines = []
     for key, value in record.items():
         if isinstance(value, dict) and value:

@@ -1,4 +1,4 @@
-"""The standard pose: a body model's fit removes the pose and keeps detail."""
+"""Bodies in the standard pose: a fit of the body model removes the pose, and detail is kept."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from riemhuman.solvers import ShapeTransfer
 
 
 def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
-    """Return bodies in the standard pose, on the axes of the body model.
+    """Return bodies in the standard pose, along the axes of the body model.
 
-    The body model is fitted to every body. What it leaves, the differences between the body and
-    its fit, is given to the fitted person in the standard pose by
-    `riemhuman.solvers.ShapeTransfer`: triangles take the same stretches, along axes that turn with
-    them.
+    The body model is fitted to each body. `riemhuman.solvers.ShapeTransfer` then transfers the
+    difference between the body and its fit to the fitted person in the standard pose: triangles
+    stretch by the same amounts, along axes that turn with them.
 
     Parameters
     ----------
     description : MeasurementSet
-        Measurements of a body model, with its standard pose.
+        Measurements of a body model, with the standard pose.
     points : array, shape (..., V, 3)
         Bodies, metres.
 
@@ -34,7 +33,7 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     Raises
     ------
     ArgumentError
-        If the template is no body model.
+        If the template is not a body model.
 
     Examples
     --------
@@ -48,25 +47,25 @@ def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
     model = description.model
     if model is None:
         raise ArgumentError(
-            'pose must be "as is" where the template is no body model: its fit undoes the pose'
+            'pose="standard" needs a body model, whose fit removes the pose; found a surface'
         )
     fit = model.fit(points, weights=model.template.vertex_areas)
     return transferred(model, fit, points, standard_pose_vector(description))
 
 
 def transferred(model: BodyModel, fit: ModelFit, points: ndarray, pose: ndarray) -> ndarray:
-    """Return bodies in another pose; the residual of the fit is kept.
+    """Return bodies in another pose, with the residuals of the fit.
 
     Parameters
     ----------
     model : BodyModel
-        The model.
+        The body model.
     fit : ModelFit
         Its fit to the bodies.
     points : array, shape (..., V, 3)
-        The bodies.
+        The bodies, metres.
     pose : array, shape (J, 3)
-        The pose.
+        The new pose: axis-angle vectors, radians.
 
     Returns
     -------
@@ -96,7 +95,7 @@ def standard_pose_vector(description: MeasurementSet) -> ndarray:
         Axis-angle vectors, radians.
     """
     model = description.model
-    assert model is not None, "asked for where there is a model"
+    assert model is not None, "callers have checked this"
     pose = np.zeros((model.n_joints, 3))
     for name, vector in description.standard_pose.items():
         pose[model.joint_names.index(name)] = vector

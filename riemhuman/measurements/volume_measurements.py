@@ -1,4 +1,4 @@
-"""Measurements of all of a surface, or of parts of it: volumes, masses and areas."""
+"""Volumes, masses and areas."""
 
 from __future__ import annotations
 
@@ -6,22 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from riemhuman.checks import real_number
+from riemhuman.docstrings import inherit_parameters
 from riemhuman.measurements.landmarks import LandmarkedBodies
 from riemhuman.measurements.measurement import Measurement, names_of_parts
 
 DENSITY = 1000.0
-"""Density of a body in kg/m³: that of water, from which people with air in their lungs differ by
-a few per cent."""
+"""Density of a body in kg/m³: that of water, from which the body's differs by a few per cent."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Volume(Measurement):
-    """The volume inside the surface, which must be closed.
-
-    Parameters
-    ----------
-    name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+    """The volume that the surface encloses; the surface must be closed.
 
     Examples
     --------
@@ -45,9 +40,9 @@ class Mass(Measurement):
     Parameters
     ----------
     name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+        Name, the standard that defines it, and a remark.
     density : float
-        Kilograms a cubic metre.
+        Kilograms per cubic metre.
 
     Examples
     --------
@@ -72,14 +67,14 @@ class Mass(Measurement):
 
 @dataclass(frozen=True, kw_only=True)
 class Area(Measurement):
-    """The area of the surface, or of some parts of it.
+    """The area of the surface or of parts of it.
 
     Parameters
     ----------
     name, standard, note : str
-        Its name, where it is defined, and what is to be known about it.
+        Name, the standard that defines it, and a remark.
     parts : sequence of str
-        Parts of the body; all of it by default.
+        Parts of the body; by default the whole body.
 
     Examples
     --------
@@ -104,3 +99,6 @@ class Area(Measurement):
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         return bodies.areas(self.parts)
+
+
+inherit_parameters(Volume)

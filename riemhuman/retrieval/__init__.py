@@ -1,4 +1,4 @@
-"""Rankings of bodies by distance, and how well they find bodies of the same class."""
+"""Retrieval: rankings of bodies by distance, their scores, and exact nearest neighbours."""
 
 from riemhuman.retrieval.benchmark import BenchmarkRecord, benchmark
 from riemhuman.retrieval.neighbors import NearestNeighbors

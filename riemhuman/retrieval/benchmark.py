@@ -1,4 +1,4 @@
-"""A benchmark of all representations on all tasks: scores and computing times."""
+"""A benchmark of representations on retrieval tasks: scores and computing times."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from riemhuman.descriptors.descriptor import meshes_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -20,14 +21,16 @@ from riemhuman.progress import ProgressBar
 from riemhuman.retrieval.scores import RetrievalScores, scores
 
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
-"""Name of the paper's metric that tells who it is."""
+"""Name of the paper's metric for the retrieval of people."""
 
 POSE_METRIC = "pose metric (0, 0, 1)"
-"""Name of the paper's metric that tells how they stand."""
+"""Name of the paper's metric for the retrieval of poses."""
 
 ROTATION_METRIC = "rotation metric"
+"""Name of the metric of diffused rotations, for the retrieval of poses."""
+
 GENERAL_METRIC = "general elastic metric (1, 1, 1)"
-"""Name of the metric of diffused rotations, which tells how they stand whoever they are."""
+"""Name of the general elastic metric."""
 
 Described = tuple[np.ndarray, float]
 
@@ -36,22 +39,22 @@ _LABELS = {"shape": "subject", "pose": "pose"}
 
 @dataclass(frozen=True)
 class BenchmarkRecord:
-    """One representation on one task.
+    """Scores and computing times of one representation on one task.
 
     Attributes
     ----------
     representation : str
-        What the distances are made of.
+        Name of the metric or descriptor.
     task : str
-        "shape", who is it, or "pose", how do they stand.
+        "shape", the retrieval of the person, or "pose", the retrieval of the pose.
     scores : RetrievalScores or None
         Retrieval scores; None if the representation failed.
     seconds_per_body : float
-        Time to describe a body, on the clock; 0 for a metric, all of whose work is in the pairs.
+        Wall-clock time to describe a body; 0 for a metric.
     seconds_per_pair : float
-        Time of a distance, on the clock.
+        Wall-clock time of a distance.
     problem : str or None
-        Why the representation failed, if it did.
+        The error, if the representation failed.
 
     Examples
     --------
@@ -80,34 +83,34 @@ def benchmark(
 ) -> list[BenchmarkRecord]:
     """Score representations by leave-one-out retrieval of people and of poses.
 
-    A representation that refuses the data, such as a metric on meshes that are not registered or
-    vectors that lack a body, does not end the benchmark: its records say why instead of scores.
+    If a representation cannot be used on the data, such as a metric on meshes that are not
+    registered, the benchmark continues: the records then hold the error instead of scores.
 
     Parameters
     ----------
     bodies : Bodies or LabelledMeshes
         Surfaces with the labels ``subject`` and ``pose``; a task is left out if its labels are
-        None, or no two surfaces share one.
+        None, or no two surfaces share a label.
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``). By default those of `table_metrics`;
-        `riemhuman.retrieval.representations.available` lists all there are.
+        `riemhuman.retrieval.representations.available` returns all that apply.
     n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
+        Number of threads, -1 for one per core; by default one.
     progress : bool
         Whether to show a progress bar.
 
     Returns
     -------
     list of BenchmarkRecord
-        Representation by representation, in the order given, the task "shape" before "pose".
+        Records in the order of the representations, the task "shape" before "pose".
 
     Raises
     ------
     ArgumentTypeError
         If a representation is neither a metric nor a descriptor.
     ArgumentError
-        If there is nothing to retrieve: fewer than two surfaces, or none share a label.
+        If no two surfaces share a label.
 
     Examples
     --------
@@ -149,7 +152,7 @@ def benchmark(
 
 
 def table_metrics(bodies: Any) -> dict[str, Any]:
-    """Return the metrics of all tables on registered bodies, by name.
+    """Return the metrics of retrieval tables by name.
 
     Parameters
     ----------
@@ -159,9 +162,9 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     Returns
     -------
     dict of str to RiemannianMetric
-        The paper's shape metric and pose metric, that of square root normal fields, that of
+        The paper's shape metric and pose metric, the metrics of square root normal fields and of
         diffused rotations, and the general elastic metric. Metrics without a closed-form distance
-        are no part of tables of all pairs.
+        are too slow for tables of all pairs.
 
     Raises
     ------
@@ -170,8 +173,8 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     """
     if not hasattr(bodies, "points") or not hasattr(bodies, "template"):
         raise ArgumentTypeError(
-            "bodies must be registered surfaces, with points and a template, for the metrics; "
-            f"found {type(bodies).__name__}"
+            "bodies must be registered surfaces, with points and a template, to be compared by "
+            f"metrics; found {type(bodies).__name__}"
         )
     space = AlignedSurfaces(bodies.template, equip=False)
     return {
@@ -195,7 +198,7 @@ def _refuse_unknown(name: str, representation: Any) -> None:
 
 
 def _labels(bodies: Any) -> dict[str, list[Any]]:
-    """Return the labels of every task that there is."""
+    """Return the labels of each task for which two bodies share a label."""
     found = {}
     for task, field in _LABELS.items():
         labels = getattr(bodies, field, None)
@@ -203,7 +206,7 @@ def _labels(bodies: Any) -> dict[str, list[Any]]:
             found[task] = np.asarray(labels).tolist()
     if not found:
         raise ArgumentError(
-            f"bodies has nothing to retrieve: no two of its {len(bodies)} surfaces share a label "
+            f"bodies must have labels that surfaces share; no two of {len(bodies)} surfaces do "
             f"({' or '.join(_LABELS.values())})"
         )
     return found
@@ -212,13 +215,13 @@ def _labels(bodies: Any) -> dict[str, list[Any]]:
 def described_together(
     representations: Mapping[str, Any], bodies: Any, *, progress: bool = False
 ) -> dict[str, Described]:
-    """Compute descriptors that share a costly step, such as spectra, together.
+    """Compute the vectors of descriptors that share a costly step, such as spectra.
 
     Parameters
     ----------
     representations : mapping of str to object
-        By name, metrics and descriptors; those with the same static method ``describe_together``
-        share.
+        Metrics and descriptors by name; descriptors with the same static method
+        ``describe_together`` are computed together.
     bodies : Bodies or LabelledMeshes
         Surfaces.
     progress : bool
@@ -227,8 +230,8 @@ def described_together(
     Returns
     -------
     dict of str to (array, float)
-        Vectors of the bodies by one descriptor, and the seconds it would take alone. Nothing of
-        descriptors that share with no other, or refuse the bodies: each says why then.
+        Vectors of the bodies by one descriptor, and the seconds that it would take alone. Left out
+        are descriptors that share nothing, and those that raise an error.
     """
     kinds: dict[Any, dict[str, Any]] = {}
     for name, each in representations.items():
@@ -249,7 +252,7 @@ def described_together(
 def timed_distances(
     representation: Any, bodies: Any, n_jobs: int | None, described: Described | None = None
 ) -> tuple[np.ndarray, float, float]:
-    """Return all distances of a set of bodies, and how long they took.
+    """Return all distances within a set of bodies, and the time that they took.
 
     Parameters
     ----------
@@ -258,50 +261,43 @@ def timed_distances(
     bodies : Bodies or LabelledMeshes
         Surfaces.
     n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
+        Number of threads, -1 for one per core; by default one.
     described : (array, float), optional
-        Vectors of the bodies by the descriptor, and the seconds they took; see
-        `described_together`.
+        Vectors of the bodies and the seconds that they took, see `described_together`.
 
     Returns
     -------
     distances : array, shape (n, n)
     seconds_per_body : float
-        Seconds on the clock to describe a body; 0 for a metric.
+        Wall-clock time to describe a body; 0 for a metric.
     seconds_per_pair : float
-        Seconds on the clock of a distance.
+        Wall-clock time of a distance.
 
     Raises
     ------
     ArgumentTypeError
-        If the surfaces are not registered, and the representation is a metric.
+        If the representation is a metric and the surfaces are not registered.
     """
     n_bodies = len(bodies)
     n_pairs = n_bodies * (n_bodies - 1) // 2
     if hasattr(representation, "dist_pairwise"):
         if not hasattr(bodies, "points"):
             raise ArgumentTypeError("a metric needs surfaces registered to a template")
-        # Loops compiled at first use are no part of what a distance costs.
+        # Compile the loops first: that is not part of the time of a distance.
         representation.dist_pairwise(bodies.points[:2])
         start = time.perf_counter()
         distances = representation.dist_pairwise(bodies.points, n_jobs=n_jobs)
         return distances, 0.0, (time.perf_counter() - start) / n_pairs
 
-    start = time.perf_counter()
-    if described is not None:
-        vectors, seconds = described
-    elif hasattr(representation, "describe_all"):
-        vectors = representation.describe_all(bodies, n_jobs=n_jobs)
-    else:
-        vectors = np.stack([representation.describe(*mesh) for mesh in _meshes(bodies)])
     if described is None:
-        seconds = time.perf_counter() - start
+        start = time.perf_counter()
+        if hasattr(representation, "describe_all"):
+            vectors = representation.describe_all(bodies, n_jobs=n_jobs)
+        else:
+            count, mesh = meshes_of(bodies)
+            vectors = np.stack([representation.describe(*mesh(i)) for i in range(count)])
+        described = vectors, time.perf_counter() - start
+    vectors, seconds = described
     start = time.perf_counter()
     distances = representation.distances(vectors)
     return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
-
-
-def _meshes(bodies: Any) -> Any:
-    if hasattr(bodies, "points"):
-        return ((points, bodies.template.faces) for points in bodies.points)
-    return (bodies[i] for i in range(len(bodies)))

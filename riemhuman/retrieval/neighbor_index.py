@@ -1,4 +1,4 @@
-"""The points of a nearest neighbour search, and what bounds their distances from below."""
+"""The points of a nearest neighbour search, with lower bounds of their distances."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from riemhuman.kernels.tiles import slices
 from riemhuman.protocols import MetricWithLowerBound
 from riemhuman.retrieval.rows import GrowingRows, Projection
 
-# Points that are taken up at a time.
+# Number of points that are added at a time.
 _BLOCK = 64
-# Points that the projection is fitted to, and how many of their coordinates are held.
+# Largest numbers of points that the projection is fitted to, and of all their coordinates.
 _SAMPLE, _SAMPLE_SIZE = 1024, 2**26
-# Points that tell the metric from others.
+# Number of points whose distances identify the metric of a file.
 _PROBES = 3
-# Larger numbers have squares that overflow, in single and in double precision.
+# Largest numbers of a file in single and double precision: squares must not overflow.
 _LARGEST = (1e18, 1e50)
 
 
 class NeighborIndex:
-    """Points with their features in single precision, and what bounds distances from below.
+    """Points, their features in single precision, and lower bounds of their distances.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ class NeighborIndex:
         X : array or sequence, shape (n, \*shape)
             Points, at least one.
         n_pivots, n_components : int
-            Numbers of pivots and of principal components, at most.
+            Largest numbers of pivots and of principal components.
         n_patches, n_jobs : int or None
             Numbers of patches and of threads.
 
@@ -101,14 +101,14 @@ class NeighborIndex:
         n_patches: int | None,
         n_jobs: int | None,
     ) -> Self:
-        """Return an index from the arrays of another.
+        """Return an index from the arrays that `to_arrays` returned.
 
         Parameters
         ----------
         arrays : mapping of str to array
-            What `to_arrays` returned.
+            The arrays.
         metric : RiemannianMetric
-            The metric of that index.
+            The metric of the index.
         n_patches, n_jobs : int or None
             Numbers of patches and of threads.
 
@@ -119,9 +119,9 @@ class NeighborIndex:
         Raises
         ------
         ArgumentError
-            If the metric is another.
+            If the metric is not that of the index.
         FileFormatError
-            If the arrays do not fit each other.
+            If the arrays are inconsistent.
         """
         _check_tables(arrays)
         index = cls(metric, n_patches, n_jobs)
@@ -133,7 +133,7 @@ class NeighborIndex:
         n_features = sum(name.startswith("features_") for name in arrays)
         names = [f"features_{k}" for k in range(n_features)]
         if any(name not in arrays for name in names):
-            raise FileFormatError("features must be numbered from 0 on")
+            raise FileFormatError("features must be numbered from 0 without gaps")
         index._features = tuple(GrowingRows(arrays[name]) for name in names)
         if "components" in arrays:
             index.projection = Projection(arrays["mean"], arrays["components"])
@@ -144,7 +144,7 @@ class NeighborIndex:
         return index
 
     def to_arrays(self) -> dict[str, ndarray]:
-        """Return arrays that hold all that the index knows.
+        """Return the whole index as arrays.
 
         Returns
         -------
@@ -158,7 +158,7 @@ class NeighborIndex:
         return arrays
 
     def append(self, X: Any) -> None:
-        r"""Add points, all or, should one be wrong, none.
+        r"""Add points; if one is wrong, add none.
 
         Parameters
         ----------
@@ -183,7 +183,7 @@ class NeighborIndex:
         self._n_points += len(X)
 
     def _choose_pivots(self, n_pivots: int) -> None:
-        """Take the first point, then always the one farthest from those taken."""
+        """Choose the first point, then repeatedly the point farthest from those chosen."""
         everything = self.features(slice(None))
         numbers, columns = [0], []
         nearest = np.full(len(self), np.inf)
@@ -198,9 +198,9 @@ class NeighborIndex:
         self._to_pivots.append(np.stack(columns, axis=1))
 
     def _check_metric(self, kept_distances: ndarray) -> None:
-        """Refuse a metric that gives some points other features, coordinates or distances."""
+        """Refuse a metric with other features, coordinates or distances of some points."""
         probes = self.pivots[:_PROBES]
-        message = "metric must be the one that the index was made with"
+        message = "metric must be that of the index"
         try:
             points = self.metric.check_points(self._points.array[probes])
             found = [*self.metric.features(points, "single"), self._probe_distances()]
@@ -210,13 +210,13 @@ class NeighborIndex:
             if self.projection is not None:
                 mean, components = self.projection.mean, self.projection.components
                 if found[-1].shape[1:] != mean.shape:
-                    raise ArgumentError("their coordinates are others")
+                    raise ArgumentError("their coordinates have another shape")
                 found[-1] = found[-1] @ components.T - components @ mean
                 kept.append(self._coordinates.array[probes, :-1])
         except ArgumentError as error:
-            raise ArgumentError(f"{message}; it cannot take its points: {error}") from error
+            raise ArgumentError(f"{message}; it does not fit the points: {error}") from error
         if len(found) != len(kept) or not all(map(_near, found, kept)):
-            raise ArgumentError(f"{message}; it gives its points other features or distances")
+            raise ArgumentError(f"{message}; features or distances of the points differ")
 
     def _probe_distances(self) -> ndarray:
         points = self._points.array[self.pivots[:_PROBES]]
@@ -233,7 +233,7 @@ class NeighborIndex:
         Parameters
         ----------
         numbers : array of int or slice
-            Which points.
+            Numbers of the points.
 
         Returns
         -------
@@ -248,7 +248,7 @@ class NeighborIndex:
 
     @property
     def rounding(self) -> ndarray:
-        """How far features may be from each point, shape (n,)."""
+        """Bound on the rounding error of the features of each point, shape (n,)."""
         return self._rounding.array
 
     @property
@@ -258,11 +258,11 @@ class NeighborIndex:
 
     @property
     def coordinates(self) -> ndarray:
-        """Coordinates whose distances bound those of the metric, shape (n, m)."""
+        """Coordinates whose Euclidean distances are lower bounds of distances, shape (n, m)."""
         return self._coordinates.array
 
     def coordinates_of(self, points: ndarray) -> ndarray:
-        r"""Return such coordinates of other points.
+        r"""Return the coordinates of other points, see `coordinates`.
 
         Parameters
         ----------
@@ -280,7 +280,7 @@ class NeighborIndex:
     def distances(
         self, features_a: tuple[ndarray, ...], features_b: tuple[ndarray, ...]
     ) -> ndarray:
-        """Return all distances between points given by their features.
+        """Return the distances between all pairs of two sets of points.
 
         Parameters
         ----------
@@ -297,14 +297,14 @@ class NeighborIndex:
         return np.sqrt(squared)
 
     def checked(self, X: Any, start: int, stop: int) -> ndarray:
-        r"""Return some points of a set after checking them.
+        r"""Return a range of points after checking them.
 
         Parameters
         ----------
         X : array or sequence, shape (n, \*shape)
             Points.
         start, stop : int
-            Which of them.
+            The range.
 
         Returns
         -------
@@ -313,7 +313,7 @@ class NeighborIndex:
         Raises
         ------
         ArgumentError
-            If a point is wrong, or there are not as many.
+            If a point is wrong, or the range has fewer points.
         """
         where = "X" if (start, stop) == (0, len(X)) else f"X[{start}:{stop}]"
         points = self.metric.check_points(X[start:stop], where)
@@ -329,7 +329,7 @@ class NeighborIndex:
 
 
 def _check_tables(arrays: Mapping[str, ndarray]) -> None:
-    """Refuse arrays of a file that cannot be those of an index, whatever the metric."""
+    """Refuse arrays that cannot be an index of any metric."""
     pivots, n_points = arrays["pivots"], len(np.atleast_1d(arrays["points"]))
     n_pivots, n_dims = pivots.size, {"pivots": 1, "to_pivots": 2, "coordinates": 2}
     n_dims |= {"probe_distances": 2, "mean": 1, "components": 2}

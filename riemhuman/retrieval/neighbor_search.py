@@ -1,4 +1,4 @@
-"""The search for nearest neighbours in an index: bounds, then single, then double precision."""
+"""Nearest neighbour search: lower bounds, then distances in single and in double precision."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from numpy import ndarray
 from riemhuman.kernels.tiles import slices
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 
-# Queries that are answered at a time.
+# Number of queries that are answered together.
 _BLOCK = 64
-# Lower bounds held at once.
+# Largest number of lower bounds in memory.
 _BOUNDS = 2**22
-# Points compared with a query at first, and at a time: their features fit into a cache.
+# Numbers of points compared with a query at first, and then at a time: their features fit a cache.
 _FIRST, _BATCH = 8, 32
-# Points whose features are held in double precision at once.
+# Number of points whose features are held in double precision.
 _DOUBLE = 256
-# By what share of the largest one rounding may lift a squared lower bound, and more.
+# Generous bound on the rounding error of squared lower bounds, relative to the largest.
 _SLACK = 1e-9
-# By what share a distance in single precision may be wrong, besides the rounding of features, and
-# more.
+# Generous bound on the relative error of distances in single precision, apart from the rounding of
+# features.
 _BLUR = 1e-4
 
 Map = Callable[..., Iterable[Any]]
@@ -36,7 +36,7 @@ def nearest(
     in_order: Map = map,
     candidates: ndarray | None = None,
 ) -> Iterator[tuple[ndarray, ndarray, int]]:
-    r"""Find the nearest points to queries.
+    r"""Find the points nearest to each query.
 
     Parameters
     ----------
@@ -45,18 +45,18 @@ def nearest(
     X : array or sequence, shape (n_queries, \*shape), or None
         Queries; None for the points of the index.
     k : int
-        How many, at most as many as there are points other than the query.
+        Number of neighbours, at most the number of points other than the query.
     in_order : callable
-        A `map`, perhaps one that runs in threads.
+        The built-in `map`, or one that uses threads.
     candidates : array of int, shape (n_queries, m), optional
-        Points that each query is compared with first; by default those of the least bounds.
+        Points that each query is compared with first; by default those with the least bounds.
 
     Yields
     ------
     distances : array, shape (k,)
         Ascending.
     numbers : array of int, shape (k,)
-        The points; of those at the same distance, the lower number comes first.
+        Numbers of the points; at equal distances, the lower number comes first.
     n_compared : int
         Number of points that the query was compared with.
     """
@@ -79,7 +79,7 @@ def nearest(
 
 @dataclass
 class _Query:
-    """A query with what bounds its distances: up to `slack`, squared, and `blur`, from pivots."""
+    """A query with lower bounds: squared, up to `slack`; from pivots, up to `blur`."""
 
     number: int | None
     features: tuple[ndarray, ...]
@@ -91,7 +91,7 @@ class _Query:
 
 
 def _queries(index: NeighborIndex, points: ndarray, first: int | None) -> list[_Query]:
-    """Prepare queries: points of the index from the first one on, or others."""
+    """Prepare queries: points of the index from number `first` on, or other points if None."""
     if first is None:
         features = index.metric.features(points, "single")
         rounding = index.metric.bulk.rounding(features)
@@ -130,7 +130,7 @@ def _squared_gaps(index: NeighborIndex, to_pivots: ndarray, blur: float) -> ndar
 
 
 def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:
-    """Return squared Euclidean distances by one matrix product, and how wrong they may be."""
+    """Return squared Euclidean distances by one matrix product, and a bound on their error."""
     squares, other_squares = np.sum(rows**2, axis=1), np.sum(others**2, axis=1)
     squared = (-2.0 * rows) @ others.T
     squared += squares[:, None]
@@ -141,9 +141,9 @@ def _squared_distances(rows: ndarray, others: ndarray) -> tuple[ndarray, float]:
 def _candidates(
     index: NeighborIndex, query: _Query, k: int, first: ndarray | None
 ) -> tuple[ndarray, int]:
-    """Return the points that may be among the nearest, and how many were compared."""
+    """Return the points that may be among the nearest, and the number of comparisons."""
     bounds = query.squared_bounds
-    # Distances from the pivots are known by now; they limit the search from the start.
+    # Distances from the pivots are known; they limit the search from the start.
     others = index.pivots != query.number
     numbers = index.pivots[others]
     low, high = _interval(index, query, numbers, query.to_pivots[others])
@@ -182,9 +182,9 @@ def _candidates(
 def _interval(
     index: NeighborIndex, query: _Query, numbers: ndarray, distances: ndarray
 ) -> tuple[ndarray, ndarray]:
-    """Return bounds of exact distances from those in single precision."""
+    """Return lower and upper bounds of exact distances from those in single precision."""
     error = _BLUR * distances + 2.0 * (query.rounding + index.rounding[numbers])
-    # NaN, from an overflow in single precision, says nothing.
+    # NaN, from an overflow in single precision, gives no bound.
     low = np.nan_to_num(distances - error, nan=0.0)
     return low, np.nan_to_num(distances + error, nan=np.inf, posinf=np.inf)
 

@@ -1,4 +1,4 @@
-"""Exact nearest neighbours from few distances: cheap lower bounds rule out most pairs."""
+"""Exact nearest neighbours, where lower bounds exclude most pairs."""
 
 from __future__ import annotations
 
@@ -33,43 +33,42 @@ _FIELDS_OF_PROJECTION = ("mean", "components")
 
 
 class NearestNeighbors(Estimator):
-    r"""Exact nearest neighbours under a Riemannian metric, found without all distances.
+    r"""Exact nearest neighbours under a Riemannian metric, without computing all distances.
 
-    A query is compared with the points of the least lower bounds first, until no other point can
-    be as near as those found. Two bounds are used:
+    Each query is compared with the points in the order of lower bounds of their distances, until no
+    other point can be as near as those found. There are two bounds:
 
-    - the triangle inequality, :math:`d(x, y) \ge |d(x, p) - d(p, y)|`, to pivots p chosen
-      farthest first;
-    - for metrics with a method `lower_bound_coordinates`, the Euclidean distance of those
-      coordinates, projected to the principal components of a sample; what the projection leaves
-      out counts by its norm.
+    - the triangle inequality, :math:`d(x, y) \ge |d(x, p) - d(p, y)|`, for pivots p, each the
+      farthest point from those before;
+    - for metrics with a method `lower_bound_coordinates`, the Euclidean distance of the projections
+      of these coordinates to the principal components of a sample, with the norm of the residual
+      as one more coordinate.
 
     Parameters
     ----------
     metric : RiemannianMetric
-        A metric with a closed form of its distance; it must satisfy the triangle inequality.
+        A metric with a closed-form distance that satisfies the triangle inequality.
     n_neighbors : int
         Number of neighbours.
     n_pivots : int
-        Number of pivots, at most; every query is compared with all of them.
+        Largest number of pivots; every query is compared with all of them.
     n_components : int
-        Number of principal components, at most. Where points form groups that are all far from
-        each other, as people do under the metric of shapes, more than there are groups tell them
-        apart.
+        Largest number of principal components. If points form groups that are far from each other,
+        as people do under the shape metric, there should be more components than groups.
     n_patches : int, optional
-        Number of patches that `lower_bound_coordinates` averages over; by default it does not.
-        Fewer make adding points faster and bounds looser.
+        Number of patches over which `lower_bound_coordinates` averages; by default it does not
+        average. With fewer patches, adding points is faster and the bounds are weaker.
     n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
+        Number of threads, -1 for one per core; by default one.
 
     Attributes
     ----------
     n_samples_fit_ : int
         Number of points in the index.
     n_exact_ : int
-        Number of pairs whose distance the last `kneighbors` computed.
+        Number of distances that the last `kneighbors` computed.
     exact_share_ : float
-        Their share of all pairs of its queries and the points.
+        The same as a share of all pairs of queries and points.
 
     Examples
     --------
@@ -105,12 +104,12 @@ class NearestNeighbors(Estimator):
         self.n_jobs = n_jobs
 
     def fit(self, X: Sequence[Any] | ndarray) -> Self:
-        r"""Index points, in place of any indexed before.
+        r"""Index points, and forget points indexed before.
 
         Parameters
         ----------
         X : array or sequence, shape (n, \*shape)
-            Points; any sequence whose slices are arrays of points.
+            Points: an array, or a sequence whose slices are arrays of points.
 
         Returns
         -------
@@ -142,8 +141,8 @@ class NearestNeighbors(Estimator):
     def partial_fit(self, X: Sequence[Any] | ndarray) -> Self:
         r"""Add points to the index.
 
-        Pivots and principal components remain those of the first points: neighbours stay exact,
-        but where many points unlike the first are added, `fit` to all makes a faster index.
+        Pivots and principal components remain those of the first points. Neighbours stay exact, but
+        if many points differ from the first ones, `fit` to all points makes a faster index.
 
         Parameters
         ----------
@@ -180,35 +179,35 @@ class NearestNeighbors(Estimator):
         Parameters
         ----------
         X : array or sequence, shape (n_queries, \*shape), optional
-            Queries; by default the points of the index, none of which is its own neighbour.
+            Queries; by default the points of the index, which are not neighbours of themselves.
         n_neighbors : int, optional
             Number of neighbours; by default that of the estimator.
         return_distance : bool
-            Whether to return the distances, too.
+            Whether to return the distances as well.
         candidates : array of int, shape (n_queries, m), optional
-            Points of the index that each query is compared with first, such as those that
-            `riemhuman.learned.MetricCodes` takes for the nearest. Good ones leave fewer others to
-            compare; the answer is the same, whatever they are.
+            Points of the index that each query is compared with first, such as the nearest codes of
+            `riemhuman.learned.MetricCodes`. Good candidates save comparisons and do not change the
+            result.
 
         Returns
         -------
         distances : array, shape (n_queries, n_neighbors)
             Ascending; left out if `return_distance` is false.
         indices : array of int, shape (n_queries, n_neighbors)
-            Of points at the same distance, that of the lower index comes first.
+            Numbers of the points; at equal distances, the lower number comes first.
 
         Raises
         ------
         ArgumentError
-            If nothing was fitted, a query is wrong, or there are not as many points.
+            If nothing was fitted, a query is wrong, or there are fewer points than neighbours.
         """
         index = self._fitted("kneighbors")
         n_others = len(index) - (X is None)
         k = whole_number(self.n_neighbors if n_neighbors is None else n_neighbors, "n_neighbors")
         if not 1 <= k <= n_others:
             raise ArgumentError(
-                f"n_neighbors must be at least 1 and at most {n_others}, the number of points to "
-                f"be found; found {k}"
+                f"n_neighbors must be at least 1 and at most {n_others}, the number of other "
+                f"points; found {k}"
             )
         n_queries = len(index) if X is None else _length(X)
         if candidates is not None:
@@ -260,9 +259,9 @@ class NearestNeighbors(Estimator):
         path : path_like
             The file.
         metric : RiemannianMetric
-            The metric it was made with, on the same space.
+            The metric of the index, on the same space.
         n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
+            Number of threads, -1 for one per core; by default one.
 
         Returns
         -------
@@ -273,9 +272,9 @@ class NearestNeighbors(Estimator):
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it holds no index.
+            If it does not hold an index.
         ArgumentError
-            If the index is of another metric, or of surfaces over another template.
+            If the index is for another metric or template.
         """
         arrays = load_arrays(path, _FIELDS)
         if "components" in arrays:

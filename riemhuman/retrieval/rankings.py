@@ -1,4 +1,4 @@
-"""Rankings by a distance matrix: precision at recall, and the confusion of nearest neighbours."""
+"""Precision and recall of rankings, and the confusion matrix of nearest neighbours."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ def precision_recall(
 ) -> tuple[ndarray, ndarray]:
     """Return the mean precision of leave-one-out retrieval at every level of recall.
 
-    At recall k/n of a query with n others in its class, precision is k over the rank of the k-th of
-    them. Equal distances keep their order. Queries alone in their class are left out. Where all
-    classes are of one size, the mean over levels is the mean average precision.
+    For a query with n other items in its class, the precision at recall k/n is k over the rank of
+    the k-th of them. Items at equal distances keep their order. Queries alone in their class are
+    left out. If all classes have one size, the mean over levels is the mean average precision.
 
     Parameters
     ----------
@@ -31,7 +31,8 @@ def precision_recall(
     Returns
     -------
     recall, precision : array, shape (n_levels,)
-        Levels 1/n to 1, n the most others that a class has, and the mean precision at each.
+        Levels 1/n to 1, with n one less than the size of the largest class, and the mean precision
+        at each level.
 
     Raises
     ------
@@ -65,7 +66,7 @@ def precision_recall(
 
 
 def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> ndarray:
-    """Count, for the items of each class, the classes of their nearest neighbours.
+    """Return the confusion matrix of nearest neighbours.
 
     Parameters
     ----------
@@ -77,8 +78,8 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> nda
     Returns
     -------
     array of int, shape (n_classes, n_classes)
-        Row: class of the query, column: class of its nearest neighbour, in the order of
-        `numpy.unique`.
+        Number of queries by their class (row) and the class of their nearest neighbour (column),
+        in the order of `numpy.unique`.
 
     Raises
     ------
@@ -107,8 +108,8 @@ def _checked(
     matrix = real_array(distances, "distances", ("n", "n"), batched=False)
     if matrix.shape != (len(labels), len(labels)):
         raise ArgumentError(
-            f"distances must be a square matrix of {len(labels)} items, as many as there are "
-            f"labels; found shape {matrix.shape}"
+            f"distances must be a square matrix of {len(labels)} items, one for each label; found "
+            f"shape {matrix.shape}"
         )
     names, classes = np.unique(np.asarray(labels), return_inverse=True)
     return matrix, classes, len(names)

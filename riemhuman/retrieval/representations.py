@@ -1,4 +1,4 @@
-"""All representations of a body, by their names in tables."""
+"""All representations of bodies, by their names in tables."""
 
 from __future__ import annotations
 
@@ -21,20 +21,19 @@ from riemhuman.retrieval.benchmark import table_metrics
 def available(bodies: Any) -> dict[str, Any]:
     """Return all representations that apply to a data set, for `riemhuman.retrieval.benchmark`.
 
-    The open bodies were made by the model they carry: its vectors are found again almost exactly,
-    and rank first on these bodies for that reason.
+    The model of the open bodies also generated them: its fits recover the vectors almost exactly,
+    which is why model vectors rank first on these bodies.
 
     Parameters
     ----------
     bodies : Bodies or LabelledMeshes
-        Registered surfaces have all of them, those by model vectors if the data set has a model
-        that can fit, and the codes of networks that were trained on the open model; other meshes
-        have the descriptors that need no template.
+        Surfaces. Metrics and learned codes need registered surfaces, and model vectors a data set
+        with a model that has the method ``fit``; the other descriptors apply to all meshes.
 
     Returns
     -------
     dict of str to object
-        Metrics and descriptors by name, in the order of a table; those of other packages last.
+        Metrics and descriptors by name, in the order of tables; those of other packages come last.
     """
     registered = hasattr(bodies, "points") and hasattr(bodies, "template")
     found: dict[str, Any] = dict(table_metrics(bodies)) if registered else {}
@@ -50,7 +49,7 @@ def available(bodies: Any) -> dict[str, Any]:
     found["HKS"] = HeatKernelSignature()
     found["WKS"] = WaveKernelSignature()
     if registered:
-        # The plain mean over vertices, common in retrieval, knows the registration.
+        # The mean over vertices is common in retrieval, but it uses the registration.
         found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
     return found | of_extensions(bodies)
 
@@ -61,7 +60,7 @@ def of_extensions(bodies: Any) -> dict[str, Any]:
     Parameters
     ----------
     bodies : Bodies or LabelledMeshes
-        Surfaces; metrics are for registered ones alone.
+        Surfaces; metrics apply only to registered ones.
 
     Returns
     -------
@@ -78,7 +77,7 @@ def metrics_of_extensions(bodies: Any) -> dict[str, Any]:
     Parameters
     ----------
     bodies : Bodies or LabelledMeshes
-        Surfaces; for those that are not registered there is no metric.
+        Surfaces; there are no metrics for surfaces that are not registered.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Rows of numbers: tables that grow, and their projection to principal components."""
+"""Tables that grow by rows, and projections of rows to principal components."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy import ndarray
 
 
 class GrowingRows:
-    """A table that rows are added to, in time proportional to their number.
+    """A table to which rows are added in time proportional to their number.
 
     Parameters
     ----------
@@ -23,13 +23,13 @@ class GrowingRows:
 
     @property
     def array(self) -> ndarray:
-        """The rows there are, shape (n, ...)."""
+        """The rows, shape (n, ...)."""
         if self._table is None:
             return np.empty((0, 0))
         return self._table[: self._n_rows]
 
     def truncate(self, n_rows: int) -> None:
-        """Forget the last rows.
+        """Remove the last rows.
 
         Parameters
         ----------
@@ -50,7 +50,7 @@ class GrowingRows:
             self._table = np.empty_like(rows, order="C")
         end = self._n_rows + len(rows)
         if end > len(self._table):
-            # Twice the room: each row is moved but a few times, however many come one by one.
+            # Double the size: on average, each row is then moved only a few times.
             table = np.empty((max(end, 2 * len(self._table)), *rows.shape[1:]), rows.dtype)
             table[: self._n_rows] = self.array
             self._table = table
@@ -59,10 +59,10 @@ class GrowingRows:
 
 
 class Projection:
-    """A projection that never lengthens distances: principal components, and the norm of the rest.
+    """A projection that never increases distances: principal components and the residual's norm.
 
-    |u − v|² ≥ |Pu − Pv|² + (|u − Pu| − |v − Pv|)² for an orthogonal projection P, by the triangle
-    inequality for the rest.
+    For an orthogonal projection P, |u − v|² ≥ |Pu − Pv|² + (|u − Pu| − |v − Pv|)² by the triangle
+    inequality for the residuals.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ class Projection:
         sample : array, shape (n, m)
             Rows.
         n_components : int
-            Number of components, at most.
+            Largest number of components.
 
         Returns
         -------
@@ -95,7 +95,7 @@ class Projection:
         centered = sample - mean
         values, vectors = np.linalg.eigh(centered @ centered.T)
         kept = np.flatnonzero(values > 1e-12 * values[-1])[::-1][:n_components]
-        # QR: components are orthonormal to working precision, or distances could grow.
+        # QR makes the components orthonormal to rounding; otherwise distances could increase.
         orthonormal, _ = np.linalg.qr(centered.T @ (vectors[:, kept] / np.sqrt(values[kept])))
         return cls(mean, np.ascontiguousarray(orthonormal.T))
 

@@ -14,12 +14,12 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 @dataclass(frozen=True)
 class RetrievalScores:
-    """How well a ranking by distance finds the bodies of the query's class.
+    """Scores of rankings by distance: how well they find items of the query's class.
 
     Parameters
     ----------
     nn : float
-        Nearest neighbour, per cent: how often the first result is of the query's class.
+        Nearest neighbour: share of queries whose first result is of their class, per cent.
     first_tier : float
         Share of the C - 1 others of the class among the first C - 1 results, per cent.
     second_tier : float
@@ -27,7 +27,7 @@ class RetrievalScores:
     mean_average_precision : float
         Mean over queries of the average precision, per cent.
     n_queries : int
-        Number of queries averaged over: those that are not alone in their class.
+        Number of queries that are not alone in their class.
 
     Examples
     --------
@@ -54,15 +54,15 @@ class RetrievalScores:
 def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> RetrievalScores:
     """Score a distance matrix by leave-one-out retrieval.
 
-    Every item is a query in turn and ranks all others by their distance from it. With C the size
-    of the query's class, the first C - 1 results are the first tier and the first 2 (C - 1) the
-    second (all results, should there be fewer) [1]_. Scores are averaged over queries. A query
-    alone in its class has nothing to find and is left out; `n_queries` counts the others.
+    Each item in turn is the query and ranks all others by their distance from it. With C the size
+    of the query's class, the first tier is the first C - 1 results, and the second tier the first
+    2 (C - 1) results, or all if there are fewer [1]_. Scores are averages over queries. Queries
+    alone in their class are left out; `n_queries` counts the others.
 
-    Results at exactly the same distance have no order of their own. Every score is the expected
-    one over all their orders, each equally likely, so that it does not depend on the order of the
-    input: at a rank within n tied results, r of them of the query's class, the expected hit is
-    r / n, and the expected precision follows McSherry and Najork [2]_.
+    For results at exactly the same distance, each score is the expected one over all their orders,
+    so that it does not depend on the order of the input: at a rank within n tied results, r of them
+    of the query's class, the expected hit is r / n, and the expected precision follows McSherry and
+    Najork [2]_.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
     queries = np.flatnonzero(n_relevant)
     if len(queries) == 0:
         raise ArgumentError(
-            f"labels holds {len(classes)} classes of one item each; no query has anything to find"
+            f"labels must have a class of two items; found {len(classes)} classes of one item each"
         )
     rows = []
     for query in queries:
@@ -124,10 +124,10 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
 
 
 def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the chance of a hit at each rank, and the expected average precision."""
+    """Return the probability of a hit at each rank, and the expected average precision."""
     _, tie, n_tied = np.unique(distances, return_inverse=True, return_counts=True)
     n_hits = np.bincount(tie, weights=relevant)
-    # Of each rank: how many results and hits precede its tie, and how many are in the tie.
+    # For each rank: the numbers of results and of hits before its tie, and within it.
     results_before = np.repeat(np.cumsum(n_tied) - n_tied, n_tied)
     hits_before = np.repeat(np.cumsum(n_hits) - n_hits, n_tied)
     hits_in_tie = np.repeat(n_hits, n_tied)
@@ -135,7 +135,7 @@ def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndar
 
     rank = np.arange(1, len(distances) + 1)
     hits = hits_in_tie / results_in_tie
-    # Given a hit at this rank, the other hits of the tie are spread evenly over its other ranks.
+    # Given a hit at this rank, the other hits of the tie are uniform over its other ranks.
     earlier_in_tie = (rank - 1 - results_before) / np.maximum(results_in_tie - 1, 1)
     precision = (hits_before + 1 + earlier_in_tie * (hits_in_tie - 1)) / rank
     return hits, float(hits @ precision / relevant.sum())
@@ -150,14 +150,14 @@ def _distance_matrix(distances: ArrayLike) -> np.ndarray:
     if len(bad):
         row, column = bad[0].tolist()
         raise ArgumentError(
-            f"distances[{row}, {column}] is {matrix[row, column]:g}, the first of {len(bad)} "
-            "entries that are negative, NaN or infinite; none may be"
+            f"distances must be finite and not negative; distances[{row}, {column}] is "
+            f"{matrix[row, column]:g}, the first of {len(bad)} wrong entries"
         )
     return matrix
 
 
 def _class_indices(labels: Sequence[Hashable] | np.ndarray, n_items: int) -> np.ndarray:
-    """Number the classes; labels may be of any hashable type, even of several."""
+    """Number the classes; labels may have any hashable types."""
     try:
         names = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
         numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}

@@ -1,4 +1,4 @@
-"""Retrieval tables of labelled bodies: identity and pose."""
+"""Retrieval tables as text."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _COLUMNS = {
 
 @dataclass(frozen=True)
 class TableRow:
-    """One representation's scores on one task.
+    """Scores of one representation on one task.
 
     Attributes
     ----------
     representation : str
-        What the distances are made of.
+        Name of the representation.
     scores : RetrievalScores
-        Nearest neighbour, first and second tier, in per cent.
+        Its scores.
 
     Examples
     --------
@@ -46,7 +46,7 @@ class TableRow:
 
 
 def retrieval_table(distances: Mapping[str, ndarray], labels: ndarray) -> list[TableRow]:
-    """Return the scores of several distance matrices against the same labels.
+    """Return the scores of several distance matrices for the same labels.
 
     Parameters
     ----------
@@ -73,12 +73,12 @@ def retrieval_table(distances: Mapping[str, ndarray], labels: ndarray) -> list[T
 
 
 def format_table(title: str, rows: list[TableRow]) -> str:
-    """Return a table as text, one line a representation.
+    """Return a table as text, one line per representation.
 
     Parameters
     ----------
     title : str
-        What is retrieved.
+        Title of the first column.
     rows : list of TableRow
         Rows.
 
@@ -109,20 +109,20 @@ def format_table(title: str, rows: list[TableRow]) -> str:
 def format_benchmark(
     records: Sequence[BenchmarkRecord], ours: Mapping[str, str] | None = None
 ) -> str:
-    """Format a benchmark as text tables, and name the representations that score higher than ours.
+    """Format a benchmark as text tables, with the representations that score higher than ours.
 
     Parameters
     ----------
     records : sequence of BenchmarkRecord
         Records of `riemhuman.retrieval.benchmark`.
     ours : mapping of str to str, optional
-        Representation to compare the others with, by task; by default the paper's shape metric
-        and pose metric.
+        Representation by task that the others are compared with; by default the paper's shape
+        metric and pose metric.
 
     Returns
     -------
     str
-        One table a task, the best of each column marked with an asterisk. Below each, in words,
+        One table per task, with an asterisk at the best of each column. Sentences below it say
         which representations are better than ours, and which failed.
 
     Examples
@@ -178,7 +178,7 @@ def _task_table(task: str, records: list[BenchmarkRecord], ours: str | None) -> 
 
 
 def _verdict(columns: Mapping[str, Mapping[str, float]], ours: str | None) -> list[str]:
-    """Say in words what is better than ours."""
+    """Return sentences that say what is better than ours."""
     if ours is None or ours not in columns["NN"]:
         return []
     lines = []

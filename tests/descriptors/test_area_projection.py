@@ -187,7 +187,7 @@ def test_people_differ_more_than_their_poses():
 def test_meshes_it_cannot_take():
     descriptor = AreaProjectionTransform()
     vertices, faces = sphere(2, 0.1)
-    with pytest.raises(ArgumentError, match="is the mesh in metres"):
+    with pytest.raises(ArgumentError, match="Is the mesh in metres"):
         descriptor.describe(20_000 * vertices, faces)
     with pytest.raises(DegenerateSurfaceError, match="encloses no voxel of side 0.02 m"):
         descriptor.describe(vertices, faces[:1])

@@ -70,7 +70,7 @@ def test_a_part_that_does_not_match_is_told_item_by_item():
     assert match.unused == ("tr_reg_010",)
     with pytest.raises(
         ArgumentError,
-        match=r"2 of 3 bodies have no vector: a, b; .* no body: tr_reg_000, tr_reg_001",
+        match=r"2 of 3 bodies have no vector: a, b; .* without a body: tr_reg_000, tr_reg_001",
     ):
         latent.select(["a", "tr_reg_010", "b"])
     with pytest.raises(ArgumentError, match="3 of 3 bodies have no vector: 0, 1, 2"):
@@ -81,7 +81,7 @@ def test_a_part_that_does_not_match_is_told_item_by_item():
 
 
 def test_a_mesh_cannot_be_described():
-    with pytest.raises(NotDefinedError, match="computed elsewhere"):
+    with pytest.raises(NotDefinedError, match="cannot describe a mesh"):
         LatentVectors(IDS, VECTORS).describe(np.zeros((3, 3)), [[0, 1, 2]])
 
 
@@ -90,7 +90,7 @@ def test_a_mesh_cannot_be_described():
     [
         ("a,1,2\nb,1\n", r"line 2: 1 numbers found, 2 expected"),
         ("a,1,2\n\nb,1,2,3\n", r"line 3: 3 numbers found, 2 expected"),
-        ("a,1\nb,2\na,3\n", r"line 3: the id 'a' is there already"),
+        ("a,1\nb,2\na,3\n", r"line 3: the id 'a' is repeated"),
         ("a,1\n ,2\n", r"line 2: the id is missing"),
         ("a,1\nb,two\n", r"line 2: 'two' is not a number"),
         ("name,x\na,1\n", r"line 1: 'x' is not a number"),
@@ -115,7 +115,7 @@ def test_wrong_csv(tmp_path, text, message):
     [
         ({"vectors": VECTORS}, "lacks the fields ids"),
         ({"ids": np.array(IDS)}, "lacks the fields vectors"),
-        ({"ids": np.array(["a", "b", "a"]), "vectors": VECTORS}, "there more than once: a"),
+        ({"ids": np.array(["a", "b", "a"]), "vectors": VECTORS}, "repeated ids: a"),
         ({"ids": np.array(["a", "", "c"]), "vectors": VECTORS}, r"ids\[1\] is missing"),
         ({"ids": np.array(["a", "b"]), "vectors": VECTORS}, "2 ids found for 3 vectors"),
         ({"ids": np.array([0.5, 1, 2]), "vectors": VECTORS}, "must be text or whole"),

@@ -43,7 +43,7 @@ def test_template_may_be_another_person_in_another_pose(coarse, bodies):
 
 def test_what_is_not_in_correspondence_is_refused(coarse, bodies):
     other = Template(bodies.points[0], coarse.faces)
-    with pytest.raises(ArgumentError, match="must be given as correspondence"):
+    with pytest.raises(ArgumentError, match="correspondence is missing"):
         Correspondence(coarse.template, other)
     with pytest.raises(ArgumentError, match="a row for each of the 1202 vertices"):
         Correspondence(coarse.template, other, np.arange(1000))

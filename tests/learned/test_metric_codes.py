@@ -55,7 +55,7 @@ def test_candidates_by_codes_and_exact_neighbours(bodies):
 
 
 def test_needs_a_metric_to_train_on(bodies):
-    with pytest.raises(ArgumentTypeError, match="metric must be a metric to train on"):
+    with pytest.raises(ArgumentTypeError, match="metric must be a RiemannianMetric"):
         MetricCodes().fit(bodies.points)
     with pytest.raises(ArgumentError, match="which must be"):
         MetricCodes.load_pretrained()

@@ -52,7 +52,7 @@ def circle(parents):
 
 
 BAD = {
-    "format_version": (lambda a: np.array(99), "format version 99"),
+    "format_version": (lambda a: np.array(99), "format version is 99"),
     "kind": (lambda a: np.array("MetricCodes"), "expected 'ShapePoseCodes'"),
     "n_shape": (lambda a: np.array(-1), "n_shape must be at least 1"),
     "n_pose": (lambda a: np.array(3.5), "n_pose must be whole numbers of shape"),

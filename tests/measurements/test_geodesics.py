@@ -83,5 +83,5 @@ def test_ends_on_different_surfaces():
         "end": (template.faces[-1], np.full(3, 1 / 3)),
     }
     own = Measurements(MeasurementSet(template, [PATH], landmarks))
-    with pytest.raises(ArgumentError, match="one connected surface"):
+    with pytest.raises(ArgumentError, match="one connected component"):
         own.measure(template.vertices)

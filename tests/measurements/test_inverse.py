@@ -78,5 +78,5 @@ def test_what_is_refused():
         model_from_measurements({"waist girth": -0.8})
     with pytest.raises(ArgumentError, match="there is no measurement 'stature'"):
         model_from_measurements({"waist girth": 0.8}, tolerances={"stature": 1.0})
-    with pytest.raises(ArgumentError, match="by name"):
+    with pytest.raises(ArgumentError, match="must map names"):
         model_from_measurements({})

@@ -86,7 +86,7 @@ def test_what_is_refused(coarse):
         coarse.with_measurements([Girth(name="g", at="crown", parts=["trunc"])])
     with pytest.raises(ArgumentError, match="landmark"):
         MeasurementSet(coarse.template, [], {"far": ([10**6], [1.0])})
-    with pytest.raises(ArgumentError, match="weights of sum 2"):
+    with pytest.raises(ArgumentError, match="weights with sum 2"):
         MeasurementSet(coarse.template, [], {"two": ([0], [2.0])})
     with pytest.raises(ArgumentError, match="must say where 1202 vertices lie"):
         coarse.mapped(coarse.template, np.arange(5))
@@ -94,5 +94,5 @@ def test_what_is_refused(coarse):
     with pytest.raises(ArgumentError, match="need a body model"):
         MeasurementSet(surface, ()).bones("a", "b")
     own = MeasurementSet(surface, [Height(name="h", at="top")], {"top": ([0], [1.0])})
-    with pytest.raises(ArgumentError, match="its fit undoes the pose"):
+    with pytest.raises(ArgumentError, match="fit removes the pose"):
         Measurements(own).measure(surface.vertices, pose="standard")

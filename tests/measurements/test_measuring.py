@@ -141,7 +141,7 @@ def test_what_is_refused(bodies, own):
         own.measure(point[:-1])
     with pytest.raises(ArgumentError, match="pose must be one of"):
         own.measure(point, pose="t")
-    with pytest.raises(ArgumentError, match="gradient is of bodies as they stand"):
+    with pytest.raises(ArgumentError, match="gradient requires pose"):
         own.measure(point, pose="standard", gradient=True)
     other = Template(point, bodies.template.faces[:-1])
     with pytest.raises(ArgumentError, match="there are no measurements for"):

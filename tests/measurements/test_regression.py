@@ -49,7 +49,7 @@ def test_people_keep_their_value(people):
         space, np.repeat(waists, 2), points, people=who, n_permutations=9, rng=0, max_iter=0
     )
     assert found.n_permutations == 9
-    with pytest.raises(ArgumentError, match="one for each person"):
+    with pytest.raises(ArgumentError, match="same for all bodies of a person"):
         regress_shape(space, np.arange(12.0), points, people=who, max_iter=0)
     with pytest.raises(ArgumentError, match="people must have shape"):
         regress_shape(space, np.arange(12.0), points, people=who[1:], max_iter=0)

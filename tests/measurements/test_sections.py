@@ -156,7 +156,7 @@ def test_open_surfaces():
     template = tube(12, 5)
     along = Girth(name="along", at="here", normal="forward")
     own = set_at(template, [along], here=[0.15, 0.41, 0.001])
-    with pytest.raises(ArgumentError, match="'along' .* meets the boundary"):
+    with pytest.raises(ArgumentError, match="'along' .* meets a boundary"):
         Measurements(own).measure(template.vertices)
-    with pytest.raises(DegenerateSurfaceError, match="'v' asks for a closed surface"):
+    with pytest.raises(DegenerateSurfaceError, match="'v' needs a closed surface"):
         Measurements(own.with_measurements([Volume(name="v")])).measure(template.vertices)

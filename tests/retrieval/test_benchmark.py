@@ -152,7 +152,7 @@ def test_wrong_arguments(few):
     ):
         benchmark(few, {"x": 3})
     alone = Some(points=few.points[:1], template=few.template, subject=[0], pose=[0])
-    with pytest.raises(ArgumentError, match="no two of its 1 surfaces share a label"):
+    with pytest.raises(ArgumentError, match="no two of 1 surfaces do"):
         benchmark(alone, {"height": Heights()})
 
 

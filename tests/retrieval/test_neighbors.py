@@ -199,7 +199,7 @@ def test_loading_refuses_another_metric_or_template(tmp_path):
         CASES["flat"].metric,
     ]
     for metric in others:
-        with pytest.raises(ArgumentError, match=r"index\.npz: metric must be the one"):
+        with pytest.raises(ArgumentError, match=r"index\.npz: metric must be that of the index"):
             NearestNeighbors.load(path, metric)
     NearestNeighbors.load(path, ElasticMetric(AlignedSurfaces(space.template), 1.0, 0.1, 0.1))
 
