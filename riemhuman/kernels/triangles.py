@@ -18,6 +18,7 @@ from riemhuman.kernels.compiled import FUSED, compiled
 from riemhuman.kernels.moving_frames import fill_axes
 from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.kernels.threads import in_chunks
+from riemhuman.kernels.tiles import of_one_kind
 
 LENGTH = 12
 """Numbers in a record: three of f_u, three of f_v, three of n, then A, e and m."""
@@ -334,8 +335,9 @@ def add_blocks(blocks: ndarray, f: ndarray, faces: ndarray, forms: ndarray) -> N
     forms : array, shape (F, 6, 6)
         Symmetric forms of the components of ∂₁h and ∂₂h, see `surface.frame_components`.
     """
+    surface = of_one_kind(f)[:, None]
 
     def run(first: int, last: int) -> None:
-        _add_blocks(f[:, None], faces, forms, first, last, blocks)
+        _add_blocks(surface, faces, forms, first, last, blocks)
 
     in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)

@@ -14,6 +14,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.moving_frames import fill_axes
 from riemhuman.kernels.threads import in_chunks
+from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.kernels.triangles import derivatives
 
 # Below this many triangles, threads cost more than they bring.
@@ -106,9 +107,10 @@ def triangle_turns(start: ndarray, end: ndarray, faces: ndarray) -> ndarray:
         Rotation vectors: unit axes times angles in [0, π].
     """
     turns = np.empty((len(faces), 3))
+    ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
 
     def run(first: int, last: int) -> None:
-        _turns(start[:, None], end[:, None], faces, first, last, turns)
+        _turns(*ends, faces, first, last, turns)
 
     in_chunks(run, len(faces), threaded=len(faces) > _WORTH_THREADS)
     return turns
@@ -255,7 +257,8 @@ def turned_sources(
     array, shape (V, n_times, 3)
         Weighted transpose of the derivative operator, applied to the derivatives wanted.
     """
-    shape, ends = (len(start), len(times), 3), (start[:, None], end[:, None])
+    shape = (len(start), len(times), 3)
+    ends = of_one_kind(start)[:, None], of_one_kind(end)[:, None]
 
     def run(first: int, last: int) -> ndarray:
         source = np.zeros(shape)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from riemhuman.kernels.compiled import compiled
-from riemhuman.kernels.tiles import slices
+from riemhuman.kernels.tiles import of_one_kind, slices
 
 # Nearest vertices whose triangles are looked at first.
 _N_VERTICES = 3
@@ -57,6 +57,7 @@ def nearest_places(
     distances : array, shape (N,)
         Metres.
     """
+    queries, points, faces = map(of_one_kind, (queries, points, faces))
     corners, corner = points[faces], faces.ravel()
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
     reach = np.zeros(len(points))
@@ -83,7 +84,7 @@ def nearest_places(
             around = tree.query_ball_point(queries[part], np.sqrt(few[2]) + farthest)
             ends = np.cumsum([0, *map(len, around)])
             vertices = members[np.fromiter(chain.from_iterable(around), np.int64, ends[-1])]
-            _try_vertices(queries[part], vertices, ends, *surface, *few)
+            _try_vertices(of_one_kind(queries[part]), vertices, ends, *surface, *few)
     triangles, barycentric, squares = found
     return SurfacePlaces(triangles, barycentric), np.sqrt(squares)
 

@@ -89,7 +89,8 @@ class Template:
             "refers to the same vertex twice; the corners of a triangle must differ",
         )
         self._vertices = _read_only(points.copy())
-        self._faces = _read_only(triangles)
+        # Loops are compiled for one memory layout, whatever that of the faces given.
+        self._faces = _read_only(np.ascontiguousarray(triangles))
         self._face_areas, self._frame_coefficients = _areas_and_frames(self._vertices, self._faces)
 
     @classmethod
@@ -308,6 +309,10 @@ class Template:
     def __getstate__(self) -> dict[str, Any]:
         # What follows from the mesh is made anew where it is wanted: some of it cannot be pickled.
         return {name: value for name, value in vars(self).items() if name.startswith("_")}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        # Arrays that come from another process could be written to.
+        vars(self).update((name, _read_only(array)) for name, array in state.items())
 
     def check_points(self, points: Any, name: str = "points") -> Any:
         """Return surfaces as a float64 array after checking that they fit this template.

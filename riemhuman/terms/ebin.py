@@ -29,7 +29,7 @@ from riemhuman.kernels.scalars import (
     square_root,
 )
 from riemhuman.kernels.surface import Derivatives
-from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW
+from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
 from riemhuman.kernels.triangles import triangle
 from riemhuman.terms.half_angle_fit import (
     LARGEST_LAMBDA,
@@ -148,7 +148,7 @@ class EbinTerm(Term):
     ) -> float:
         x, y, s = np.empty((3, len(faces)))
         _fill_half_plane(f, faces, frames, x, y, s)
-        return _pack(x, y, s, np.sqrt(areas), self.lam, kept)
+        return _pack(*map(of_one_kind, (x, y, s)), np.sqrt(areas), self.lam, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         real, squared = a.dtype.type, np.zeros((len(a), len(b)))

@@ -8,7 +8,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import FUSED, SUM, compiled
 from riemhuman.kernels.special_orthogonal import quaternions
 from riemhuman.kernels.surface import Derivatives, dot
-from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
+from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, of_one_kind
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.terms.arc_fit import arc
 from riemhuman.terms.normals import squared_arc
@@ -72,7 +72,7 @@ class RotationTerm(Term):
 
     def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
         # Write components; return the squared distance to what is written.
-        return _pack(np.ascontiguousarray(fields[0]), areas, kept)
+        return _pack(of_one_kind(fields[0]), areas, kept)
 
     def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
         # By polynomials in the shorter chord.

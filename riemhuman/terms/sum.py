@@ -192,6 +192,7 @@ class SumOfTerms:
         faces, frames, areas = self._faces, self._frames, self.areas
         # Vertex by vertex, all times together: what one triangle reads lies close together.
         by_vertex = onp.ascontiguousarray(onp.swapaxes(path, 0, 1))
+        by_vertex.flags.writeable = False  # the kind that loops are compiled for
         n_times = len(path)
 
         def run(first: int, last: int) -> tuple[Any, ...]:
@@ -246,8 +247,8 @@ class SumOfTerms:
         """
         faces, frames, areas = self._faces, self._frames, self.areas
         other_faces = faces if other_faces is None else other_faces
-        f = onp.ascontiguousarray(point)[:, None]
-        kinds = [onp.ascontiguousarray(other)[:, None] for other in others]
+        f = of_one_kind(point)[:, None]
+        kinds = [of_one_kind(other)[:, None] for other in others]
 
         def run(first: int, last: int) -> tuple[ndarray, ndarray]:
             squared, gradient = onp.zeros(len(others)), onp.zeros((len(point), 1, 3))
@@ -262,7 +263,7 @@ class SumOfTerms:
                 for i, other in enumerate(kinds):
                     # The slopes by these are added up as well, and not used.
                     triangles.fill_records(other, other_faces, frames, start, end, records[:1])
-                    weighted = weights[i] * areas[start:end]
+                    weighted = of_one_kind(weights[i] * areas[start:end])
                     for term in self.terms:
                         squared[i] += term.add_segments(records, slopes, weighted)
                 triangles.add_gradient(records[1:], slopes[1:], faces, frames, start, end, gradient)

@@ -71,9 +71,14 @@ def test_areas_and_edges_agree_with_trimesh(template):
     assert len(template.edges) == len(mesh.edges_unique)
 
 
-def test_arrays_are_read_only_copies():
+@pytest.mark.parametrize("sent", [False, True], ids=["made", "sent to another process"])
+def test_arrays_are_read_only_copies(sent):
     vertices, faces = bumpy_sphere()
-    template = Template(vertices, faces)
+    # Compiled loops over faces in another order of memory would be compiled again.
+    template = Template(vertices, np.asfortranarray(faces))
+    if sent:
+        template = pickle.loads(pickle.dumps(template))
+    assert template.faces.flags.c_contiguous
     first = template.vertices[0].copy()
     vertices[0] = 99.0
     faces[0] = 0

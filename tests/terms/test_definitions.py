@@ -11,6 +11,7 @@ from cases import deformations, sphere_template, surfaces
 
 import riemhuman.terms
 from riemhuman.kernels import surface, triangles
+from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, RotationTerm, Term
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.normal_projection import NormalPartTerm
@@ -49,7 +50,7 @@ def close(found, expected, rtol=1e-11):
 @each_term
 def test_segments(term):
     records = np.empty((len(POINTS), triangles.LENGTH, len(FACES)))
-    by_vertex = np.ascontiguousarray(np.swapaxes(POINTS, 0, 1))
+    by_vertex = of_one_kind(np.swapaxes(POINTS, 0, 1))
     triangles.fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
     found = []
     for add_segments in (term.add_segments, lambda *parts: Term.add_segments(term, *parts)):
@@ -74,7 +75,8 @@ def test_pairs(term):
         driver.features(POINTS, "double"),
     ):
         close(driver.squared_distances(features, features), term.weight * np.array(expected))
-        close(term.squared_distances(features[0], features[0].copy(), AREAS), expected)
+        pair = (of_one_kind(features[0]), of_one_kind(features[0].copy()))
+        close(term.squared_distances(*pair, AREAS), expected)
 
 
 @each_term

@@ -144,7 +144,7 @@ def unit_normals(n, rng):
     return normals / np.linalg.norm(normals, axis=2, keepdims=True)
 
 
-WEIGHTS = np.random.default_rng(3).uniform(0.0, 1e-3, F)
+WEIGHTS = tiles.of_one_kind(np.random.default_rng(3).uniform(0.0, 1e-3, F))
 
 
 def in_threads(term, a, b, n_threads=1):
@@ -274,9 +274,8 @@ def test_rounding_bounds_the_distance_to_what_is_kept(lam):
     x, y, s = metric_fields(3, 0)
     double, _ = field_features(EbinTerm(lam=lam), (x, y, s), WEIGHTS, "double")
     single, rounding = field_features(EbinTerm(lam=lam), (x, y, s), WEIGHTS, "single")
-    gaps = np.sqrt(
-        np.diag(EbinTerm(lam=lam).squared_distances(double, single.astype(float), WEIGHTS))
-    )
+    pair = (tiles.of_one_kind(double), tiles.of_one_kind(single.astype(float)))
+    gaps = np.sqrt(np.diag(EbinTerm(lam=lam).squared_distances(*pair, WEIGHTS)))
     assert np.all(gaps <= rounding * (1 + 1e-6))
     # The bound is no waste either.
     assert np.all(rounding < 1.5 * gaps)

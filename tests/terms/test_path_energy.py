@@ -14,6 +14,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import EbinTerm, NormalTerm, arc_fit, half_angle_fit
 
 COMPILED = [case for case in surface_cases("dist") if isinstance(case.metric, SurfaceMetric)]
@@ -47,7 +48,7 @@ def test_compiled_energy_agrees_at_all_distances(case, size):
 def test_checker_sees_a_broken_twin():
     class OtherWeight(NormalTerm):
         def add_segments(self, records, slopes, areas):
-            return super().add_segments(records, slopes, areas * (1 + 1e-9))
+            return super().add_segments(records, slopes, of_one_kind(areas * (1 + 1e-9)))
 
     case = CASES["all sphere"]
     metric = SurfaceMetric(case.space, [EbinTerm(1.0, 1.0), OtherWeight(1.0)])
