@@ -1,0 +1,110 @@
+"""First derivatives of surfaces in compiled loops, against NumPy and autograd."""
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import grad
+from cases import open_template, surfaces
+
+from riemhuman.kernels import triangles
+from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.kernels.tiles import of_one_kind
+
+TEMPLATE = open_template()
+FACES, FRAMES = TEMPLATE.faces, TEMPLATE.frame_coefficients
+OPERATOR = TEMPLATE.differential_operator.toarray()
+PATH = surfaces(TEMPLATE, 3, rng=3)
+FIRST, LAST, FLAT = 2, 13, 5
+
+
+def parts(f):
+    """Return f_u, f_v, their cross product and its length, each of all triangles."""
+    f_u, f_v = anp.reshape(anp.dot(OPERATOR, f), (2, -1, 3))
+    crossed = anp.cross(f_u, f_v)
+    return f_u, f_v, crossed, anp.sqrt(anp.sum(crossed**2, axis=1))
+
+
+def record(f):
+    """Return the twelve numbers of every triangle, shape (12, F)."""
+    f_u, f_v, crossed, areas = parts(f)
+    numbers = (areas[:, None], anp.sum(f_u * f_u, 1)[:, None], anp.sum(f_u * f_v, 1)[:, None])
+    return anp.concatenate([f_u, f_v, crossed / areas[:, None], *numbers], axis=1).T
+
+
+def filled(path):
+    records = np.empty((len(path), triangles.LENGTH, LAST - FIRST))
+    triangles.fill_records(of_one_kind(by_vertex(path)), FACES, FRAMES, FIRST, LAST, records)
+    return records
+
+
+def test_derivatives_of_one_triangle():
+    f, both = by_vertex(PATH), np.empty(6)
+    for t in (0, 7):
+        triangles.derivatives.py_func(f, 1, FACES[t], FRAMES[t], both)
+        f_u, f_v, *_ = parts(PATH[1])
+        np.testing.assert_allclose(both, [*f_u[t], *f_v[t]], atol=1e-13)
+
+
+def test_forms_of_one_triangle(monkeypatch):
+    monkeypatch.setattr(triangles, "first_forms", triangles.first_forms.py_func)
+    for t in (0, 7):
+        f_u, f_v, crossed, areas = (part[t] for part in parts(PATH[0]))
+        found = triangles.triangle.py_func(PATH[0], FACES, FRAMES, t)
+        expected = [f_u @ f_u, f_u @ f_v, *crossed, areas]
+        np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+def test_records():
+    expected = [record(f)[:, FIRST:LAST] for f in PATH]
+    np.testing.assert_allclose(filled(PATH), expected, atol=1e-13)
+
+
+def test_slopes_by_records_become_slopes_by_vertices():
+    slopes = np.random.default_rng(4).standard_normal((len(PATH), 12, LAST - FIRST))
+    gradient = by_vertex(np.ones_like(PATH))
+
+    def value(f, slope):
+        return anp.sum(slope * record(f)[:, FIRST:LAST])
+
+    expected = [grad(value)(f, slope) for f, slope in zip(PATH, slopes, strict=True)]
+    triangles.add_gradient(filled(PATH), slopes, FACES, FRAMES, FIRST, LAST, gradient)
+    np.testing.assert_allclose(by_vertex(gradient) - 1.0, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("at", [0.0, 0.4, 1.0], ids=str)
+def test_triangles_without_area(at):
+    path = PATH.copy()
+    one, two, three = FACES[FLAT]
+    path[1, three] = (1 - at) * path[1, one] + at * path[1, two]
+    marked = triangles.degenerate_triangles(of_one_kind(path), FACES, FRAMES)
+    assert marked[1, FLAT]
+    np.testing.assert_array_equal(marked, [parts(f)[3] < 1e-12 for f in path])
+    records = filled(path)
+    assert not records[1, 6:10, FLAT - FIRST].any()
+    np.testing.assert_allclose(records[1, 10, FLAT - FIRST], np.sum(parts(path[1])[0][FLAT] ** 2))
+    # Alone, such a triangle adds nothing.
+    slopes = np.zeros_like(records)
+    slopes[1, :, FLAT - FIRST] = 1.0
+    gradient = np.zeros_like(by_vertex(path))
+    triangles.add_gradient(records, slopes, FACES, FRAMES, FIRST, LAST, gradient)
+    assert not gradient.any()
+
+
+def test_forms_of_derivatives_as_forms_of_corners():
+    rng = np.random.default_rng(6)
+    forms = rng.standard_normal((len(FACES), 6, 6))
+    forms += np.swapaxes(forms, 1, 2)
+    blocks = np.ones((len(FACES), 9, 9))
+    triangles.add_blocks(blocks, PATH[0], FACES, forms)
+    for t, face in enumerate(FACES):
+        q = PATH[0][face]
+        edges = np.stack([q[1] - q[0], q[2] - q[0]], axis=1)
+        axes, sides = np.linalg.qr(edges, mode="complete")
+        signs = np.sign([sides[0, 0], sides[1, 1]])
+        axes[:, :2] *= signs
+        axes[:, 2] = np.cross(axes[:, 0], axes[:, 1])
+        back = np.linalg.inv(signs[:, None] * sides[:2])
+        h = np.eye(9).reshape(9, 3, 3)
+        rises = np.stack([h[:, 1] - h[:, 0], h[:, 2] - h[:, 0]], axis=2)
+        maps = (axes.T @ rises @ back).reshape(9, 6)
+        np.testing.assert_allclose(blocks[t] - 1.0, maps @ forms[t] @ maps.T, rtol=1e-9, atol=1e-9)
