@@ -3,9 +3,11 @@
 ``python tests/trust/sabotage.py --room kernels --n 60 --seed 0`` changes one operator, constant,
 comparison or condition at a time in a copy of the package, and runs tests of that room alone until
 one fails: those that run the changed function, the quickest first. Which they are is recorded once,
-in a run of the room without any change; who runs a compiled function is not seen, and all tests are
-asked for it. It prints the share of changes that were noticed, and those that were not. A change
-that makes the tests hang counts as noticed.
+in a run of the room without any change. Files of compiled functions are tested interpreted first,
+which compiles nothing and shows who runs which function; an error that compiled functions do not
+raise counts for nothing there, and whoever survives is tested compiled, by all tests of the room.
+It prints the share of changes that were noticed, and those that were not. A change that makes the
+tests hang counts as noticed.
 """
 
 from __future__ import annotations
@@ -15,6 +17,7 @@ import ast
 import contextlib
 import importlib
 import json
+import math
 import os
 import random
 import shutil
@@ -26,6 +29,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numba
+import numpy as np
 import pytest
 
 # What most tests import: loaded once.
@@ -47,7 +51,6 @@ _MIRRORS = {
     "geometry/general_elastic_metric.py": "geometry/test_aligned_surfaces.py",
     "geometry/term_fields.py": "geometry/test_pullback.py",
     "kernels/tiles.py": "terms/test_pairs.py",
-    "kernels/triangles.py": "terms",
     "terms/ebin_matrices.py": "terms/test_ebin.py",
     "terms/flat.py": "terms",
     "terms/normals.py": "terms",
@@ -133,6 +136,15 @@ _SPEED_ALONE = {
 # Tests that are asked first, by themselves.
 _FIRST = 40
 
+# Seconds for a test that runs interpreted.
+_INTERPRETED = 10
+
+# Errors of Python where compiled functions read what stands there, or compute infinity or NaN.
+_OF_PYTHON_ALONE = (
+    *("IndexError", "OverflowError", "ZeroDivisionError", "RuntimeWarning", "math domain error"),
+    "TimeoutError",
+)
+
 _OPERATORS = {
     ast.Add: ast.Sub,
     ast.Sub: ast.Add,
@@ -178,7 +190,7 @@ class _Saboteur(ast.NodeTransformer):
         self.generic_visit(node)
         other = _OPERATORS.get(type(node.op))
         # Zeros are added to broadcast; taken away they do the same.
-        if ast.unparse(node.right).startswith("np.zeros"):
+        if ast.unparse(node.right).startswith(("np.zeros", "zeros")):
             return node
         if other and self._here(node, f"{type(node.op).__name__} to {other.__name__}"):
             node.op = other()
@@ -253,10 +265,16 @@ class _Saboteur(ast.NodeTransformer):
         elif called.endswith(".reshape"):
             # Any number below 0 stands for what is left.
             node.func = self.visit(node.func)
-            node.args = [arg if ast.unparse(arg) == "-1" else self.visit(arg) for arg in node.args]
+            node.args = [self._visit_size(argument) for argument in node.args]
         elif called != "warnings.warn":
             self.generic_visit(node)
         return node
+
+    def _visit_size(self, node: ast.expr) -> ast.expr:
+        if isinstance(node, ast.Tuple):
+            node.elts = [self._visit_size(size) for size in node.elts]
+            return node
+        return node if ast.unparse(node) == "-1" else self.visit(node)
 
     def visit_Raise(self, node: ast.Raise) -> ast.AST:
         return node
@@ -300,6 +318,7 @@ class _Recorder:
         self._package, self._path = f"{package}{os.sep}", path
         self._run: set[tuple[str, int]] = set()
         self._tests: dict[str, Any] = {}
+        self._failed: set[str] = set()
 
     def _note(self, frame: Any, event: str, _: Any) -> None:
         code = frame.f_code
@@ -326,8 +345,57 @@ class _Recorder:
         self._tests[item.nodeid] = (time.monotonic() - began, sorted(self._run))
         return result
 
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if not report.passed:
+            self._failed.add(report.nodeid)
+
     def pytest_sessionfinish(self) -> None:
-        self._path.write_text(json.dumps(self._tests), encoding="utf-8")
+        passed = {test: ran for test, ran in self._tests.items() if test not in self._failed}
+        self._path.write_text(json.dumps(passed), encoding="utf-8")
+
+
+def _horner(coefficients: Any, x: Any) -> Any:
+    """Return the polynomial in x with these coefficients, constant term first."""
+    value = coefficients[-1]
+    for coefficient in coefficients[-2::-1]:
+        value = value * x + coefficient
+    return value
+
+
+def _split(x: Any) -> Any:
+    """Return k and 2⁻ᵏ such that 2⁻ᵏ x lies in [√½, √2)."""
+    mantissa, exponent = math.frexp(x)
+    exponent -= mantissa < math.sqrt(0.5)
+    return float(exponent), 2.0**-exponent
+
+
+class _Interpreted:
+    """Runs compiled functions as Python, every test for some seconds at most."""
+
+    @pytest.hookimpl(tryfirst=True)
+    def pytest_sessionstart(self) -> None:
+        from riemhuman.kernels import compilation
+
+        def polynomial(single: Any, double: Any) -> Any:
+            return lambda x: _horner(single if isinstance(x, np.float32) else double, x)
+
+        compilation.polynomial = polynomial
+        compilation.evaluate = _horner
+        compilation.split = _split
+        signal.signal(signal.SIGALRM, self._end)
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_call(self) -> Any:
+        signal.alarm(_INTERPRETED)
+        try:
+            with np.errstate(all="ignore"):
+                return (yield)
+        finally:
+            signal.alarm(0)
+
+    @staticmethod
+    def _end(*_: Any) -> NoReturn:
+        raise TimeoutError
 
 
 class _Chosen:
@@ -354,18 +422,64 @@ class _Copy:
         self._compiled = folder / "compiled"
         self._compiled.mkdir()
         self._output = ""
+        self._sources = {
+            ".".join(source.relative_to(folder).with_suffix("").parts): source.read_text("utf-8")
+            for room in ("kernels", "terms")
+            for source in (folder / "riemhuman" / room).glob("*.py")
+        }
+        # By test: seconds, and the functions that it runs.
         self._tests: dict[str, Any] = {}
+        self._interpreted: dict[str, Any] = {}
 
-    def check_tests(self, seconds: float) -> None:
-        """Run the tests of the room without any change, and keep what they compile and run."""
-        path = self.folder / "tests.json"
-        recorder = _Recorder(self.folder / "riemhuman", path)
-        if self._run([f"tests/{self.room}"], recorder, self._compiled, seconds) != "survived":
+    def check_tests(self, seconds: float) -> tuple[int, int]:
+        """Run the tests of the room without any change, and keep what they compile and run.
+
+        Returns how many there are, and how many run interpreted.
+        """
+        self._tests, end = self._recorded([], self._compiled, seconds)
+        if end != "survived":
             sys.exit(f"{self._output}\nthe tests of the room fail without any change")
-        self._tests = json.loads(path.read_text(encoding="utf-8"))
+        if any(
+            self.is_compiled(file) for file in (self.folder / "riemhuman" / self.room).iterdir()
+        ):
+            # What passes compiled alone, or is slow, is not asked interpreted.
+            self._interpreted, _ = self._recorded([_Interpreted()], None, seconds)
+        recorded = (self._tests, self._interpreted)
+        n_tests, n_interpreted = (sum("::" in test for test in tests) for tests in recorded)
+        return n_tests, n_interpreted
 
-    def tests_of(self, file: Path, line: int) -> list[str]:
-        """Return the tests that run a line of a file, as far as is known; the quickest first."""
+    def _recorded(
+        self, plugins: list[Any], compiled: Path | None, seconds: float
+    ) -> tuple[dict[str, Any], str]:
+        path = self.folder / "tests.json"
+        plugins = [_Recorder(self.folder / "riemhuman", path), *plugins]
+        path.unlink(missing_ok=True)
+        end = self._run([f"tests/{self.room}"], plugins, compiled, seconds)
+        return (json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}), end
+
+    def is_compiled(self, file: Path) -> bool:
+        """Tell whether compiled functions are in a file, or may hold constants of it."""
+        return any(
+            "riemhuman.kernels.compiled import" in self._sources[name]
+            for name in self._importing(file)
+        )
+
+    def _importing(self, file: Path) -> set[str]:
+        """Return the names of a module and of all that import from it, and from these."""
+        found: set[str] = set()
+        waiting = {f"riemhuman.{self.room}.{file.stem}"} & set(self._sources)
+        while waiting:
+            name = waiting.pop()
+            found.add(name)
+            lines = f"from {name} import"
+            waiting |= {other for other, text in self._sources.items() if lines in text} - found
+        return found
+
+    def tests_of(self, file: Path, line: int) -> tuple[list[str], list[str]]:
+        """Return the tests that run a line of a file, interpreted and as they are.
+
+        As far as is known; those of the file's own tests first, and the quickest.
+        """
         name = f"{self.room}/{file.name}"
         tree = ast.parse(file.read_text(encoding="utf-8"))
         around = [
@@ -375,54 +489,74 @@ class _Copy:
         ]
         starts = {min([n.lineno, *(d.lineno for d in n.decorator_list)]) for n in around}
         is_compiled = any("compiled" in ast.unparse(d) for n in around for d in n.decorator_list)
-        seconds = {test: taken for test, (taken, _) in self._tests.items() if "::" in test}
-
-        def run(test: str) -> bool:
-            ran = [*self._tests[test][1], *self._tests.get(test.split("::")[0], (0, []))[1]]
-            return any(where == name and (at in starts or not starts) for where, at in ran)
-
-        chosen = [test for test in seconds if is_compiled or run(test)] or list(seconds)
         mirror = _MIRRORS.get(name, f"{self.room}/test_{file.name}")
-        return sorted(chosen, key=lambda t: (not t.startswith(f"tests/{mirror}"), seconds[t]))
 
-    def try_change(self, file: Path, changed: str, tests: list[str], seconds: float) -> str:
+        def chosen(recorded: dict[str, Any]) -> list[str]:
+            """Return the tests that run the line; for one of the module itself, all."""
+            seconds = {test: taken for test, (taken, _) in recorded.items() if "::" in test}
+
+            def run(test: str) -> bool:
+                ran = [*recorded[test][1], *recorded.get(test.split("::")[0], (0, []))[1]]
+                return any(where == name and at in starts for where, at in ran)
+
+            found = [test for test in seconds if starts and run(test)] or list(seconds)
+            return sorted(found, key=lambda t: (not t.startswith(f"tests/{mirror}"), seconds[t]))
+
+        interpreted = chosen(self._interpreted) if self.is_compiled(file) else []
+        if not is_compiled:
+            return interpreted, chosen(self._tests)
+        # Who runs a compiled function is known of what runs interpreted.
+        spared = set(self._interpreted) - set(interpreted)
+        return interpreted, chosen({t: r for t, r in self._tests.items() if t not in spared})
+
+    def try_change(
+        self, file: Path, changed: str, tests: tuple[list[str], list[str]], seconds: float
+    ) -> str:
         """Return "survived", "killed" or "timed out", for a file of other text."""
         source, times = file.read_text(encoding="utf-8"), file.stat()
+        interpreted, compiled = tests
         with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
-            compiled = Path(scratch)
-            # What is kept on disk does not notice constants that it imports.
-            if not self._is_compiled_in(file):
-                shutil.copytree(self._compiled, compiled, copy_function=os.link, dirs_exist_ok=True)
             file.write_text(changed, encoding="utf-8")
             try:
-                end = "survived"
-                for some in (tests[:_FIRST], tests[_FIRST:]):
-                    if end == "survived" and some:
-                        files = sorted({test.split("::")[0] for test in some})
-                        end = self._run(files, _Chosen(some), compiled, seconds)
-                        seconds *= 3
+                end = self._ask(interpreted, [_Interpreted()], None, seconds)
+                if end == "timed out" or any(error in self._output for error in _OF_PYTHON_ALONE):
+                    end = "survived"
+                if end == "survived":
+                    # What is kept on disk does not notice constants that it imports.
+                    stale = {name.split(".")[-1] for name in self._importing(file)}
+                    kept = Path(scratch, "compiled")
+                    ignored = shutil.ignore_patterns(*(f"{stem}.*.nb?" for stem in stale))
+                    shutil.copytree(self._compiled, kept, copy_function=os.link, ignore=ignored)
+                    end = self._ask(compiled, [], kept, seconds)
             finally:
                 file.write_text(source, encoding="utf-8")
                 os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
         return end
 
-    def _is_compiled_in(self, file: Path) -> bool:
-        importing = f"from riemhuman.{self.room}.{file.stem} import"
-        package = self.folder / "riemhuman"
-        sources = [
-            source.read_text(encoding="utf-8")
-            for source in (*package.glob("kernels/*.py"), *package.glob("terms/*.py"))
-        ]
-        compiling = [text for text in sources if "riemhuman.kernels.compiled import" in text]
-        return any(importing in text for text in compiling)
+    def _ask(
+        self, tests: list[str], plugins: list[Any], compiled: Path | None, seconds: float
+    ) -> str:
+        """Run some tests first, then the others, until one fails."""
+        self._output, end = "", "survived"
+        for some in (tests[:_FIRST], tests[_FIRST:]):
+            if end == "survived" and some:
+                files = sorted({test.split("::")[0] for test in some})
+                end = self._run(["-x", *files], [_Chosen(some), *plugins], compiled, seconds)
+                seconds *= 3
+        return end
 
-    def _run(self, tests: list[str], plugin: Any, compiled: Path, seconds: float) -> str:
-        """Run tests in a copy of this process, which has loaded what they import."""
-        arguments = ["-x", "-q", "-p", "no:cacheprovider", *tests]
+    def _run(
+        self, tests: list[str], plugins: list[Any], compiled: Path | None, seconds: float
+    ) -> str:
+        """Run tests in a copy of this process, which has loaded what they import.
+
+        With functions from a folder of compiled ones, or interpreted.
+        """
+        arguments = ["-q", "-p", "no:cacheprovider", *tests]
         with tempfile.TemporaryFile(mode="w+", encoding="utf-8") as output:
             child = os.fork()
             if child == 0:
-                self._test_and_exit(arguments, plugin, compiled, output.fileno())
+                self._test_and_exit(arguments, plugins, compiled, output.fileno())
             code = _exit_code(child, seconds)
             output.seek(0)
             self._output = output.read()
@@ -436,7 +570,7 @@ class _Copy:
         return "killed"
 
     def _test_and_exit(
-        self, arguments: list[str], plugin: Any, compiled: Path, output: int
+        self, arguments: list[str], plugins: list[Any], compiled: Path | None, output: int
     ) -> NoReturn:
         # Its own group, so that what the tests start ends with them.
         os.setsid()
@@ -444,14 +578,14 @@ class _Copy:
         os.dup2(output, 2)
         os.chdir(self.folder)
         os.environ |= {
-            "NUMBA_CACHE_DIR": str(compiled),
+            **({"NUMBA_CACHE_DIR": str(compiled)} if compiled else {"NUMBA_DISABLE_JIT": "1"}),
             "PYTHONDONTWRITEBYTECODE": "1",
             "PYTHONPATH": str(self.folder),
         }
         sys.dont_write_bytecode = True
         sys.path[0] = str(self.folder)
         numba.config.reload_config()
-        code = int(pytest.main(arguments, plugins=[plugin]))
+        code = int(pytest.main(arguments, plugins=plugins))
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(code)
@@ -488,12 +622,18 @@ def main() -> None:
         default=1e9,
         help="begin no change after so long; the order is random",
     )
+    parser.add_argument("--least", type=float, default=0.0, help="per cent, else the run fails")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         copy = _Copy(Path(folder), options.room)
         places = places_in(copy.folder / "riemhuman" / options.room, options.files)
         chosen = random.Random(options.seed).sample(places, min(options.n, len(places)))
-        copy.check_tests(20 * options.timeout)
+        start = time.monotonic()
+        n_tests, n_interpreted = copy.check_tests(20 * options.timeout)
+        sys.stdout.write(
+            f"{n_tests} tests, {n_interpreted} of them interpreted as well, recorded in "
+            f"{time.monotonic() - start:.0f} s\n"
+        )
         ends, start = [], time.monotonic()
         for number, (file, target) in enumerate(chosen, start=1):
             if options.only and str(number) not in options.only:
@@ -517,6 +657,8 @@ def main() -> None:
         f"{noticed} of {len(ends)} noticed by tests/{options.room}, {share:.0f} % "
         f"({ends.count('timed out')} by hanging; {len(places)} places)\n"
     )
+    if share < options.least:
+        sys.exit(f"at least {options.least:g} % were asked for")
 
 
 if __name__ == "__main__":
