@@ -116,6 +116,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _transfer(options: argparse.Namespace) -> None:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.progress import ProgressBar
     from riemhuman.solvers import MotionTransfer
 
     output = path_argument(options.output)
@@ -129,11 +130,13 @@ def _transfer(options: argparse.Namespace) -> None:
     surfaces = surfaces_in([*files, options.onto], options)
     space = AlignedSurfaces(surfaces.template, equip=False, scale=None)
     with reporter.task(f"Transfer of {len(files)} meshes"):
-        frames = (surfaces[k] for k in range(len(files)))
         solver = MotionTransfer(options.axes, options.transfer)
-        moved = solver.solve(space, frames, surfaces[len(files)])
+        with ProgressBar(range(len(files)), disable=not reporter.bars, unit="mesh") as numbers:
+            moved = solver.solve(space, (surfaces[k] for k in numbers), surfaces[len(files)])
     with reporter.task("Output"):
-        _write(output, single, moved, surfaces.template.faces)
+        meshes = f"{len(files)} meshes, {files[0].name} to {files[-1].name}"
+        description = f"{meshes}, replayed on {options.onto.name}."
+        _write(output, single, moved, surfaces.template.faces, description)
     if options.json:
         record = {"files": files, "onto": options.onto, "axes": options.axes}
         record |= {"transfer": options.transfer, "output": output, "n_frames": len(moved)}
@@ -143,7 +146,7 @@ def _transfer(options: argparse.Namespace) -> None:
     say(f"written to  {output}")
 
 
-def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
+def _write(output: Path, ending: str, frames: ndarray, faces: ndarray, description: str) -> None:
     from riemhuman.plots.viewer import view_path
     from riemhuman.storage.array_files import save_arrays
     from riemhuman.surfaces.gltf_files import save_glb
@@ -158,7 +161,8 @@ def _write(output: Path, ending: str, frames: ndarray, faces: ndarray) -> None:
     with whole_folder(output, _is_ours) as folder:
         for k, frame in enumerate(frames):
             save_mesh(folder / _FRAME.format(k), frame, faces)
-        view_path(frames, faces, title="Motion").save(folder / _PAGE)
+        page = view_path(frames, faces, title="Motion", description=description)
+        page.save(folder / _PAGE)
 
 
 def _is_ours(name: str) -> bool:

@@ -28,6 +28,8 @@ def test_motion_into_a_folder(run, scans, moved, tmp_path):
     assert names == ["frame_0000.ply", "frame_0001.ply", "motion.html"]
     for name, frame in zip(names[:2], moved, strict=True):
         np.testing.assert_array_equal(load_mesh(tmp_path / "moved" / name)[0], frame)
+    page = (tmp_path / "moved" / "motion.html").read_text(encoding="utf-8")
+    assert "2 meshes, body_0.ply to body_1.ply, replayed on body_20.ply." in page
     again = ("transfer", *files, "--onto", onto, "-o", tmp_path / "moved", "-q")
     assert run(*again).code == 2
     assert run(*again, "--force").code == 0
@@ -41,6 +43,16 @@ def test_motion_into_a_file(run, scans, moved, tmp_path):
     np.testing.assert_array_equal(np.load(tmp_path / "moved.npz")["path"], moved)
     assert run("transfer", *files, *onto, "-o", tmp_path / "moved.glb").code == 0
     assert (tmp_path / "moved.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_a_terminal_shows_how_many_meshes_are_done(run, scans, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    onto = ("--onto", scans / "body_20.ply")
+    finished = run("transfer", *files, *onto, "-o", tmp_path / "moved.npz")
+    assert "100%" in finished.err
+    assert "| 2/2 [" in finished.err
+    assert "%" not in run("transfer", *files, *onto, "-o", tmp_path / "two.npz", "-q").err
 
 
 def test_poses_into_a_file(run, scans, bodies, tmp_path):
