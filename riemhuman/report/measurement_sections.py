@@ -134,7 +134,7 @@ def _measured(materials: Materials, description: MeasurementSet) -> Step:
         return arrays, record
 
     inputs = {"bodies": materials.digest, "poses": _MOST_POSES, "seed": materials.plan.seed}
-    return materials.store.step("measurements", inputs, compute)
+    return materials.store.step("measurements", inputs, compute, "Measurements")
 
 
 def people_table(materials: Materials, step: Step) -> Table:
