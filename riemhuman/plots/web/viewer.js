@@ -106,7 +106,8 @@ class Viewer {
       parent.append(part);
       return part;
     };
-    if (body.label) write(label, "span", body.label);
+    // Names of files break at underscores before they break anywhere.
+    if (body.label) write(label, "span", body.label.replaceAll("_", "_\u200b"));
     if (body.values) {
       const scale = write(label, "span");
       scale.className = "scale";
@@ -229,8 +230,9 @@ class Viewer {
     this.find("hint").hidden = true;
   }
 
+  // Lengths are known in whole pixels.
   within(start, length, whole) {
-    return `${Math.max(0, Math.min(start, whole - length))}px`;
+    return `${Math.max(0, Math.min(start, whole - length - 1))}px`;
   }
 
   // Bring a point of a body to the middle, close, and turn all bodies about it; reset beside them.
@@ -335,7 +337,7 @@ class Viewer {
       const aside = Math.abs(x - clientWidth / 2) > clientWidth / 2 + (this.cell.wide / 2) * scale;
       const seen = !aside && y > 0 && y - this.cell.tall * scale < clientHeight;
       label.style.visibility = seen ? "" : "hidden";
-      label.style.maxWidth = `${Math.min(clientWidth, Math.max(80, this.cell.wide * scale))}px`;
+      label.style.maxWidth = `${Math.min(clientWidth, Math.max(60, this.cell.wide * scale - 6))}px`;
       label.style.left = this.within(x - label.offsetWidth / 2, label.offsetWidth, clientWidth);
       label.style.top = this.within(y, label.offsetHeight, clientHeight);
     });
