@@ -18,11 +18,15 @@ if TYPE_CHECKING:
 
 _THUMBNAIL_INCHES = 0.62
 _THUMBNAIL_PIXELS = 200
-_NAME_POINTS = 7
+NAME_POINTS = 9.5
 _NAME_BELOW = 0.34  # inches from the middle of the body to its name
-# Half the width and height, inches, of a body with its name in two lines, and of the name alone.
-_WHOLE, _WHOLE_MIDDLE = np.array([0.46, 0.46]), np.array([0.0, -0.13])
-_NAME, _NAME_MIDDLE = np.array([0.46, 0.13]), np.array([0.0, -0.47])
+_NAME_LETTERS = 14  # in a line
+_LETTER_WIDTH = 0.62 * NAME_POINTS / 72  # inches, at most in the mean of a line
+# Inches: half the width of a body; half the height and the middle of a body with its name in two
+# lines, and of the name alone.
+_BODY_WIDTH = 0.31
+_WHOLE_HEIGHT, _WHOLE_MIDDLE = 0.49, np.array([0.0, -0.16])
+_NAME_HEIGHT, _NAME_MIDDLE = 0.15, np.array([0.0, -0.49])
 
 
 def add_length_bar(ax: Axes, unit: str) -> None:
@@ -46,7 +50,7 @@ def add_length_bar(ax: Axes, unit: str) -> None:
     ax.plot([left, left + length], [bottom, bottom], color="#8a8f96", linewidth=2, clip_on=False)
     ax.annotate(
         f"{length:g} {unit}", (left, bottom), xytext=(0, 3), textcoords="offset points",
-        ha="left", va="bottom", fontsize=_NAME_POINTS,
+        ha="left", va="bottom", fontsize=NAME_POINTS,
     )  # fmt: skip
 
 
@@ -89,8 +93,13 @@ def add_thumbnails(
     size = np.array([ax.get_xlim()[1], ax.get_ylim()[1]]) - low
     inches = size / extent
     starts = (centres - low) / inches
-    places = free_places((positions - low) / inches, starts, extent)
-    for label, start, place in zip(classes, starts, places, strict=True):
+    titles = [str(k) if names is None else fill(names[k], _NAME_LETTERS) for k in classes]
+    letters = np.array([max(map(len, title.split("\n"))) for title in titles])
+    widths = 0.5 * _LETTER_WIDTH * letters
+    places = free_places((positions - low) / inches, starts, extent, widths)
+    for label, title, start, place, width in zip(
+        classes, titles, starts, places, widths, strict=True
+    ):
         own = np.flatnonzero(labels == label)
         to_centre = np.linalg.norm(
             (positions[own] - np.median(positions[own], axis=0)) / size, axis=1
@@ -102,7 +111,7 @@ def add_thumbnails(
             body, faces, height=_THUMBNAIL_PIXELS, view=view, window=window, color=tint
         )
         zoom = _THUMBNAIL_INCHES * 72 / _THUMBNAIL_PIXELS
-        line = low + np.stack([start, leader_end(start, place)]) * inches
+        line = low + np.stack([start, leader_end(start, place, width)]) * inches
         ax.plot(*line.T, color=colors[label], linewidth=0.6, alpha=0.7, zorder=1)
         at = low + place * inches
         ax.add_artist(
@@ -111,9 +120,8 @@ def add_thumbnails(
             )
         )
         ax.annotate(
-            str(label) if names is None else fill(names[label], 15), at,
-            xytext=(0, -72 * _NAME_BELOW), textcoords="offset points", ha="center", va="top",
-            fontsize=_NAME_POINTS, linespacing=1.0, zorder=4,
+            title, at, xytext=(0, -72 * _NAME_BELOW), textcoords="offset points",
+            ha="center", va="top", fontsize=NAME_POINTS, linespacing=1.0, zorder=4,
         )  # fmt: skip
 
 
@@ -124,7 +132,7 @@ def _inches(ax: Axes) -> ndarray:
     return np.asarray(ax.figure.get_size_inches() * ax.get_position().size)
 
 
-def free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray]:
+def free_places(items: ndarray, centres: ndarray, size: ndarray, widths: ndarray) -> list[ndarray]:
     """Return a place for every label: near its class, over few items, its line clear of names.
 
     Parameters
@@ -135,6 +143,8 @@ def free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray
         Middle of every class, inches.
     size : array, shape (2,)
         Width and height of the map, inches.
+    widths : array, shape (n_classes,)
+        Half the width of every name, inches.
 
     Returns
     -------
@@ -144,28 +154,53 @@ def free_places(items: ndarray, centres: ndarray, size: ndarray) -> list[ndarray
     angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
     spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     steps = np.concatenate([radius * spokes for radius in (0.5, 0.65, 0.8, 1.05, 1.35, 1.7, 2.1)])
+    wholes = np.stack(
+        [np.maximum(widths, _BODY_WIDTH), np.full(len(widths), _WHOLE_HEIGHT)], axis=1
+    )
+    alone = np.stack([widths, np.full(len(widths), _NAME_HEIGHT)], axis=1)
     places: dict[int, ndarray] = {}
     # Each class in turn takes the best place that the others leave, and does so again.
     for index in [*range(len(centres))] * 6:
         candidates = centres[index] + steps
         boxes = candidates + _WHOLE_MIDDLE
-        covered = (np.abs(items[None] - boxes[:, None]) < _WHOLE).all(axis=-1).sum(axis=1)
-        cost = 1.0 * covered + 4.0 * np.linalg.norm(steps, axis=1)
-        cost += 50.0 * ((boxes < _WHOLE) | (boxes > size - _WHOLE)).any(axis=1)
-        ends = np.stack([leader_end(centres[index], place) for place in candidates])
+        whole, width = wholes[index], widths[index]
+        cost = 1.0 * covered(items, boxes, whole) + 4.0 * np.linalg.norm(steps, axis=1)
+        cost += 4.0 * covered(items, candidates + _NAME_MIDDLE, alone[index])
+        cost += 50.0 * ((boxes < whole) | (boxes > size - whole)).any(axis=1)
+        ends = np.stack([leader_end(centres[index], place, width) for place in candidates])
         for other, place in places.items():
             if other == index:
                 continue
-            gap = np.abs(candidates - place) / (2 * _WHOLE)
+            gap = np.abs(candidates - place) / (whole + wholes[other])
             cost += 40.0 * np.clip(1.0 - gap, 0, None).prod(axis=1) ** 0.5
-            cost += 30.0 * crosses(centres[index], ends, place + _NAME_MIDDLE, _NAME)
-            end = leader_end(centres[other], place)
-            cost += 30.0 * crosses(centres[other], end, candidates + _NAME_MIDDLE, _NAME)
+            cost += 10.0 * (gap < 1.0).all(axis=1)
+            cost += 30.0 * crosses(centres[index], ends, place + _NAME_MIDDLE, alone[other])
+            end = leader_end(centres[other], place, widths[other])
+            cost += 30.0 * crosses(centres[other], end, candidates + _NAME_MIDDLE, alone[index])
         places[index] = candidates[cost.argmin()]
     return [places[index] for index in range(len(centres))]
 
 
-def leader_end(start: ndarray, place: ndarray) -> ndarray:
+def covered(items: ndarray, middles: ndarray, reach: ndarray) -> ndarray:
+    """Return how many items lie within boxes.
+
+    Parameters
+    ----------
+    items : array, shape (n, 2)
+        Where the items are.
+    middles : array, shape (m, 2)
+        Middles of the boxes.
+    reach : array, shape (2,)
+        Half their width and height.
+
+    Returns
+    -------
+    array of int, shape (m,)
+    """
+    return (np.abs(items[None] - middles[:, None]) < reach).all(axis=-1).sum(axis=1)
+
+
+def leader_end(start: ndarray, place: ndarray, width: float) -> ndarray:
     """Return where the line to a body ends: at the edge of the body with its name.
 
     Parameters
@@ -174,14 +209,17 @@ def leader_end(start: ndarray, place: ndarray) -> ndarray:
         Where it begins, inches.
     place : array, shape (2,)
         Middle of the body, inches.
+    width : float
+        Half the width of its name, inches.
 
     Returns
     -------
     array, shape (2,)
     """
     middle = place + _WHOLE_MIDDLE
+    whole = np.array([max(width, _BODY_WIDTH), _WHOLE_HEIGHT])
     away = start - middle
-    return middle + away * min(1.0, float((_WHOLE / np.maximum(np.abs(away), 1e-9)).min()))
+    return middle + away * min(1.0, float((whole / np.maximum(np.abs(away), 1e-9)).min()))
 
 
 def crosses(start: ndarray, end: ndarray, middle: ndarray, reach: ndarray) -> ndarray:

@@ -62,7 +62,7 @@ def draw_map(
     -------
     matplotlib.figure.Figure
     """
-    figure = new_figure(4.8, 4.3)
+    figure = new_figure(4.5, 4.8)  # on which names are large enough for a telephone
     plot_embedding(
         positions,
         labels,

@@ -18,7 +18,7 @@ def clusters(seed):
 def test_lines_cross_no_name_as_drawn(nine_bodies):
     positions, labels = clusters(1)
     names = [f"person number {label} of the set" for label in range(10)]
-    figure = new_figure(4.8, 4.3)
+    figure = new_figure(4.5, 4.8)
     surfaces = np.repeat(nine_bodies.points[:1], len(positions), axis=0)
     faces = nine_bodies.template.faces
     ax = plot_embedding(
@@ -38,10 +38,12 @@ def test_lines_cross_no_name_as_drawn(nine_bodies):
 
 
 def test_a_line_ends_at_the_edge_of_its_body():
-    below = leader_end(np.array([0.0, -3.0]), np.zeros(2))
-    np.testing.assert_allclose(below, [0, -0.59])
+    below = leader_end(np.array([0.0, -3.0]), np.zeros(2), 0.4)
+    np.testing.assert_allclose(below, [0, -0.65])
+    aside = leader_end(np.array([-3.0, -0.16]), np.zeros(2), 0.4)
+    np.testing.assert_allclose(aside, [-0.4, -0.16])
     inside = np.array([0.1, 0.0])
-    np.testing.assert_allclose(leader_end(inside, np.zeros(2)), inside)
+    np.testing.assert_allclose(leader_end(inside, np.zeros(2), 0.4), inside)
 
 
 def test_lines_cross_boxes_or_pass_them():
@@ -54,9 +56,9 @@ def test_lines_cross_boxes_or_pass_them():
 def test_places_lie_within_the_map():
     positions, labels = clusters(3)
     centres = np.stack([positions[labels == k].mean(axis=0) for k in range(10)])
-    places = np.stack(free_places(positions, centres, np.array([4.8, 4.3])))
+    places = np.stack(free_places(positions, centres, np.array([4.5, 4.8]), np.full(10, 0.4)))
     assert places.min() > 0
-    assert (places < [4.8, 4.3]).all()
+    assert (places < [4.5, 4.8]).all()
 
 
 def test_the_bar_is_as_long_as_it_says_in_both_directions(nine_bodies):

@@ -5,6 +5,8 @@ import re
 
 import pytest
 
+from riemhuman.plots.map_labels import NAME_POINTS
+
 
 @pytest.mark.parametrize("width", [390, 1440])
 def test_it_opens_and_fits(browser, report_page, width):
@@ -35,6 +37,16 @@ def test_the_wheel_scrolls_the_page_until_the_bodies_have_the_focus(browser, rep
     browser.wheel(canvas, 0, 0, -100)
     browser.wait_for(f"{zoom} > 1.1")
     assert browser.run(where) == before
+
+
+def test_names_on_maps_are_legible_on_a_telephone(browser, report_page):
+    browser.open(report_page, 400, 900)
+    pixels_a_point = browser.run(
+        "return [...document.querySelectorAll('#maps img')]"
+        ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
+    )
+    assert len(pixels_a_point) == 4
+    assert NAME_POINTS * min(pixels_a_point) >= 10
 
 
 def test_it_prints_on_few_pages_and_loses_no_column(browser, report_page):
