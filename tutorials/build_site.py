@@ -106,7 +106,7 @@ def reference() -> str:
 def section(title: str, module: ModuleType, names: list[str]) -> str:
     """Return the part of the reference about one module."""
     summary = (module.__doc__ or "").split("\n\n")[0].replace("\n", " ")
-    listed = "\n".join(f"   {module.__name__}.{name}" for name in sorted(names))
+    listed = "\n".join(f"   ~{module.__name__}.{name}" for name in sorted(names))
     return (
         f"## {title}\n\n{summary}\n\n```{{eval-rst}}\n.. autosummary::\n   :toctree: names\n\n"
         f"{listed}\n```"
