@@ -56,7 +56,9 @@ def small(notebook: NotebookNode) -> NotebookNode:
         for output in cell.outputs:
             if "execution_count" in output:
                 output.execution_count = None
-            output.get("metadata", {}).pop("image/png", None)
+            sizes = output.get("metadata", {})
+            if "image/png" in sizes:  # a narrow picture is not shown as wide as the page
+                sizes["image/png"] = NotebookNode(width=sizes["image/png"]["width"])
             data = output.get("data", {})
             if "image/png" in data:
                 data["image/png"] = few_colours(data["image/png"])

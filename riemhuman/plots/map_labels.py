@@ -22,9 +22,9 @@ NAME_POINTS = 9.5
 _NAME_BELOW = 0.34  # inches from the middle of the body to its name
 _NAME_LETTERS = 14  # in a line
 _LETTER_WIDTH = 0.62 * NAME_POINTS / 72  # inches, at most in the mean of a line
-# Inches: half the width of a body; half the height and the middle of a body with its name in two
-# lines, and of the name alone.
-_BODY_WIDTH = 0.31
+# Inches: half the width and height of a body; half the height and the middle of a body with its
+# name in two lines, and of the name alone.
+_BODY = np.array([0.31, 0.31])
 _WHOLE_HEIGHT, _WHOLE_MIDDLE = 0.49, np.array([0.0, -0.16])
 _NAME_HEIGHT, _NAME_MIDDLE = 0.15, np.array([0.0, -0.49])
 
@@ -154,9 +154,7 @@ def free_places(items: ndarray, centres: ndarray, size: ndarray, widths: ndarray
     angles = np.linspace(0, 2 * np.pi, 32, endpoint=False)
     spokes = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     steps = np.concatenate([radius * spokes for radius in (0.5, 0.65, 0.8, 1.05, 1.35, 1.7, 2.1)])
-    wholes = np.stack(
-        [np.maximum(widths, _BODY_WIDTH), np.full(len(widths), _WHOLE_HEIGHT)], axis=1
-    )
+    wholes = np.stack([np.maximum(widths, _BODY[0]), np.full(len(widths), _WHOLE_HEIGHT)], axis=1)
     alone = np.stack([widths, np.full(len(widths), _NAME_HEIGHT)], axis=1)
     places: dict[int, ndarray] = {}
     # Each class in turn takes the best place that the others leave, and does so again.
@@ -175,8 +173,10 @@ def free_places(items: ndarray, centres: ndarray, size: ndarray, widths: ndarray
             cost += 40.0 * np.clip(1.0 - gap, 0, None).prod(axis=1) ** 0.5
             cost += 10.0 * (gap < 1.0).all(axis=1)
             cost += 30.0 * crosses(centres[index], ends, place + _NAME_MIDDLE, alone[other])
+            cost += 10.0 * crosses(centres[index], ends, place, _BODY)
             end = leader_end(centres[other], place, widths[other])
             cost += 30.0 * crosses(centres[other], end, candidates + _NAME_MIDDLE, alone[index])
+            cost += 10.0 * crosses(centres[other], end, candidates, _BODY)
         places[index] = candidates[cost.argmin()]
     return [places[index] for index in range(len(centres))]
 
@@ -217,7 +217,7 @@ def leader_end(start: ndarray, place: ndarray, width: float) -> ndarray:
     array, shape (2,)
     """
     middle = place + _WHOLE_MIDDLE
-    whole = np.array([max(width, _BODY_WIDTH), _WHOLE_HEIGHT])
+    whole = np.array([max(width, _BODY[0]), _WHOLE_HEIGHT])
     away = start - middle
     return middle + away * min(1.0, float((whole / np.maximum(np.abs(away), 1e-9)).min()))
 
