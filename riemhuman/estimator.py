@@ -5,12 +5,13 @@ from __future__ import annotations
 import inspect
 from typing import Any, Self
 
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
 from riemhuman.representation import constructed
 
 
-class Estimator:
+class Estimator(InheritsDocstrings):
     """An object whose parameters are the arguments of its constructor, kept as they are.
 
     `fit` checks them, and keeps what it finds in attributes that end in an underscore.

@@ -11,7 +11,7 @@ import pytest
 from numpydoc.docscrape import NumpyDocString
 
 import riemhuman
-from riemhuman.docstrings import inherit_sections
+from riemhuman.docstrings import InheritsDocstrings, inherit_sections
 
 MODULES = ["riemhuman"] + [
     module.name
@@ -162,6 +162,96 @@ def test_overrides_inherit_the_sections_that_they_do_not_write():
     assert Derived.other.__doc__ is None
     assert "tangent_vec : array" in riemhuman.EbinMetric.exp.__doc__
     assert "met the apex" in riemhuman.EbinMetric.exp.__doc__
+
+
+def test_parameters_are_inherited_one_by_one():
+    class Base(InheritsDocstrings):
+        """A base.
+
+        Parameters
+        ----------
+        a, b : int
+            Numbers.
+        c : str
+            Text.
+        """
+
+        def __init__(self, a, b, c):
+            pass
+
+        def method(self, x, y):
+            """Return something.
+
+            Parameters
+            ----------
+            x, y : float
+                Numbers.
+            """
+
+    class Derived(Base):
+        """Another.
+
+        Parameters
+        ----------
+        b : float
+            A share.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+
+        def __init__(self, c, b, a):
+            pass
+
+        def method(self, x, *y, z):
+            """Return another thing.
+
+            Parameters
+            ----------
+            *y
+                Many.
+            z : int
+                A number.
+            """
+
+    @dataclasses.dataclass
+    class Fields(InheritsDocstrings):
+        """Fields.
+
+        Parameters
+        ----------
+        a : int
+            A number.
+        """
+
+        a: int
+
+    @dataclasses.dataclass
+    class More(Fields):
+        """More fields.
+
+        Parameters
+        ----------
+        b : int
+            Another.
+        """
+
+        b: int
+
+    class Same(Fields):
+        """The same fields."""
+
+    assert inspect.cleandoc(Derived.__doc__).split("----------\n")[1] == (
+        "c : str\n    Text.\nb : float\n    A share.\na : int\n    Numbers.\n\n"
+        "Raises\n------\nValueError\n    Always."
+    )
+    assert Derived.method.__doc__.endswith(
+        "x : float\n    Numbers.\n*y\n    Many.\nz : int\n    A number."
+    )
+    assert More.__doc__.endswith("a : int\n    A number.\nb : int\n    Another.")
+    assert Same.__doc__.endswith("a : int\n    A number.")
 
 
 def module_of(source):

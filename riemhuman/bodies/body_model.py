@@ -13,7 +13,6 @@ from riemhuman.bodies.model_checks import precision
 from riemhuman.bodies.model_files import read_model_fields, write_model_fields
 from riemhuman.bodies.model_fit import ModelFit
 from riemhuman.bodies.skinned_model import SkinnedModel
-from riemhuman.docstrings import inherit_parameters
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 
 
@@ -159,6 +158,3 @@ class BodyModel(SkinnedModel):
             If an argument has the wrong shape or is out of its range.
         """
         return fit_model(self, points, **options)
-
-
-inherit_parameters(BodyModel)

@@ -19,12 +19,13 @@ from riemhuman.bodies.model_checks import (
 )
 from riemhuman.bodies.skinning import chained_motions, skinned
 from riemhuman.checks import real_array
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.surfaces.template import Template
 
 
-class SkinnedModel:
+class SkinnedModel(InheritsDocstrings):
     """The arrays of a body model, and the surfaces and joints that they make.
 
     `BodyModel` describes the model, and adds files and fits.

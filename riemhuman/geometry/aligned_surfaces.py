@@ -8,9 +8,11 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, one_of, point_array, real_array, values_of
+from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
+from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.tiles import of_one_kind
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
 
 
-class AlignedSurfaces(Manifold):
+class AlignedSurfaces(TemplateSurfaces, Manifold):
     """Maps f: T → R³ that are linear on the triangles of a template T.
 
     A point holds the vertices of a surface in the template's order: an open subset of the vector
@@ -33,8 +35,6 @@ class AlignedSurfaces(Manifold):
     ----------
     template : Template
         The template T.
-    equip : bool
-        Whether to equip the manifold with `ElasticMetric`.
     scale : {"template"} or None
         "template" refuses surfaces more than eight times as large or as small as the template,
         which are evidently in another unit; None accepts any size.
@@ -61,8 +61,6 @@ class AlignedSurfaces(Manifold):
 
     def default_metric(self) -> type[RiemannianMetric]:
         """Return `ElasticMetric`."""
-        from riemhuman.geometry.elastic_metric import ElasticMetric
-
         return ElasticMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
@@ -70,8 +68,6 @@ class AlignedSurfaces(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., V, 3)
-            Candidate surfaces.
         atol : float
             Not used: degenerate triangles are recognised by their angles.
         """
@@ -94,12 +90,8 @@ class AlignedSurfaces(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of surfaces.
         bound : float
             Entries of the maps differ from those of the identity by at most a fifth of it.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
@@ -268,8 +260,6 @@ class AlignedSurfaces(Manifold):
         point : array_like, shape (..., V, 3)
             Surfaces, or rows of 3V numbers; triangles without area are legal, as in the
             completion.
-        name : str
-            Name of the argument, for messages.
 
         Raises
         ------
@@ -282,36 +272,10 @@ class AlignedSurfaces(Manifold):
         return moderate_lengths(point, name, self._reference if self.scale else None)
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
-        """Return deformations as float64 arrays after checking them.
-
-        Parameters
-        ----------
-        tangent_vec : array_like, shape (..., V, 3)
-            Deformations, of any size.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
-
-        Raises
-        ------
-        ArgumentError
-            If the number of vertices is not the template's, an entry is not finite, or areas
-            would leave the range of double precision.
-        """
         return moderate_lengths(real_array(tangent_vec, name, self.shape), name)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
         """Refuse surfaces that are evidently in another unit than the template; see `scale`.
-
-        Parameters
-        ----------
-        point : array, shape (..., V, 3)
-            Surfaces.
-        name : str
-            Name of the argument, for messages.
 
         Raises
         ------
@@ -322,24 +286,6 @@ class AlignedSurfaces(Manifold):
             refuse_other_scale(values_of(point), self._reference, name, "the template")
 
     def check_immersed(self, f: Any, name: str = "f") -> ndarray:
-        """Return surfaces as float64 arrays, refusing those with triangles without area.
-
-        Parameters
-        ----------
-        f : array_like, shape (..., V, 3)
-            Surfaces.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., V, 3)
-
-        Raises
-        ------
-        DegenerateSurfaceError
-            If a triangle has no area, so that g is not invertible there and has no normal.
-        """
         f = self.check_tangent_vec(f, name)
         surface.refuse_degenerate(self._is_degenerate(*self.partial_derivatives(f)), name)
         return f

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.ebin import EbinTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.term import Term
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class ElasticMetric(SurfaceMetric):
@@ -26,18 +22,12 @@ class ElasticMetric(SurfaceMetric):
 
     Parameters
     ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
     a : float
         Weight of the change of the first fundamental form, at least 0.
     lam : float
         λ, the weight of changes of area within it; above 0 unless a = 0, where it has no effect.
     c : float
         Weight of the change of the normals, at least 0.
-    geodesic_solver : object, optional
-        Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`, which have no closed form either.
 
     Raises
     ------
@@ -68,7 +58,7 @@ class ElasticMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: TemplateSurfaces,
         a: float = 1.0,
         lam: float = 1e-4,
         c: float = 0.0,

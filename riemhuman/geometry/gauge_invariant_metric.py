@@ -36,10 +36,6 @@ class GaugeInvariantMetric(MidpointMetric):
     metric : RiemannianMetric
         A first-order metric G on surfaces: `ElasticMetric`, `SRNFMetric`, `GeneralElasticMetric`,
         `SobolevMetric` with a0 = a2 = 0, or any sum of isotropic terms.
-    geodesic_solver : object, optional
-        Strategy for geodesics.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`.
 
     Raises
     ------

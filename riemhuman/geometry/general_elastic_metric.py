@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.ebin import EbinTerm
 from riemhuman.terms.root_normals import RootNormalTerm
 from riemhuman.terms.term import Term
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class GeneralElasticMetric(SurfaceMetric):
@@ -33,18 +29,12 @@ class GeneralElasticMetric(SurfaceMetric):
 
     Parameters
     ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
     a : float
         Weight of stretching without change of area, at least 0.
     b : float
         Weight of the change of area: above c/16 where a > 0, and c/16 where a = 0.
     c : float
         Weight of bending, the turning of normals; at least 0.
-    geodesic_solver : object, optional
-        Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
 
     Raises
     ------
@@ -75,7 +65,7 @@ class GeneralElasticMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: TemplateSurfaces,
         a: float = 1.0,
         b: float = 1.0,
         c: float = 1.0,

@@ -19,10 +19,6 @@ class Manifold(Space):
 
     Parameters
     ----------
-    dim : int
-        Dimension.
-    shape : tuple of int
-        Shape of one point.
     equip : bool
         Whether to equip the manifold with its default metric.
 

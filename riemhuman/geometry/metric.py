@@ -1,26 +1,31 @@
-"""The abstract Riemannian metric: two primitives, and everything derived from them."""
+"""The abstract Riemannian metric: two primitives, and everything derived from them; multiples."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import autograd.numpy as np
-from autograd import elementwise_grad, value_and_grad
+from autograd import elementwise_grad
 from numpy import ndarray
 
-from riemhuman.checks import real_array
-from riemhuman.docstrings import inherit_sections
-from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
+from riemhuman.checks import metric_weight
+from riemhuman.docstrings import InheritsDocstrings
+from riemhuman.errors import ArgumentTypeError, NotDefinedError
+from riemhuman.geometry.bulk import Bulk, SumOfFactors
 from riemhuman.geometry.derived_quantities import DerivedQuantities
 from riemhuman.geometry.geodesic_quantities import GeodesicQuantities
 from riemhuman.geometry.pairwise import ManyDistances
+from riemhuman.geometry.path_quantities import PathQuantities
 from riemhuman.geometry.space import Space
 from riemhuman.kernels.scalars import square_root
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.representation import constructed
 
 
-class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
+class RiemannianMetric(
+    InheritsDocstrings, PathQuantities, GeodesicQuantities, DerivedQuantities, ManyDistances
+):
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
@@ -60,10 +65,6 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
     10.0
     """
 
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
-
     def __init__(
         self,
         space: Space,
@@ -88,8 +89,6 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
         return constructed(self, leave_out=("space",))
 
     def __mul__(self, scale: float) -> RiemannianMetric:
-        from riemhuman.geometry.scalar_product import ScalarProductMetric
-
         return ScalarProductMetric(self, scale)
 
     __rmul__ = __mul__
@@ -267,120 +266,128 @@ class RiemannianMetric(GeodesicQuantities, DerivedQuantities, ManyDistances):
         """
         return square_root(self.squared_dist(point_a, point_b))
 
-    def energy(self, path: ndarray) -> ndarray:
-        r"""Return the energy of discrete paths with n segments.
 
-        :math:`n \sum_i d^2(x_i, x_{i+1})` where `squared_dist` has a closed form, else the finite
-        differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments
-        (equation 7 of the paper).
+class ScalarProductMetric(RiemannianMetric):
+    """A metric times a number: ``2.0 * metric``.
 
-        Parameters
-        ----------
-        path : array, shape (..., n_times, \*shape)
-            Paths.
+    Inner products, energies and squared distances are multiplied; geodesics, exponential, logarithm
+    and parallel transport stay.
 
-        Returns
-        -------
-        array, shape (...)
-        """
-        path = self._check_path(path)
-        n_segments = path.shape[-len(self.space.shape) - 1] - 1
-        return n_segments * np.sum(self._squared_segments(path), axis=-1)
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    scale : float
+        The number, above 0.
+    """
 
-    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of one path and its gradient.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, \*shape)
-            Path.
-
-        Returns
-        -------
-        energy : float
-            May be infinite at a path that leaves the manifold.
-        gradient : array, shape (n_times, \*shape)
-            Derivatives with respect to all entries of the path.
-        """
-        path = self.check_points(path, "path")
-        energy, gradient = value_and_grad(self.energy)(path)
-        return float(energy), gradient
-
-    def squared_dists_and_gradient(
-        self, point: ndarray, others: ndarray, weights: ndarray
-    ) -> tuple[ndarray, ndarray]:
-        r"""Return the squared distances of a point from others, and the gradient of their sum.
-
-        Distances are energies of paths of one segment.
-
-        Parameters
-        ----------
-        point : array, shape (\*shape,)
-            Point x.
-        others : array, shape (n, \*shape)
-            Points x_i.
-        weights : array, shape (n,)
-            Weights w_i > 0.
-
-        Returns
-        -------
-        squared : array, shape (n,)
-            d(x_i, x)², infinite where x or x_i leaves the manifold.
-        gradient : array, shape (\*shape,)
-            Gradient of Σ_i w_i d(x_i, x)² with respect to x.
-        """
-        squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
-        for i, (weight, other) in enumerate(zip(weights, others, strict=True)):
-            squared[i], slopes = self.energy_and_gradient(np.stack([other, point]))
-            gradient += weight * slopes[1]
-        return squared, gradient
-
-    def remove_drift(self, path: ndarray) -> ndarray:
-        r"""Move interior points of a path by motions the metric does not see, if there are any.
-
-        Parameters
-        ----------
-        path : array, shape (n_times, \*shape)
-            Path.
-
-        Returns
-        -------
-        array, shape (n_times, \*shape)
-            A path of the same energy; by default the same path.
-        """
-        return path
-
-    def length(self, path: ndarray) -> ndarray:
-        r"""Return the length of discrete paths, the sum of the lengths of their segments.
-
-        Parameters
-        ----------
-        path : array, shape (..., n_times, \*shape)
-            Paths.
-
-        Returns
-        -------
-        array, shape (...)
-        """
-        path = self._check_path(path)
-        self.space.check_scale(path, "path")
-        return np.sum(square_root(self._squared_segments(path)), axis=-1)
-
-    def _squared_segments(self, path: ndarray) -> ndarray:
-        before: Any = (..., slice(None, -1), *self._whole_point)
-        after: Any = (..., slice(1, None), *self._whole_point)
-        start, end = path[before], path[after]
-        if self.has_closed_form_dist:
-            return self.squared_dist(start, end)
-        return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
+    def __init__(self, metric: RiemannianMetric, scale: float) -> None:
+        super().__init__(
+            metric.space,
+            metric.geodesic_solver,
+            exp_solver=metric.exp_solver,
+            log_solver=metric.log_solver,
+            transport_solver=metric.transport_solver,
+        )
+        self.underlying_metric = metric
+        self._scale = metric_weight(scale, "scale", strict=True)
 
     @property
-    def _whole_point(self) -> tuple[slice, ...]:
-        return (slice(None),) * len(self.space.shape)
+    def scale(self) -> float:
+        """The number."""
+        return self._scale
 
-    def _check_path(self, path: ndarray, batched: bool = True) -> ndarray:
-        path = real_array(path, "path", ("n_times", *self.space.shape), batched=batched)
-        n_times = path.shape[-len(self.space.shape) - 1]
-        if n_times < 2:
-            raise ArgumentError(f"path must have at least two times; found {n_times}")
-        return path
+    @property
+    def has_closed_form_dist(self) -> bool:
+        """Whether the metric has distances in closed form."""
+        return self.underlying_metric.has_closed_form_dist
+
+    @property
+    def has_inner_product(self) -> bool:
+        """Whether the metric defines an inner product."""
+        return self.underlying_metric.has_inner_product
+
+    @property
+    def has_closed_form_geodesic(self) -> bool:
+        """Whether the metric has geodesics in closed form."""
+        return self.underlying_metric.has_closed_form_geodesic
+
+    @property
+    def has_closed_form_transport(self) -> bool:
+        """Whether the metric has parallel transport in closed form."""
+        return self.underlying_metric.has_closed_form_transport
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
+    ) -> ndarray:
+        """Return the inner product of the metric, multiplied."""
+        product = self.underlying_metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
+        return self.scale * product
+
+    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Return the covectors of the metric, multiplied."""
+        return self.scale * self.underlying_metric.covector(tangent_vec, base_point)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return the squared distance of the metric, multiplied."""
+        return self.scale * self.underlying_metric.squared_dist(point_a, point_b)
+
+    @property
+    def bulk(self) -> Bulk:
+        """The bulk work of the metric, multiplied."""
+        return SumOfFactors([(lambda points: points, self.scale, self.underlying_metric.bulk)])
+
+    def energy(self, path: ndarray) -> ndarray:
+        """Return the energy of the metric, multiplied."""
+        return self.scale * self.underlying_metric.energy(path)
+
+    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+        """Return the energy of one path and its gradient, multiplied."""
+        energy, gradient = self.underlying_metric.energy_and_gradient(path)
+        return self.scale * energy, self.scale * gradient
+
+    def length(self, path: ndarray) -> ndarray:
+        """Return the length of the metric, times the square root of the number."""
+        return np.sqrt(self.scale) * self.underlying_metric.length(path)
+
+    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+        """Return the Gram matrix of the metric, multiplied."""
+        return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        """Remove drift as the metric does."""
+        return self.underlying_metric.remove_drift(path)
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        """Return the exponential of the metric."""
+        return self.underlying_metric.exp(tangent_vec, base_point)
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        """Return the logarithm of the metric."""
+        return self.underlying_metric.log(point, base_point)
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        """Transport vectors as the metric does."""
+        return self.underlying_metric.parallel_transport(
+            tangent_vec, base_point, direction, end_point
+        )
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        """Return the radius of the metric, times the square root of the number."""
+        return np.sqrt(self.scale) * self.underlying_metric.injectivity_radius(base_point)
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        """Return ⟨R(a, b) b, a⟩ of the metric, multiplied."""
+        form = self.underlying_metric.curvature_form(tangent_vec_a, tangent_vec_b, base_point)
+        return self.scale * form
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        return self.underlying_metric._geodesic_between(start, end)

@@ -30,8 +30,6 @@ class MetricFields(Manifold):
     ----------
     template : Template
         The template T.
-    equip : bool
-        Whether to equip the manifold with `EbinMetric`.
 
     Examples
     --------
@@ -57,8 +55,6 @@ class MetricFields(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., F, 2, 2)
-            Candidate metric fields.
         atol : float
             Absolute tolerance for symmetry.
         """
@@ -72,8 +68,6 @@ class MetricFields(Manifold):
 
         Parameters
         ----------
-        vector : array, shape (..., F, 2, 2)
-            Fields of matrices.
         base_point : array, shape (..., F, 2, 2), optional
             Metric fields; the tangent space is the same at all of them.
         """
@@ -88,12 +82,8 @@ class MetricFields(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of fields.
         bound : float
             Twice the standard deviation of the diagonal entries of S.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * sample_bound(bound) * ebin_tangent.symmetric_part(noise)
@@ -109,8 +99,6 @@ class MetricFields(Manifold):
         ----------
         point : array_like, shape (..., F, 2, 2)
             Metric fields.
-        name : str
-            Name of the argument, for messages.
         completion : bool
             Whether degenerate matrices are legal, as in the completion of Met(T).
 
@@ -344,17 +332,8 @@ class EbinMetric(RiemannianMetric):
 
         Parameters
         ----------
-        initial_point : array, shape (..., F, 2, 2)
-            Initial point.
         end_point : array, shape (..., F, 2, 2), optional
             End point; degenerate matrices are legal at both ends.
-        initial_tangent_vec : array, shape (..., F, 2, 2), optional
-            Initial velocity; exactly one of the two is given.
-
-        Returns
-        -------
-        callable
-            Maps times, shape (n_times,), to metric fields, shape (..., n_times, F, 2, 2).
         """
         if end_point is None or initial_tangent_vec is not None:
             return super().geodesic(initial_point, end_point, initial_tangent_vec)

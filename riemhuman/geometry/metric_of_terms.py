@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from autograd.tracer import isbox
@@ -13,14 +13,12 @@ from scipy import sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.kernels.known_gradient import with_known_gradient
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.quadratic import SumOfQuadraticTerms
 from riemhuman.terms.sum import SumOfTerms
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class MetricOfTerms(RiemannianMetric):
@@ -45,13 +43,13 @@ class MetricOfTerms(RiemannianMetric):
         If there is no term.
     """
 
-    space: AlignedSurfaces
+    space: TemplateSurfaces
     driver: type[SumOfTerms] | type[SumOfQuadraticTerms]
     _sum: SumOfTerms | SumOfQuadraticTerms
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: TemplateSurfaces,
         terms: Sequence[Any],
         geodesic_solver: GeodesicSolver | None = None,
         *,

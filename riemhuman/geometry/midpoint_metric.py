@@ -17,14 +17,8 @@ class MidpointMetric(MetricOfTerms):
 
     Parameters
     ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
     terms : sequence of QuadraticTerm
         The terms, see `riemhuman.terms.quadratic`.
-    geodesic_solver : object, optional
-        Strategy for geodesics.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`.
     """
 
     driver = SumOfQuadraticTerms

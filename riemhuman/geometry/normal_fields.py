@@ -30,8 +30,6 @@ class NormalFields(Manifold):
     ----------
     template : Template
         The template T.
-    equip : bool
-        Whether to equip the manifold with `NormalFieldMetric`.
 
     Examples
     --------
@@ -55,8 +53,6 @@ class NormalFields(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., F, 3)
-            Candidate normal fields.
         atol : float
             Absolute tolerance for the lengths.
         """
@@ -76,12 +72,8 @@ class NormalFields(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of fields.
         bound : float
             Not used: spheres are compact.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)

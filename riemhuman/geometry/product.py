@@ -27,8 +27,6 @@ class ProductManifold(Manifold):
     ----------
     factors : sequence of Manifold
         Manifolds, each equipped with a metric.
-    equip : bool
-        Whether to equip the product with `ProductMetric`.
 
     Examples
     --------
@@ -118,8 +116,6 @@ class ProductManifold(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., size)
-            Candidate points.
         atol : float
             Absolute tolerance.
         """
@@ -132,15 +128,7 @@ class ProductManifold(Manifold):
         return right_shape & np.all(np.stack(verdicts), axis=0)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Project every component to the tangent space of its factor.
-
-        Parameters
-        ----------
-        vector : array, shape (..., size)
-            Arrays.
-        base_point : array, shape (..., size), optional
-            Points; needed where a factor needs them.
-        """
+        """Project every component to the tangent space of its factor."""
         if base_point is None:
             return self._each("to_tangent", vector)
         return self._each("to_tangent", vector, base_point)
@@ -154,12 +142,8 @@ class ProductManifold(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of points.
         bound : float
             Bound for the factors' own points.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
@@ -189,8 +173,6 @@ class ProductMetric(RiemannianMetric):
         The product of equipped manifolds.
     weights : sequence of float, optional
         A weight w_k ≥ 0 for each factor, not all 0; by default all are 1.
-    geodesic_solver : object, optional
-        Strategy for geodesics that have no closed form.
 
     Examples
     --------

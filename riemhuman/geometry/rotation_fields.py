@@ -34,8 +34,6 @@ class RotationFields(Manifold):
     ----------
     template : Template
         The template T.
-    equip : bool
-        Whether to equip the manifold with `RotationFieldMetric`.
 
     Examples
     --------
@@ -59,8 +57,6 @@ class RotationFields(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., F, 3, 3)
-            Candidate fields.
         atol : float
             Absolute tolerance for the entries of RᵀR − I.
         """
@@ -81,12 +77,8 @@ class RotationFields(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of fields.
         bound : float
             Not used: the rotations are compact.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
@@ -196,10 +188,6 @@ class RotationFieldMetric(RiemannianMetric):
         ----------
         base_point : array, shape (..., F, 3, 3), optional
             Fields of rotations; it is the same at all of them.
-
-        Returns
-        -------
-        array, shape (...)
         """
         leading = np.shape(base_point)[:-3] if base_point is not None else ()
         return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
@@ -218,10 +206,6 @@ class RotationFieldMetric(RiemannianMetric):
             Tangent fields a and b.
         base_point : array, shape (..., F, 3, 3)
             Field of rotations.
-
-        Returns
-        -------
-        array, shape (...)
         """
         base_point = self.space.check_point(base_point, "base_point")
         a, b = (

@@ -50,10 +50,6 @@ class RotationMetric(PullbackMetric):
         Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
         time). By default a 720th of the template's area. On an adult, √(4 time) is then the
         thickness of a limb, 10 cm. At 0 there is no diffusion.
-    geodesic_solver : object, optional
-        Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver : object, optional
-        Strategies for `exp` and `log`, which have no closed form either.
 
     Examples
     --------

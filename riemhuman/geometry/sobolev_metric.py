@@ -6,8 +6,8 @@ import numpy as np
 
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.midpoint_metric import MidpointMetric
+from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.quadratic import QuadraticTerm
@@ -37,10 +37,6 @@ class SobolevMetric(MidpointMetric):
     a0, a1, b1, c1, d1, a2 : float
         Weights, at least 0. Where a body and its deformation grow s times larger, the cost by a0
         grows s⁴ times, that of the first order s² times, that of a2 not at all.
-    geodesic_solver : object, optional
-        Strategy for geodesics.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`.
 
     Raises
     ------
@@ -75,7 +71,7 @@ class SobolevMetric(MidpointMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: TemplateSurfaces,
         a0: float = 0.0,
         a1: float = 1.0,
         b1: float = 1.0,

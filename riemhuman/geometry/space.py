@@ -9,12 +9,12 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, point_array, real_array, values_of
-from riemhuman.docstrings import inherit_sections
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.samples import sample_count
 
 
-class Space(ABC):
+class Space(InheritsDocstrings, ABC):
     r"""A space whose points and tangent vectors are arrays of one shape.
 
     `riemhuman.Manifold` adds a metric to it; metrics ask for no more than this.
@@ -26,10 +26,6 @@ class Space(ABC):
     shape : tuple of int
         Shape of one point.
     """
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
 
     def __init__(self, dim: int, shape: tuple[int, ...]) -> None:
         self.dim = dim
@@ -194,9 +190,7 @@ class Space(ABC):
         """
         return point_array(point, name, self.shape)
 
-    def check_scale(  # noqa: B027, most spaces have no unit
-        self, point: ndarray, name: str = "point"
-    ) -> None:
+    def check_scale(self, point: ndarray, name: str = "point") -> None:
         r"""Refuse points that are measured in another unit of length, where there is one.
 
         Parameters

@@ -2,29 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.root_normals import RootNormalTerm
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class SRNFMetric(SurfaceMetric):
     r"""The pull-back of the L² metric by the square root normal field :math:`q = \sqrt{A}\,n`.
 
     Section 5.2 of the paper; distances do not depend on the template.
-
-    Parameters
-    ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
-    geodesic_solver : object, optional
-        Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
 
     Examples
     --------
@@ -38,7 +25,7 @@ class SRNFMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: TemplateSurfaces,
         geodesic_solver: GeodesicSolver | None = None,
         *,
         exp_solver: ExpSolver | None = None,

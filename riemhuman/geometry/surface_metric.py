@@ -30,14 +30,8 @@ class SurfaceMetric(MetricOfTerms):
 
     Parameters
     ----------
-    space : AlignedSurfaces
-        Surfaces over a template.
     terms : sequence of Term
         The terms, at least one; see `riemhuman.terms`.
-    geodesic_solver : object, optional
-        Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`, which have none either.
 
     Raises
     ------

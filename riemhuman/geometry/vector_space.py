@@ -25,8 +25,6 @@ class VectorSpace(Manifold):
     ----------
     shape : tuple of int
         Shape of the arrays.
-    equip : bool
-        Whether to equip the space with `FlatMetric`.
 
     Examples
     --------
@@ -48,8 +46,6 @@ class VectorSpace(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., \*shape)
-            Candidate points.
         atol : float
             Not used.
         """
@@ -64,12 +60,8 @@ class VectorSpace(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of arrays.
         bound : float
             Entries lie between −bound and bound.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
         """
         n_samples, bound = sample_count(n_samples), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
@@ -156,8 +148,6 @@ class FlatMetric(RiemannianMetric):
 
         Parameters
         ----------
-        tangent_vec : array, shape (..., \*shape)
-            Arrays.
         base_point, direction, end_point : array, shape (..., \*shape), optional
             Base point, and initial velocity or end of the geodesic; they take part in broadcasting
             alone.

@@ -19,6 +19,7 @@ from riemhuman.motions.frames import (
     rising_times,
     whole_motion,
 )
+from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.protocols import GeodesicSolver, uninterrupted
 
 if TYPE_CHECKING:
@@ -41,8 +42,6 @@ class MotionSpace(Manifold):
         Solver for the surfaces between two frames. By default every triangle turns and stretches
         evenly, see `riemhuman.solvers.PoissonPath`: limbs keep their length, and the energy is
         close to the minimum.
-    equip : bool
-        Whether to equip the space with `RateDependentMetric`.
 
     Examples
     --------
@@ -70,8 +69,6 @@ class MotionSpace(Manifold):
 
     def default_metric(self) -> type[RiemannianMetric]:
         """Return `RateDependentMetric`."""
-        from riemhuman.motions.rate_dependent_metric import RateDependentMetric
-
         return RateDependentMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
@@ -79,32 +76,14 @@ class MotionSpace(Manifold):
 
         Parameters
         ----------
-        point : array, shape (..., n_times, V, 3)
-            Candidate motions.
         atol : float
             Absolute tolerance of the space of frames.
-
-        Returns
-        -------
-        array of bool, shape (...)
         """
         point, _ = self._candidates(point, "point")
         return np.all(self.frames.belongs(point, atol), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the vector itself: every deformation of every frame is tangent.
-
-        Parameters
-        ----------
-        vector : array, shape (..., n_times, V, 3)
-            Deformations.
-        base_point : array, shape (..., n_times, V, 3), optional
-            Motions.
-
-        Returns
-        -------
-        array, shape (..., n_times, V, 3)
-        """
+        """Return the vector itself: every deformation of every frame is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
@@ -112,16 +91,8 @@ class MotionSpace(Manifold):
 
         Parameters
         ----------
-        n_samples : int
-            Number of motions.
         bound : float
             How far the surfaces spread.
-        rng : int or numpy.random.Generator, optional
-            Seed, or the generator to draw from; by default every call draws anew.
-
-        Returns
-        -------
-        array, shape (n_samples, n_times, V, 3), or (n_times, V, 3) for one sample
         """
         n_samples, rng = sample_count(n_samples), generator(rng)
         ends = self.frames.random_point(2 * n_samples, bound, rng)
@@ -136,12 +107,6 @@ class MotionSpace(Manifold):
         ----------
         point : array_like, shape (..., n_times, V, 3)
             Motions.
-        name : str
-            Name of the argument, for messages.
-
-        Returns
-        -------
-        array, shape (..., n_times, V, 3)
         """
         return self.frames.check_point(real_array(point, name, self.shape), name)
 

@@ -9,7 +9,6 @@ from numpy import ndarray
 
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms.sum import Features
 
@@ -28,8 +27,6 @@ class RateDependentMetric(RiemannianMetric):
         Space of motions.
     metric : RiemannianMetric, optional
         Metric on frames; by default that of their space.
-    geodesic_solver : object, optional
-        Strategy for geodesics that have no closed form.
 
     Examples
     --------
@@ -43,11 +40,11 @@ class RateDependentMetric(RiemannianMetric):
     True
     """
 
-    space: MotionSpace
+    space: Any
 
     def __init__(
         self,
-        space: MotionSpace,
+        space: Any,
         metric: RiemannianMetric | None = None,
         geodesic_solver: GeodesicSolver | None = None,
     ) -> None:
@@ -68,34 +65,12 @@ class RateDependentMetric(RiemannianMetric):
         tangent_vec_b: ndarray,
         base_point: ndarray | None = None,
     ) -> ndarray:
-        """Return the mean over time of the inner products of deformations of frames.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., n_times, V, 3)
-            Deformations.
-        base_point : array, shape (..., n_times, V, 3)
-            Motions.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return the mean over time of the inner products of deformations of frames."""
         products = self.metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
         return np.sum(self.time_weights * products, axis=-1)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return the mean over time of the squared distances of frames.
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., n_times, V, 3)
-            Motions.
-
-        Returns
-        -------
-        array, shape (...)
-        """
+        """Return the mean over time of the squared distances of frames."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         return np.sum(self.time_weights * self.metric.squared_dist(point_a, point_b), axis=-1)

@@ -151,10 +151,6 @@ class RateInvariantMetric(RiemannianMetric):
         point_a, point_b : array or sequence, shape (..., n_times, V, 3)
             Motions: one each, of any numbers of frames, or several that broadcast.
 
-        Returns
-        -------
-        array, shape (...)
-
         Raises
         ------
         ArgumentError
@@ -172,10 +168,6 @@ class RateInvariantMetric(RiemannianMetric):
         ----------
         point_a, point_b : array or sequence, shape (..., n_times, V, 3)
             Motions: one each, of any numbers of frames, or several that broadcast.
-
-        Returns
-        -------
-        array, shape (...)
         """
         if np.ndim(point_a[:1]) == np.ndim(point_b[:1]) == 3:
             one, other = (
@@ -230,19 +222,10 @@ class RateInvariantMetric(RiemannianMetric):
         ----------
         points : sequence of motions
             Motions of at least two frames each.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
         precision : {"double"}
             Not used: velocities are kept and compared in double precision.
         memory : int
             Not used: the velocities of all motions are kept.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
 
         Raises
         ------

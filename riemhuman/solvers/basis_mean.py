@@ -11,11 +11,12 @@ from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number, values_of, whole_number
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.space import Space
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import Basis
+from riemhuman.protocols import Basis, MeanSolver
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
 from riemhuman.solvers.preconditioner import CholeskyFactor
@@ -26,7 +27,7 @@ STARTS = ("lowest", "first", "medoid", "euclidean")
 
 
 @dataclass(frozen=True)
-class BasisMean:
+class BasisMean(InheritsDocstrings, MeanSolver):
     r"""The point x̄ = x₀ + Σ_j β_j D_j of least weighted mean squared distance.
 
     Algorithm 2 of the paper, with the coefficients preconditioned by the metric's Gram matrix.
@@ -97,12 +98,6 @@ class BasisMean:
 
         Parameters
         ----------
-        metric : RiemannianMetric
-            The metric.
-        points : array, shape (n, \*shape)
-            Points.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
             x₀, instead of `start`.
 

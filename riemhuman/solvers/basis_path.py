@@ -119,16 +119,10 @@ class BasisPath(ManyPaths):
 
         Parameters
         ----------
-        metric : RiemannianMetric
-            A metric on surfaces.
         start, end : array, shape (V, 3)
             Surfaces f₀ and f₁.
         initial_path : array, shape (n_nodes, V, 3), optional
             Path l between the same ends, for a warm start.
-
-        Returns
-        -------
-        PathResult
 
         Raises
         ------

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
-from riemhuman.docstrings import inherit_sections
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.rounding import rounding_energy
@@ -19,7 +19,7 @@ from riemhuman.solvers.rounding import rounding_energy
 _BLOCK = 64
 
 
-class Dispersion:
+class Dispersion(InheritsDocstrings):
     r"""V(x) = Σ_i w_i d(x_i, x)²/Σ_i w_i.
 
     The functional of section 4 of the paper, divided by the sum of the weights.
@@ -33,10 +33,6 @@ class Dispersion:
     weights : array, shape (n,), optional
         Weights w_i ≥ 0, not all 0; by default all are 1.
     """
-
-    def __init_subclass__(cls, **settings: Any) -> None:
-        super().__init_subclass__(**settings)
-        inherit_sections(cls)
 
     def __init__(
         self, metric: RiemannianMetric, points: ndarray, weights: ndarray | None = None
@@ -146,12 +142,6 @@ class MeanDistance(Dispersion):
 
     Parameters
     ----------
-    metric : RiemannianMetric
-        A metric whose distance has a closed form or a solver.
-    points : array, shape (n, \*shape)
-        Points x_i.
-    weights : array, shape (n,), optional
-        Weights w_i ≥ 0, not all 0; by default all are 1.
     smoothing : float
         ε > 0. S exceeds the mean distance by at most ε; distances alone have no gradient at 0.
     """
@@ -196,8 +186,6 @@ class StreamedDispersion(Dispersion):
 
     Parameters
     ----------
-    metric : RiemannianMetric
-        A metric whose distance has a closed form or a solver.
     points : sequence, shape (n, \*shape)
         An array, which may be mapped from a file, or any object whose slices are arrays of points.
     weights : array, shape (n,)

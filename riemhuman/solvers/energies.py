@@ -9,10 +9,11 @@ from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import PathEnergy
 
 
 @dataclass(frozen=True)
-class SegmentEnergy:
+class SegmentEnergy(PathEnergy):
     """n Σ d²(x_i, x_{i+1}) over n segments, in closed form where the metric has one.
 
     It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
@@ -31,41 +32,14 @@ class SegmentEnergy:
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        r"""Return the energy of a path.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        float
-        """
         return float(metric.energy(path))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of a path and its gradient with respect to all points.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        energy : float
-        gradient : array, shape (n_nodes, \*shape)
-        """
         return metric.energy_and_gradient(path)
 
 
 @dataclass(frozen=True)
-class FiniteDifferenceEnergy:
+class FiniteDifferenceEnergy(PathEnergy):
     """n Σ ‖x_{i+1} − x_i‖² over n segments, by the inner product at their midpoints.
 
     The paper's form of the energy (equation 7), of second order in the time step.
@@ -83,36 +57,9 @@ class FiniteDifferenceEnergy:
     """
 
     def value(self, metric: RiemannianMetric, path: ndarray) -> float:
-        r"""Return the energy of a path.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        float
-        """
         return float(self._energy(metric, metric.check_points(path, "path")))
 
     def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
-        r"""Return the energy of a path and its gradient with respect to all points.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        path : array, shape (n_nodes, \*shape)
-            Path.
-
-        Returns
-        -------
-        energy : float
-        gradient : array, shape (n_nodes, \*shape)
-        """
         energy = value_and_grad(lambda points: self._energy(metric, points))
         value, gradient = energy(metric.check_points(path, "path"))
         return float(value), gradient

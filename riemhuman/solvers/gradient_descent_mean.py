@@ -8,7 +8,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.protocols import MeanSolver
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.rounding import rounding_energy
@@ -17,7 +19,7 @@ _SMALLEST_STEP = 1e-6
 
 
 @dataclass(frozen=True)
-class GradientDescentMean:
+class GradientDescentMean(InheritsDocstrings, MeanSolver):
     """x ← exp_x(step · Σ_i w_i log_x(x_i)), for metrics that have exp and log in closed form.
 
     The step is halved where the variance would increase.
@@ -64,10 +66,6 @@ class GradientDescentMean:
         ----------
         metric : RiemannianMetric
             A metric with `exp` and `log`.
-        points : array, shape (n, \*shape)
-            Points.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
             Where to start, by default at the first point of positive weight.
 

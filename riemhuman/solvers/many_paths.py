@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import warnings
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Any
 
 from numpy import ndarray
 
 from riemhuman.checks import values_of
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ConvergenceWarning, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
@@ -17,8 +19,24 @@ from riemhuman.protocols import GeodesicSolver, uninterrupted
 from riemhuman.solvers.results import PathResult, whole_path_result
 
 
-class ManyPaths:
+class ManyPaths(InheritsDocstrings, ABC):
     """A base class that lets a geodesic solver solve many pairs of points."""
+
+    @abstractmethod
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        r"""Return a path between two points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        start, end : array, shape (\*shape,)
+            End points.
+
+        Returns
+        -------
+        PathResult
+        """
 
     def solve_many(
         self: GeodesicSolver,

@@ -113,8 +113,6 @@ class ModelPath(ManyPaths):
         ----------
         metric : RiemannianMetric
             A metric on surfaces, for the energy.
-        start, end : array, shape (V, 3)
-            Surfaces.
         start_parameters, end_parameters : ModelParameters, optional
             Their parameters (betas, pose, trans); by default the solver's `parameters` finds them.
 

@@ -11,9 +11,10 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver, uninterrupted
+from riemhuman.protocols import GeodesicSolver, TransportSolver, uninterrupted
 from riemhuman.solvers.middle_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.solvers.rounding import rounding_energy
@@ -75,8 +76,28 @@ class _Geometry(Protocol):
 
 
 @dataclass(frozen=True)
-class _Ladder:
-    """What pole and Schild ladders share."""
+class _Ladder(InheritsDocstrings, TransportSolver):
+    """What pole and Schild ladders share.
+
+    Parameters
+    ----------
+    n_rungs : int
+        Number of segments of a closed-form geodesic; a solver's path has its own.
+    basis : DeformationBasis, optional
+        Deformations that span the discrete segments together with those of the path and the vector;
+        by default all coordinates are free. Inner products of two vectors are preserved if both are
+        in the span of the basis.
+    geodesic_solver : object, optional
+        Solver for the geodesic, by default the metric's own.
+    exact : bool
+        Whether to use the metric's own `parallel_transport` where it has a closed form.
+    scale : float
+        Length of the sides exp_p(±w) in units of the segment.
+    tolerance : float
+        Largest error of each equation, as a share of the length of its two segments.
+    max_iter : int
+        Largest number of iterations of each equation.
+    """
 
     n_rungs: int = 10
     basis: DeformationBasis | None = None
@@ -105,10 +126,6 @@ class _Ladder:
 
         Parameters
         ----------
-        metric : RiemannianMetric
-            The metric.
-        tangent_vec : array, shape (\*shape,)
-            Tangent vector at the base point.
         base_point : array, shape (\*shape,)
             Where the path starts.
         direction : array, shape (\*shape,), optional
@@ -217,25 +234,6 @@ class PoleLadder(_Ladder):
     22, 2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
     see `riemhuman.solvers.middle_equation`.
 
-    Parameters
-    ----------
-    n_rungs : int
-        Number of segments of a closed-form geodesic; a solver's path has its own.
-    basis : DeformationBasis, optional
-        Deformations that span the discrete segments together with those of the path and the vector;
-        by default all coordinates are free. Inner products of two vectors are preserved if both are
-        in the span of the basis.
-    geodesic_solver : object, optional
-        Solver for the geodesic, by default the metric's own.
-    exact : bool
-        Whether to use the metric's own `parallel_transport` where it has a closed form.
-    scale : float
-        Length of the sides exp_p(±w) in units of the segment.
-    tolerance : float
-        Largest error of each equation, as a share of the length of its two segments.
-    max_iter : int
-        Largest number of iterations of each equation.
-
     Examples
     --------
     >>> import riemhuman as rh
@@ -262,25 +260,7 @@ class SchildLadder(_Ladder):
 
     For each segment (p, q), p is reflected in the points halfway from exp_p(±w) to q; the results
     are exp_q(±w'). The error is of first order in the length of the segments in general, and of
-    second order when the two signs are averaged, as here. See `PoleLadder` for the parameters and
-    the source.
-
-    Parameters
-    ----------
-    n_rungs : int
-        Number of segments of a closed-form geodesic; a solver's path has its own.
-    basis : DeformationBasis, optional
-        Deformations within which discrete segments are sought.
-    geodesic_solver : object, optional
-        Solver for the geodesic, by default the metric's own.
-    exact : bool
-        Whether to use the metric's own `parallel_transport` where it has a closed form.
-    scale : float
-        Length of the sides exp_p(±w) in units of the segment.
-    tolerance : float
-        Largest error of each equation, as a share of the length of its two segments.
-    max_iter : int
-        Largest number of iterations of each equation.
+    second order when the two signs are averaged, as here. See `PoleLadder` for the source.
 
     Examples
     --------

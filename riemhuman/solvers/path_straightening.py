@@ -129,10 +129,6 @@ class PathStraightening(ManyPaths):
 
         Parameters
         ----------
-        metric : RiemannianMetric
-            A metric on any manifold.
-        start, end : array, shape (\*shape,)
-            End points.
         initial_path : array, shape (n_nodes, \*shape), optional
             Path to start from, between the same ends, instead of the coarse levels.
 

@@ -9,13 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import whole_number
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PathEnergy
-from riemhuman.solvers.energies import SegmentEnergy
-from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult
-from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
+from riemhuman.solvers.simple_paths import KnownPath, check_end_points, known_path, linear_path
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -31,19 +28,12 @@ _RIVAL = 1.1
 
 
 @dataclass(frozen=True)
-class PoissonPath(ManyPaths):
+class PoissonPath(KnownPath):
     """The path of surfaces whose triangles turn and stretch uniformly, see `surfaces.poisson`.
 
     Triangles turn by the smaller angle. Where neighbours then turn in different directions, as in a
     limb that makes about half a turn, each limb, the largest first, turns by the smaller angle or
     like its neighbours, whichever has less energy; so do all smaller parts together.
-
-    Parameters
-    ----------
-    n_nodes : int
-        Number of points of the path, both ends included.
-    energy : PathEnergy
-        Energy that the result states.
 
     Examples
     --------
@@ -56,12 +46,6 @@ class PoissonPath(ManyPaths):
     (5, 1202, 3)
     """
 
-    n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         """Return the path.
 
@@ -71,10 +55,6 @@ class PoissonPath(ManyPaths):
             A metric on surfaces over a template.
         start, end : array, shape (V, 3)
             Surfaces whose triangles have an area.
-
-        Returns
-        -------
-        PathResult
 
         Raises
         ------

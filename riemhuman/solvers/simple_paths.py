@@ -17,8 +17,8 @@ from riemhuman.solvers.results import PathResult
 
 
 @dataclass(frozen=True)
-class LinearPath(ManyPaths):
-    """The straight path (1 − t) x₀ + t x₁, projected to the manifold where necessary.
+class KnownPath(ManyPaths):
+    """A base of paths that no search is needed for.
 
     Parameters
     ----------
@@ -26,6 +26,18 @@ class LinearPath(ManyPaths):
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy that the result states.
+    """
+
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+
+
+@dataclass(frozen=True)
+class LinearPath(KnownPath):
+    """The straight path (1 − t) x₀ + t x₁, projected to the manifold where necessary.
 
     Examples
     --------
@@ -37,26 +49,8 @@ class LinearPath(ManyPaths):
     True
     """
 
-    n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
-        r"""Return the straight path.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric, for the energy.
-        start, end : array, shape (\*shape,)
-            End points.
-
-        Returns
-        -------
-        PathResult
-        """
+        r"""Return the straight path."""
         start, end = check_end_points(metric, start, end)
         path = linear_path(start, end, self.n_nodes)
         path[1:-1] = metric.space.projection(path[1:-1])
@@ -64,15 +58,8 @@ class LinearPath(ManyPaths):
 
 
 @dataclass(frozen=True)
-class ClosedFormGeodesic(ManyPaths):
+class ClosedFormGeodesic(KnownPath):
     """The geodesic, for metrics that have it in closed form.
-
-    Parameters
-    ----------
-    n_nodes : int
-        Number of points of the path, both ends included.
-    energy : PathEnergy
-        Energy that the result states.
 
     Examples
     --------
@@ -85,12 +72,6 @@ class ClosedFormGeodesic(ManyPaths):
     True
     """
 
-    n_nodes: int = 11
-    energy: PathEnergy = SegmentEnergy()
-
-    def __post_init__(self) -> None:
-        whole_number(self.n_nodes, "n_nodes", minimum=2)
-
     def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         r"""Return the geodesic.
 
@@ -98,12 +79,6 @@ class ClosedFormGeodesic(ManyPaths):
         ----------
         metric : RiemannianMetric
             A metric with closed-form geodesics.
-        start, end : array, shape (\*shape,)
-            End points.
-
-        Returns
-        -------
-        PathResult
 
         Raises
         ------

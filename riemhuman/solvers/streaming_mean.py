@@ -11,7 +11,6 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
-from riemhuman.docstrings import inherit_parameters
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import was_interrupted
@@ -49,17 +48,11 @@ class StreamingMean(BasisMean):
         Start of the search for the mean of the sample, as in `BasisMean`.
     with_differences : bool
         Whether to add the differences of the sample from its mean to the basis.
-    companion_weight : float
-        Weight of lengths beside an elastic metric of normals alone, as in `BasisMean`.
     tolerance : float
         Stop when a Newton step would gain at most this share of what is minimised, the variance or
         the mean distance, as far as the preconditioned gradient tells.
-    max_iter : int
-        Most iterations.
     callback : callable, optional
         Called with (iteration, what is minimised, point) after each iteration.
-    progress : bool
-        Whether to show a progress bar.
     sample_size : int
         Number of points in the sample.
     batch_size : int
@@ -97,13 +90,9 @@ class StreamingMean(BasisMean):
 
         Parameters
         ----------
-        metric : RiemannianMetric
-            The metric.
         points : sequence, shape (n, \*shape)
             An array, which may be mapped from a file, or any object with a length whose slices are
             points.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
         initial_point : array, shape (\*shape,), optional
             Start of the search for the mean of the sample, instead of `start`.
 
@@ -224,9 +213,6 @@ class StreamingMedian(StreamingMean):
         streamed = self._streamed(searched, sample, mean_distance)
         alone = self._streamed(metric, sample, Dispersion)
         return self._result(streamed, alone, nearer.point)
-
-
-inherit_parameters(StreamingMedian)
 
 
 class _Sample:

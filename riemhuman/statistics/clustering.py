@@ -17,7 +17,46 @@ from riemhuman.statistics.distance_matrices import distance_matrix
 LINKAGES = ("average", "complete", "single")
 
 
-class KMedoids(Estimator):
+class _Clustering(Estimator):
+    """Clusters by the distances of points."""
+
+    labels_: ndarray
+
+    def fit(self, X: ArrayLike, y: object = None) -> Self:
+        """Find the clusters.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        Estimator
+            The estimator itself.
+        """
+        raise NotImplementedError
+
+    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+        """Fit, and return the labels.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        array of int, shape (n,)
+        """
+        return self.fit(X).labels_
+
+
+class KMedoids(_Clustering):
     """The k points that minimise the sum of distances of all points to the nearest of them.
 
     Partitioning around medoids [1]_: medoids are chosen one by one, always the best, and then
@@ -60,7 +99,6 @@ class KMedoids(Estimator):
     """
 
     medoid_indices_: ndarray
-    labels_: ndarray
     inertia_: float
     n_iter_: int
 
@@ -71,18 +109,6 @@ class KMedoids(Estimator):
 
     def fit(self, X: ArrayLike, y: object = None) -> Self:
         """Find the medoids.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        KMedoids
-            The estimator itself.
 
         Raises
         ------
@@ -125,24 +151,8 @@ class KMedoids(Estimator):
             )
         return np.argmin(distances[:, self.medoid_indices_], axis=1)
 
-    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels.
 
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        array of int, shape (n,)
-        """
-        return self.fit(X).labels_
-
-
-class HierarchicalClustering(Estimator):
+class HierarchicalClustering(_Clustering):
     """Agglomerative clusters, by scikit-learn.
 
     Parameters
@@ -173,7 +183,6 @@ class HierarchicalClustering(Estimator):
     [1, 1, 0, 0]
     """
 
-    labels_: ndarray
     children_: ndarray
     distances_: ndarray
 
@@ -190,18 +199,6 @@ class HierarchicalClustering(Estimator):
 
     def fit(self, X: ArrayLike, y: object = None) -> Self:
         """Join the clusters.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances of at least two points.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        HierarchicalClustering
-            The estimator itself.
 
         Raises
         ------
@@ -232,22 +229,6 @@ class HierarchicalClustering(Estimator):
         self.labels_ = found.labels_
         self.children_, self.distances_ = found.children_, found.distances_
         return self
-
-    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        array of int, shape (n,)
-        """
-        return self.fit(X).labels_
 
 
 def _greedy_medoids(distances: ndarray, k: int) -> ndarray:

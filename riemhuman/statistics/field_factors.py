@@ -29,31 +29,9 @@ class BlockwiseFactor(CholeskyFactor):
         self._ends = np.cumsum(sizes)[:-1]
 
     def solve(self, columns: ndarray) -> ndarray:
-        """Return L⁻¹ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
         return self._each("solve", columns)
 
     def solve_transposed(self, columns: ndarray) -> ndarray:
-        """Return L⁻ᵀ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
         return self._each("solve_transposed", columns)
 
     def _each(self, method: str, columns: ndarray) -> ndarray:

@@ -76,7 +76,7 @@ class FrechetMean(Estimator):
 
         Returns
         -------
-        FrechetMean
+        Estimator
             The estimator itself.
         """
         self._keep(self._mean(X, weights))
@@ -102,8 +102,6 @@ class GeometricMedian(FrechetMean):
 
     Parameters
     ----------
-    space : Manifold
-        A manifold equipped with a metric.
     solver : object, optional
         Strategy for Fréchet means, by default that of `FrechetMean`; or `StreamingMedian`, for the
         median itself, with its own tolerance.
@@ -148,20 +146,6 @@ class GeometricMedian(FrechetMean):
 
     def fit(self, X: ndarray, y: object = None, weights: ndarray | None = None) -> Self:
         r"""Find the geometric median of points.
-
-        Parameters
-        ----------
-        X : array, shape (n, \*shape)
-            Points.
-        y : object
-            Not used.
-        weights : array, shape (n,), optional
-            Weights of at least 0; by default all are the same.
-
-        Returns
-        -------
-        GeometricMedian
-            The estimator itself.
 
         Warns
         -----

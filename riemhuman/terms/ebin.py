@@ -49,8 +49,6 @@ class EbinTerm(Term):
 
     Parameters
     ----------
-    weight : float
-        w > 0.
     lam : float
         λ > 0, the weight of changes of area.
 

@@ -11,14 +11,14 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.checks import values_of
-from riemhuman.docstrings import inherit_sections
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.kernels import surface
 from riemhuman.kernels.moving_frames import by_vertex
 
 Slopes = tuple[float, ndarray, ndarray]
 
 
-class QuadraticTerm(ABC):
+class QuadraticTerm(InheritsDocstrings, ABC):
     """A term of a metric on surfaces, given by its inner product.
 
     Attributes
@@ -28,10 +28,6 @@ class QuadraticTerm(ABC):
     """
 
     sees_translations = False
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
 
     @abstractmethod
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:

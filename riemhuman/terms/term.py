@@ -12,14 +12,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from functools import partial
-from typing import Any
 
 import autograd.numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
-from riemhuman.docstrings import inherit_sections
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.kernels.linear import differential
 from riemhuman.kernels.surface import Derivatives, follow_up
 from riemhuman.kernels.triangles import LENGTH, fill_records
@@ -28,7 +27,7 @@ from riemhuman.representation import constructed
 Fields = tuple[ndarray, ...]
 
 
-class Term(ABC):
+class Term(InheritsDocstrings, ABC):
     """One term of a metric on surfaces.
 
     A subclass defines `fields`, `squared_dist` and `inner_product` with `autograd.numpy`, triangle
@@ -79,10 +78,6 @@ class Term(ABC):
     needs_area = False
     single = False
     area_power = 0.0
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
 
     def __init__(self, weight: float = 1.0) -> None:
         self.weight = metric_weight(weight, "weight", strict=True)

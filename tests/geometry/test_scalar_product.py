@@ -5,7 +5,7 @@ import pytest
 from cases import CASES, name_of
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.scalar_product import ScalarProductMetric
+from riemhuman.geometry.metric import ScalarProductMetric
 from riemhuman.solvers import PathStraightening, check_metric
 
 every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
