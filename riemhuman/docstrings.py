@@ -9,7 +9,10 @@ from typing import Any
 
 _HEADER = re.compile(r"\n\n(\w[\w ]*)\n-{3,}\n")
 _ENTRY = re.compile(r"^(?=\S)", re.MULTILINE)
-_PREFIXES = {inspect.Parameter.VAR_POSITIONAL: "*", inspect.Parameter.VAR_KEYWORD: "**"}
+_PREFIXES: dict[Any, str] = {
+    inspect.Parameter.VAR_POSITIONAL: "*",
+    inspect.Parameter.VAR_KEYWORD: "**",
+}
 
 
 class InheritsDocstrings:
@@ -23,8 +26,9 @@ class InheritsDocstrings:
 def inherit_sections(owner: type) -> None:
     """Complete the docstrings of a class and its methods by those of what they extend.
 
-    Parameters are inherited one by one, in the order of the signature, and what a method returns if
-    it does not say so itself. What is raised is not inherited.
+    Parameters, and attributes of data classes, are inherited one by one, in the order of the
+    signature, and what a method returns if it does not say so itself. What is raised is not
+    inherited.
 
     Parameters
     ----------
@@ -33,17 +37,20 @@ def inherit_sections(owner: type) -> None:
     """
     for name, method in vars(owner).items():
         if inspect.isfunction(method) and method.__doc__:
-            inherited = _inherited_docs(owner, name)[:1]
-            method.__doc__ = _completed(method.__doc__, inherited, _names(method))
-    names = _names_of_class(owner)
+            inherited = [vars(base).get(name) for base in owner.__mro__[1:-1]]
+            method.__doc__ = _completed(method, inherited, _names(method), ["Parameters"])
+    fields = getattr(owner, "__dataclass_fields__", {}).values()
+    kinds, names = ["Parameters"], []
+    if fields:
+        # Fields of its own become so later, by its decorator.
+        last = [field.name for field in fields if field.kw_only]
+        first = [field.name for field in fields if not field.kw_only]
+        own = [name for name in inspect.get_annotations(owner) if name not in [*first, *last]]
+        kinds, names = ["Parameters", "Attributes"], [*first, *own, *last]
+    elif inspect.isfunction(made := getattr(owner, "__init__", None)):
+        names = _names(made)
     if names and owner.__doc__:
-        owner.__doc__ = _completed(owner.__doc__, _inherited_docs(owner), names, returns=False)
-
-
-def _inherited_docs(owner: type, name: str | None = None) -> list[str]:
-    bases = owner.__mro__[1:-1]
-    members = bases if name is None else [vars(base).get(name) for base in bases]
-    return [doc for member in members if (doc := getattr(member, "__doc__", None))]
+        owner.__doc__ = _completed(owner, owner.__mro__[1:-1], names, kinds)
 
 
 def _names(function: Any) -> list[str]:
@@ -52,37 +59,34 @@ def _names(function: Any) -> list[str]:
     return [_PREFIXES.get(parameter.kind, "") + name for name, parameter in parameters][1:]
 
 
-def _names_of_class(owner: type) -> list[str]:
-    """Return the names of the parameters of a class, or of the fields of a data class."""
-    fields = list(getattr(owner, "__dataclass_fields__", ()))
-    if fields:
-        # Those of its own become fields later, by its decorator.
-        return [*fields, *(name for name in inspect.get_annotations(owner) if name not in fields)]
-    made = getattr(owner, "__init__", None)
-    return _names(made) if inspect.isfunction(made) else []
-
-
 def _completed(
-    text: str, inherited: Sequence[str], names: Sequence[str], *, returns: bool = True
+    written: Any, inherited: Sequence[Any], names: Sequence[str], kinds: Sequence[str]
 ) -> str:
-    head, own = _sections(text)
-    entries = _entries(own.get("Parameters", ""))
-    found: dict[str, str] = {}
-    for doc in inherited:
-        sections = _sections(doc)[1]
-        for group, description in _entries(sections.get("Parameters", "")).items():
-            known = {name for one in entries for name in one}
-            missing = tuple(name for name in group if name in names and name not in known)
+    """Return the docstring of a class or method, with what it inherits of sections."""
+    docs = [_sections(doc)[1] for one in inherited if (doc := getattr(one, "__doc__", None))]
+    if not docs:
+        return str(written.__doc__)
+    head, own = _sections(written.__doc__)
+    found = {kind: _described(own, docs, names, kind) for kind in kinds}
+    if inspect.isfunction(written):
+        found["Returns"] = own.get("Returns", docs[0].get("Returns", ""))
+    sections = {kind: text for kind, text in (found | (own | found)).items() if text}
+    return "\n\n".join([head, *(f"{k}\n{'-' * len(k)}\n{v}" for k, v in sections.items())])
+
+
+def _described(
+    own: dict[str, str], docs: Sequence[dict[str, str]], names: Sequence[str], kind: str
+) -> str:
+    """Return the descriptions of one kind, those of the nearest docstring first."""
+    entries: dict[tuple[str, ...], str] = {}
+    for doc in (own, *docs):
+        known = {name for group in entries for name in group}
+        for group, description in _entries(doc.get(kind, "")).items():
+            missing = [n for n in group if n not in known and (doc is own or n in names)]
             if missing:
-                entries[missing] = description
-        if returns and "Returns" in sections:
-            found["Returns"] = sections["Returns"]
+                entries[tuple(missing)] = description
     ordered = sorted(entries, key=lambda group: _place(group, names))
-    if ordered:
-        described = "".join(", ".join(group) + entries[group] for group in ordered)
-        own["Parameters"] = described.rstrip()
-        found = {"Parameters": "", **found}
-    return "\n\n".join([head, *(f"{k}\n{'-' * len(k)}\n{v}" for k, v in (found | own).items())])
+    return "".join(", ".join(group) + entries[group] for group in ordered).rstrip()
 
 
 def _place(group: Sequence[str], names: Sequence[str]) -> int:

@@ -10,6 +10,8 @@ from typing import Any
 
 from numpy import ndarray
 
+from riemhuman.docstrings import InheritsDocstrings
+
 _LONGEST = 80
 _MISSING = object()
 
@@ -69,7 +71,7 @@ def held(value: Any) -> dict[str, str]:
     return shown
 
 
-class Record:
+class Record(InheritsDocstrings):
     """A part of data classes that hold arrays, which shows them in a line by their shapes."""
 
     def __repr__(self) -> str:

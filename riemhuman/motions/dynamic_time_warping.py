@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy import ndarray
@@ -12,22 +11,20 @@ from numpy import ndarray
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.motions.dtw_kernels import accumulate, lower_bound, trace
 from riemhuman.motions.frame_tables import (
     ExactTables,
     Frames,
+    Tables,
     costs_between,
     kept_frames,
-    tables_of,
 )
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions
+from riemhuman.motions.time_warping import TimeWarping
 from riemhuman.motions.warp import Warp
-from riemhuman.progress import ProgressBar
-from riemhuman.representation import constructed
 
 
-class DynamicTimeWarping:
+class DynamicTimeWarping(TimeWarping):
     r"""The least root mean squared distance of frames along a common clock.
 
     .. math:: d(m_1, m_2)^2 = \min_{path} \frac{1}{n + m} \sum_{(i, j)} w_{ij}\, d(f_i, h_j)^2
@@ -38,8 +35,6 @@ class DynamicTimeWarping:
 
     Parameters
     ----------
-    metric : RiemannianMetric
-        Metric on frames, with a closed form.
     window : float, optional
         Largest distance of matched frames, as a share of each motion; by default there is no limit.
     n_times : int, optional
@@ -51,11 +46,6 @@ class DynamicTimeWarping:
     between_frames : bool
         Whether to match frames with places between frames, too. A motion is then nearer to its own
         re-timing.
-    n_components : int, optional
-        Number of principal components in place of exact distances in `dist_pairwise`; see
-        `riemhuman.motions.frame_tables`. By default distances are exact.
-    n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
 
     Raises
     ------
@@ -87,63 +77,22 @@ class DynamicTimeWarping:
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        self.metric = metric
+        super().__init__(metric, n_components, n_jobs)
         self.window = window
         self.n_times = n_times
         self.centered = centered
         self.between_frames = between_frames
-        self.n_components = n_components
-        self.n_jobs = n_jobs
         self._window = math.inf
         if window is not None:
             self._window = real_number(window, "window", minimum=0.0)
         if n_times is not None:
             whole_number(n_times, "n_times", minimum=2)
-        if n_components is not None:
-            whole_number(n_components, "n_components", minimum=1)
-        thread_count(n_jobs)
-
-    def __repr__(self) -> str:
-        return constructed(self)
-
-    def dist(self, m1: Motion, m2: Motion) -> float:
-        """Return the distance of two motions.
-
-        Parameters
-        ----------
-        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
-            Motions of at least two frames.
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or the window admits no path.
-        """
-        return self.warp(m1, m2).dist
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing, as the correspondence between the times of the two motions.
-
-        Parameters
-        ----------
-        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
-            Motions of at least two frames.
-
-        Returns
-        -------
-        Warp
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong, or the window admits no path.
-        """
         tables = ExactTables(self.metric)
-        costs = costs_between(tables, self._kept(tables, m1, "m1"), self._kept(tables, m2, "m2"))
+        costs = costs_between(
+            tables, self._prepared(tables, m1, "m1"), self._prepared(tables, m2, "m2")
+        )
         total, cells = best_path(costs, self._window)
         scales = [
             (n_frames_of(motion) - 1) / (length - 1)
@@ -151,38 +100,6 @@ class DynamicTimeWarping:
         ]
         first, second = (cells * scales).T
         return Warp(self._from_sum(total, costs), first, second)
-
-    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
-        """Return all distances within a set of motions.
-
-        Features of all frames are computed once and kept.
-
-        Parameters
-        ----------
-        motions : sequence of motions
-            Motions of at least two frames each; their numbers may differ.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-
-        Raises
-        ------
-        ArgumentError
-            If a motion is wrong, or the window admits no path.
-        """
-        several_motions(motions)
-        tables = tables_of(self.metric, motions, self.n_components)
-
-        def squared(one: Frames, other: Frames) -> float:
-            costs = costs_between(tables, one, other)
-            return self._from_sum(self._least_sum(costs), costs)
-
-        kept = [self._kept(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
-        return all_pairs(squared, kept, self.n_jobs, progress)
 
     def kneighbors(
         self, queries: Sequence[Motion], motions: Sequence[Motion], n_neighbors: int = 1
@@ -219,17 +136,17 @@ class DynamicTimeWarping:
                 f"motions; found {n_neighbors}"
             )
         tables = ExactTables(self.metric)
-        kept = [self._kept(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
+        kept = [self._prepared(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
         distances = np.empty((len(queries), n_neighbors))
         indices = np.empty((len(queries), n_neighbors), dtype=np.int64)
         for row, motion in enumerate(queries):
-            query = self._kept(tables, motion, f"queries[{row}]")
+            query = self._prepared(tables, motion, f"queries[{row}]")
             found = self._nearest(tables, query, kept, n_neighbors)
             distances[row], indices[row] = zip(*found, strict=True)
         return distances, indices
 
     def _nearest(
-        self, tables: Any, query: Frames, kept: Sequence[Frames], n_neighbors: int
+        self, tables: Tables, query: Frames, kept: Sequence[Frames], n_neighbors: int
     ) -> list[tuple[float, int]]:
         costs = [costs_between(tables, query, other) for other in kept]
         bounds = [self._from_sum(lower_bound(c, self._window), c) for c in costs]
@@ -242,8 +159,12 @@ class DynamicTimeWarping:
             found = sorted([*found, (self._from_sum(least, costs[k]), int(k))])[:n_neighbors]
         return found
 
-    def _kept(self, tables: Any, motion: Motion, name: str) -> Frames:
+    def _prepared(self, tables: Tables, motion: Motion, name: str) -> Frames:
         return kept_frames(tables, motion, name, self.n_times, self.centered, self.between_frames)
+
+    def _between(self, tables: Tables, one: Frames, other: Frames) -> float:
+        costs = costs_between(tables, one, other)
+        return self._from_sum(self._least_sum(costs), costs)
 
     def _least_sum(self, costs: ndarray, most: float = math.inf) -> float:
         sums = np.empty(costs.shape)
@@ -286,46 +207,6 @@ def best_path(costs: ndarray, window: float) -> tuple[float, ndarray]:
     path = np.empty((sum(costs.shape), 2), dtype=np.int64)
     length = trace(costs, sums, path)
     return float(sums[-1, -1]), path[:length][::-1]
-
-
-def all_pairs(
-    dist: Callable[[Any, Any], float],
-    items: Sequence[Any],
-    n_jobs: int | None,
-    progress: bool,
-) -> ndarray:
-    """Return the distances of all pairs of items.
-
-    Parameters
-    ----------
-    dist : callable
-        Returns the distance of two items.
-    items : sequence
-        The items.
-    n_jobs : int or None
-        Number of threads.
-    progress : bool
-        Whether to show a progress bar.
-
-    Returns
-    -------
-    array, shape (n, n)
-        Symmetric, with zero diagonal.
-    """
-    n = len(items)
-    distances = np.zeros((n, n))
-
-    def fill(i: int) -> int:
-        for j in range(i):
-            distances[i, j] = distances[j, i] = dist(items[i], items[j])
-        return i
-
-    bar = ProgressBar(total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs")
-    with bar, single_threaded_libraries():
-        # The longest rows first, so that no thread is left with one at the end.
-        for done in mapped(fill, range(n - 1, -1, -1), thread_count(n_jobs)):
-            bar.update(done)
-    return distances
 
 
 def _refuse(window: float, shape: tuple[int, ...]) -> float:

@@ -9,6 +9,7 @@ the distance of neighbouring frames.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +18,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.interpolate import CubicSpline
 
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.motions.dtw_kernels import between_frames
@@ -49,18 +51,10 @@ class Frames:
     steps: ndarray | None
 
 
-class ExactTables:
-    """Distances of the metric itself, in double precision.
+class Tables(InheritsDocstrings, ABC):
+    """Distances of the frames of motions, from features of each frame."""
 
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        Metric on frames.
-    """
-
-    def __init__(self, metric: RiemannianMetric) -> None:
-        self._metric = metric
-
+    @abstractmethod
     def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
         """Return the features of each frame.
 
@@ -75,9 +69,8 @@ class ExactTables:
         -------
         tuple of array
         """
-        runs = [self._metric.features(run) for run in frame_runs(self._metric.space, motion, name)]
-        return tuple(np.concatenate(arrays) for arrays in zip(*runs, strict=True))
 
+    @abstractmethod
     def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
         """Return the squared distances of all pairs of frames.
 
@@ -90,10 +83,29 @@ class ExactTables:
         -------
         array, shape (n, m)
         """
+
+
+class ExactTables(Tables):
+    """Distances of the metric itself, in double precision.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames.
+    """
+
+    def __init__(self, metric: RiemannianMetric) -> None:
+        self._metric = metric
+
+    def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
+        runs = [self._metric.features(run) for run in frame_runs(self._metric.space, motion, name)]
+        return tuple(np.concatenate(arrays) for arrays in zip(*runs, strict=True))
+
+    def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
         return self._metric.bulk.squared_distances(a, b)
 
 
-class ProjectedTables:
+class ProjectedTables(Tables):
     """Distances of principal components of a metric's lower-bound coordinates.
 
     No distance is above the metric's own. What the components leave out counts by its norm.
@@ -131,35 +143,13 @@ class ProjectedTables:
         self._projection = Projection.fit(np.stack(sample), n_components)
 
     def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
-        """Return the coordinates of each frame.
-
-        Parameters
-        ----------
-        motion : array or sequence, shape (n_frames, V, 3)
-            The motion.
-        name : str
-            Name of the motion, for messages.
-
-        Returns
-        -------
-        tuple of one array, shape (n_frames, n_components + 1)
-        """
+        """Return the coordinates of each frame."""
         runs = frame_runs(self._metric.space, motion, name)
         rows = [self._projection(self._metric.lower_bound_coordinates(run)) for run in runs]
         return (np.concatenate(rows),)
 
     def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
-        """Return the squared distances of all pairs of frames.
-
-        Parameters
-        ----------
-        a, b : tuple of array
-            Coordinates of n and of m frames.
-
-        Returns
-        -------
-        array, shape (n, m)
-        """
+        """Return the squared distances of all pairs of frames."""
         rows, others = a[0], b[0]
         squares = np.einsum("ij,ij->i", rows, rows)[:, None] + np.einsum("ij,ij->i", others, others)
         return np.maximum(squares - 2.0 * rows @ others.T, 0.0)
@@ -167,7 +157,7 @@ class ProjectedTables:
 
 def tables_of(
     metric: RiemannianMetric, motions: Sequence[Motion], n_components: int | None
-) -> ExactTables | ProjectedTables:
+) -> Tables:
     """Return how distances of the frames of motions are found.
 
     Parameters
@@ -181,7 +171,7 @@ def tables_of(
 
     Returns
     -------
-    ExactTables or ProjectedTables
+    Tables
 
     Raises
     ------
@@ -205,7 +195,7 @@ def kept_frames(
 
     Parameters
     ----------
-    tables : ExactTables or ProjectedTables
+    tables : Tables
         Distances of frames.
     motion : array or sequence, shape (n_frames, V, 3)
         The motion, of at least two frames.
@@ -252,7 +242,7 @@ def costs_between(tables: Any, one: Frames, other: Frames) -> ndarray:
 
     Parameters
     ----------
-    tables : ExactTables or ProjectedTables
+    tables : Tables
         Distances of frames.
     one, other : Frames
         The prepared motions.

@@ -15,10 +15,10 @@ from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import MEMORY, Points
 from riemhuman.kernels.threads import for_each
-from riemhuman.motions.dynamic_time_warping import all_pairs
 from riemhuman.motions.even_segments import even_segments
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions, whole_motion
 from riemhuman.motions.motion_space import MotionSpace
+from riemhuman.motions.time_warping import all_pairs
 from riemhuman.motions.transported_velocities import TransportedVelocities
 from riemhuman.motions.velocity_kernels import best_gain, trace_gain
 from riemhuman.motions.warp import Warp

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.threads import thread_count
 from riemhuman.motions.chord_kernels import match_chords
-from riemhuman.motions.dynamic_time_warping import all_pairs
-from riemhuman.motions.frame_tables import ExactTables, tables_of
-from riemhuman.motions.frames import Motion, n_frames_of, several_motions
+from riemhuman.motions.frame_tables import ExactTables, Tables
+from riemhuman.motions.frames import Motion, n_frames_of
+from riemhuman.motions.time_warping import TimeWarping
 from riemhuman.motions.warp import Warp
-from riemhuman.representation import constructed
 
 
 @dataclass(frozen=True)
@@ -47,7 +43,7 @@ class _Sampled:
         return float(self.steps.sum())
 
 
-class VelocityTimeWarping:
+class VelocityTimeWarping(TimeWarping):
     r"""The distance of square root velocities, at the frames of the motion that has fewer of them.
 
     The frames of one motion are matched with positions on the other, at frames or between them. The
@@ -82,11 +78,6 @@ class VelocityTimeWarping:
     n_steps : int
         Largest number of steps of a motion; frames in excess are skipped. More steps distinguish
         finer movements. Fewer steps are longer, so that noise counts less.
-    n_components : int, optional
-        Number of principal components in place of exact distances in `dist_pairwise`; see
-        `riemhuman.motions.frame_tables`. By default distances are exact.
-    n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
 
     Raises
     ------
@@ -112,95 +103,24 @@ class VelocityTimeWarping:
         n_components: int | None = None,
         n_jobs: int | None = None,
     ) -> None:
-        self.metric = metric
+        super().__init__(metric, n_components, n_jobs)
         self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
-        self.n_components = n_components
-        self.n_jobs = n_jobs
-        if n_components is not None:
-            whole_number(n_components, "n_components", minimum=1)
-        thread_count(n_jobs)
-
-    def __repr__(self) -> str:
-        return constructed(self)
-
-    def dist(self, m1: Motion, m2: Motion) -> float:
-        """Return the distance of two motions.
-
-        Parameters
-        ----------
-        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
-            Motions of at least two frames.
-
-        Returns
-        -------
-        float
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong.
-        """
-        return self.warp(m1, m2).dist
 
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing, as the correspondence between the times of the two motions.
-
-        Parameters
-        ----------
-        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
-            Motions of at least two frames.
-
-        Returns
-        -------
-        Warp
-
-        Raises
-        ------
-        ArgumentError
-            If a frame is wrong.
-        """
         tables = ExactTables(self.metric)
-        one, other = self._sampled(tables, m1, "m1"), self._sampled(tables, m2, "m2")
+        one, other = self._prepared(tables, m1, "m1"), self._prepared(tables, m2, "m2")
         return self._matched(one, other, tables.squared(one.features, other.features))
 
-    def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
-        """Return all distances within a set of motions.
-
-        Features of all frames are computed once and kept.
-
-        Parameters
-        ----------
-        motions : sequence of motions
-            Motions of at least two frames each; their numbers may differ.
-        progress : bool
-            Whether to show a progress bar.
-
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
-
-        Raises
-        ------
-        ArgumentError
-            If a motion is wrong.
-        """
-        several_motions(motions)
-        tables = tables_of(self.metric, motions, self.n_components)
-
-        def dist(one: _Sampled, other: _Sampled) -> float:
-            return self._matched(one, other, tables.squared(one.features, other.features)).dist
-
-        kept = [self._sampled(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
-        return all_pairs(dist, kept, self.n_jobs, progress)
-
-    def _sampled(self, tables: Any, motion: Motion, name: str) -> _Sampled:
+    def _prepared(self, tables: Tables, motion: Motion, name: str) -> _Sampled:
         n_frames = n_frames_of(motion, name, 2)
         features = tables.features(motion, name)
         within = tables.squared(features, features)
         n_steps = min(self.n_steps, n_frames - 1)
         chosen = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
         return _Sampled(features, within, chosen, np.sqrt(within[chosen[:-1], chosen[1:]]))
+
+    def _between(self, tables: Tables, one: _Sampled, other: _Sampled) -> float:
+        return self._matched(one, other, tables.squared(one.features, other.features)).dist
 
     def _matched(self, one: _Sampled, other: _Sampled, costs: ndarray) -> Warp:
         """Return the warp of the lesser distance."""

@@ -53,10 +53,6 @@ class DisentanglingResult(Result):
         Distances from the two bodies in the respective metric.
     n_iterations, n_evaluations : int
         Iterations, and evaluations of the sum and its gradient.
-    converged : bool
-        Whether the stopping test was met.
-    message : str
-        Why it stopped.
 
     Examples
     --------

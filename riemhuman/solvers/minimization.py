@@ -44,12 +44,6 @@ class Minimum(Result):
         Whether it was stopped from the keyboard.
     gap : float
         Estimate of how far the value is above its minimum, nan where there is none.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of value and gradient.
-    converged : bool
-        Whether the stopping test was met.
-    message : str
-        Why it stopped.
     """
 
     x: ndarray

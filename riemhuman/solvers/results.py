@@ -150,12 +150,6 @@ class PathResult(Result):
     gap : float
         Estimate, in per cent of the energy, of how much further iterations would reduce it; nan for
         paths that do not minimise energy.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of energy and gradient.
-    converged : bool
-        Whether the solver's stopping test was met.
-    message : str
-        Why it stopped.
 
     Examples
     --------
@@ -186,12 +180,6 @@ class MeanResult(Result):
         Weighted mean of the squared distances to it, Σ w_i d²/Σ w_i.
     variances : array, shape (n_iterations + 1,)
         The same at the start and after each iteration.
-    n_iterations, n_evaluations : int
-        Iterations, and evaluations of variance and gradient.
-    converged : bool
-        Whether the solver's stopping test was met.
-    message : str
-        Why it stopped.
 
     Examples
     --------

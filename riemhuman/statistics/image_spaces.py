@@ -8,6 +8,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PulledBackMetric, uninterrupted
@@ -84,7 +85,7 @@ class ImageSpace(Protocol):
         """
 
 
-class Points:
+class Points(InheritsDocstrings, ImageSpace):
     """The space itself, whose metric has exp and log.
 
     Parameters
@@ -97,17 +98,7 @@ class Points:
         self.metric = metric
 
     def embed(self, points: ndarray) -> ndarray:
-        r"""Return the points themselves.
-
-        Parameters
-        ----------
-        points : array, shape (n, \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
-        """
+        r"""Return the points themselves."""
         return points
 
     def restore(self, images: ndarray, start: ndarray) -> ndarray:
@@ -115,14 +106,8 @@ class Points:
 
         Parameters
         ----------
-        images : array, shape (n, \*shape)
-            Points.
         start : array, shape (\*shape,)
             Not used.
-
-        Returns
-        -------
-        array, shape (n, \*shape)
         """
         return self.metric.space.projection(images)
 
@@ -133,29 +118,15 @@ class Points:
         ----------
         point, reference : array, shape (\*shape,)
             Not used.
-
-        Returns
-        -------
-        bool
         """
         return True
 
     def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean by `GradientDescentMean`.
-
-        Parameters
-        ----------
-        points : array, shape (n, \*shape)
-            Points.
-
-        Returns
-        -------
-        array, shape (\*shape,)
-        """
+        r"""Return the Karcher mean by `GradientDescentMean`."""
         return uninterrupted(GradientDescentMean().solve(self.metric, points)).point
 
 
-class Fields:
+class Fields(InheritsDocstrings, ImageSpace):
     r"""The fields Φ(f) of surfaces, in the space where the metric measures their distances.
 
     There geodesics have a closed form, and ‖log Φ(f)‖ = d(f, mean). A point of that space need not
@@ -175,17 +146,7 @@ class Fields:
         self._nearest = nearest
 
     def embed(self, points: ndarray) -> ndarray:
-        r"""Return the fields of surfaces.
-
-        Parameters
-        ----------
-        points : array, shape (n, V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (n, \*image_shape)
-        """
+        r"""Return the fields of surfaces."""
         return self._pullback.map(points)
 
     def restore(self, images: ndarray, start: ndarray) -> ndarray:
@@ -193,14 +154,8 @@ class Fields:
 
         Parameters
         ----------
-        images : array, shape (n, \*image_shape)
-            Fields.
         start : array, shape (V, 3)
             Surface to search from.
-
-        Returns
-        -------
-        array, shape (n, V, 3)
         """
         surfaces = [
             uninterrupted(self._nearest.solve(self._pullback, image[None], start)).point
@@ -209,32 +164,12 @@ class Fields:
         return np.array(surfaces).reshape(-1, *self._pullback.space.shape)
 
     def is_sound(self, point: ndarray, reference: ndarray) -> bool:
-        r"""Return whether a surface has no inverted triangle.
-
-        Parameters
-        ----------
-        point, reference : array, shape (V, 3)
-            The surface, and a sound one.
-
-        Returns
-        -------
-        bool
-        """
+        r"""Return whether a surface has no inverted triangle."""
         space: AlignedSurfaces = self._pullback.space
         return not inverted_triangles(point, reference, space.template.faces).any()
 
     def mean(self, points: ndarray) -> ndarray:
-        r"""Return the Karcher mean over all vertices, searched from near a mean of the fields.
-
-        Parameters
-        ----------
-        points : array, shape (n, V, 3)
-            Surfaces.
-
-        Returns
-        -------
-        array, shape (V, 3)
-        """
+        r"""Return the Karcher mean over all vertices, searched from near a mean of the fields."""
         spaced = np.linspace(0, len(points) - 1, min(_SAMPLE, len(points)))
         sample = points[spaced.astype(int)]
         distances = self._pullback.dist_pairwise(sample, n_jobs=-1, precision="double")
