@@ -117,7 +117,9 @@ def refuse_other_scale(
     ArgumentError
         Or the class given, naming the first surface, the ratio and the units it may come from.
     """
-    sizes, size = _sizes(points), float(_sizes(reference))
+    # Diagonals of the boxes around some of the vertices.
+    some = (f[..., :: max(1, f.shape[-2] // _N_SAMPLES), :] for f in (points, reference))
+    sizes, size = (np.linalg.norm(np.ptp(f, axis=-2), axis=-1) for f in some)
     if size == 0:
         return
     ratios = sizes / size
@@ -132,12 +134,6 @@ def refuse_other_scale(
         f"{place} is {factor:.3g} times as {kind} as {reference_name}{_likely_units(ratio)}; bring "
         f"both to one unit; {remedy}"
     )
-
-
-def _sizes(points: ndarray) -> ndarray:
-    """Return the diagonals of the boxes around some of the vertices, shape (...)."""
-    some = points[..., :: max(1, points.shape[-2] // _N_SAMPLES), :]
-    return np.linalg.norm(np.ptp(some, axis=-2), axis=-1)
 
 
 def _likely_units(ratio: float) -> str:

@@ -189,7 +189,8 @@ class SurfaceMetric(MetricOfTerms):
         return self._images.changes(first, *surface.partial_derivatives(tangent_vec, operator))
 
     def _derivatives(self, f: ndarray) -> surface.Derivatives:
-        first = surface.derivatives(f, self.space.template.differential_operator)
+        operator = self.space.template.differential_operator
+        first = surface.follow_up(*surface.partial_derivatives(f, operator))
         if self._sum.needs_area and first.degenerate.any():
             surface.refuse_degenerate(first.degenerate)
         return first

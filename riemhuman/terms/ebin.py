@@ -152,9 +152,9 @@ class EbinTerm(Term):
         real, squared = a.dtype.type, np.zeros((len(a), len(b)))
         if self.lam <= LARGEST_LAMBDA:
             reach, polynomial = excess_at_pi(self.lam), half_angle_polynomial(self.lam, a.dtype)
-            _bounded_tile(a, b, real(1.0 / reach), polynomial, a is b, squared)
+            _tile(a, b, real(1.0 / reach), polynomial, a is b, squared)
         else:
-            _tile(a, b, real(0.25 / math.sqrt(2.0 * self.lam)), a is b, squared)
+            _tile(a, b, real(0.25 / math.sqrt(2.0 * self.lam)), None, a is b, squared)
         return 16.0 * self.lam * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
@@ -328,14 +328,8 @@ def _segment(
 def _add_slopes(record: ndarray, point: ndarray, added: ndarray, slope: ndarray) -> None:
     """Add slopes by x, y and s up to slopes by the area ratio, e and m; at the apex are none."""
     e, x, y, s = record[10], point[0], point[1], point[2]
-    by_x, by_y, by_s, by_area, by_e, by_m = (
-        added[0],
-        added[1],
-        added[2],
-        slope[9],
-        slope[10],
-        slope[11],
-    )
+    by_x, by_y, by_s = added[0], added[1], added[2]
+    by_area, by_e, by_m = slope[9], slope[10], slope[11]
     for t in range(len(e)):
         inside = s[t] > 0.0
         inverse = 1.0 / e[t] if inside else 0.0
@@ -394,59 +388,41 @@ def _cone(s1: float, s2: float, half: float) -> float:
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _chunk(a: ndarray, b: ndarray, half_kappa: float, first: int, last: int) -> float:
-    x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
-    x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
-    total = type(half_kappa)(0.0)
-    for t in range(last - first):
-        m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
-        total += _cone(s1[t], s2[t], half_angle(m, half_kappa))
-    return total
-
-
-@compiled(forceinline=True, fastmath=SUM)
-def _bounded_chunk(
+def _chunk(
     a: ndarray,
     b: ndarray,
-    inverse_reach: float,
-    coefficients: tuple[float, ...],
+    scale: float,
+    coefficients: tuple[float, ...] | None,
     first: int,
     last: int,
 ) -> float:
     x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
     x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
-    total = type(inverse_reach)(0.0)
+    total = type(scale)(0.0)
     for t in range(last - first):
         m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
-        half = bounded_half_angle(m, inverse_reach, coefficients)
+        # Known when this is compiled.
+        if coefficients is None:
+            half = half_angle(m, scale)
+        else:
+            half = bounded_half_angle(m, scale, coefficients)
         total += _cone(s1[t], s2[t], half)
     return total
 
 
 @compiled
-def _tile(a: ndarray, b: ndarray, half_kappa: float, within: bool, squared: ndarray) -> None:
-    n_values = a.shape[2]
-    for first in range(0, n_values, CHUNK):
-        last = min(first + CHUNK, n_values)
-        for i in range(len(a)):
-            for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], half_kappa, first, last)
-
-
-@compiled
-def _bounded_tile(
+def _tile(
     a: ndarray,
     b: ndarray,
-    inverse_reach: float,
-    coefficients: tuple[float, ...],
+    scale: float,
+    coefficients: tuple[float, ...] | None,
     within: bool,
     squared: ndarray,
 ) -> None:
+    """Add sums over triangles, with ½κ as the scale, or 1/m_π and a polynomial's coefficients."""
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _bounded_chunk(
-                    a[i], b[j], inverse_reach, coefficients, first, last
-                )
+                squared[i, j] += _chunk(a[i], b[j], scale, coefficients, first, last)

@@ -54,8 +54,8 @@ def floor(place):
 @pytest.mark.parametrize(
     ("name", "arguments", "n_files", "n_functions", "n_climbs"),
     [
-        ("dist", (POINTS[0], POINTS[1]), 9, 26, 0),
-        ("dist_pairwise", (POINTS,), 11, 44, 1),
+        ("dist", (POINTS[0], POINTS[1]), 9, 24, 0),
+        ("dist_pairwise", (POINTS,), 11, 43, 1),
         ("energy", (POINTS,), 8, 13, 1),
     ],
 )
