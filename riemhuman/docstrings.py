@@ -5,14 +5,11 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Sequence
+from functools import cache
 from typing import Any
 
 _HEADER = re.compile(r"\n\n(\w[\w ]*)\n-{3,}\n")
 _ENTRY = re.compile(r"^(?=\S)", re.MULTILINE)
-_PREFIXES: dict[Any, str] = {
-    inspect.Parameter.VAR_POSITIONAL: "*",
-    inspect.Parameter.VAR_KEYWORD: "**",
-}
 
 
 class InheritsDocstrings:
@@ -37,8 +34,9 @@ def inherit_sections(owner: type) -> None:
     """
     for name, method in vars(owner).items():
         if inspect.isfunction(method) and method.__doc__:
-            inherited = [vars(base).get(name) for base in owner.__mro__[1:-1]]
-            method.__doc__ = _completed(method, inherited, _names(method), ["Parameters"])
+            inherited = [vars(base)[name] for base in owner.__mro__[1:-1] if name in vars(base)]
+            if inherited:
+                method.__doc__ = _completed(method, inherited, _names(method), ["Parameters"])
     fields = getattr(owner, "__dataclass_fields__", {}).values()
     kinds, names = ["Parameters"], []
     if fields:
@@ -55,8 +53,11 @@ def inherit_sections(owner: type) -> None:
 
 def _names(function: Any) -> list[str]:
     """Return the names of parameters, as they are documented, without the first."""
-    parameters = inspect.signature(function).parameters.items()
-    return [_PREFIXES.get(parameter.kind, "") + name for name, parameter in parameters][1:]
+    code = inspect.unwrap(function).__code__
+    names, several, named = inspect.getargs(code)
+    stars = [f"*{several}"] if several else []
+    double = [f"**{named}"] if named else []
+    return [*names[1 : code.co_argcount], *stars, *names[code.co_argcount :], *double]
 
 
 def _completed(
@@ -102,6 +103,7 @@ def _entries(section: str) -> dict[tuple[str, ...], str]:
     return {group: f"{description}\n" for group, description in entries.items()}
 
 
+@cache
 def _sections(text: str) -> tuple[str, dict[str, str]]:
     """Return what stands before the first section, and the sections by their names."""
     head, *rest = _HEADER.split(inspect.cleandoc(text))

@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib
+import inspect
 import pkgutil
 import warnings
 from types import SimpleNamespace
@@ -67,7 +68,9 @@ DATACLASSES = [
     cls
     for module in MODULES
     for cls in vars(module).values()
-    if dataclasses.is_dataclass(cls) and getattr(cls, "__module__", "") == module.__name__
+    if dataclasses.is_dataclass(cls)
+    and getattr(cls, "__module__", "") == module.__name__
+    and not inspect.isabstract(cls)
 ]
 
 
