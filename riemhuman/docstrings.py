@@ -79,13 +79,17 @@ def _described(
     own: dict[str, str], docs: Sequence[dict[str, str]], names: Sequence[str], kind: str
 ) -> str:
     """Return the descriptions of one kind, those of the nearest docstring first."""
-    entries: dict[tuple[str, ...], str] = {}
-    for doc in (own, *docs):
+    written = own.get(kind, "")
+    entries = _entries(written)
+    n_written = len(entries)
+    for doc in docs:
         known = {name for group in entries for name in group}
         for group, description in _entries(doc.get(kind, "")).items():
-            missing = [n for n in group if n not in known and (doc is own or n in names)]
+            missing = tuple(name for name in group if name in names and name not in known)
             if missing:
-                entries[tuple(missing)] = description
+                entries[missing] = description
+    if len(entries) == n_written:
+        return written
     ordered = sorted(entries, key=lambda group: _place(group, names))
     return "".join(", ".join(group) + entries[group] for group in ordered).rstrip()
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import real_array
-from riemhuman.docstrings import inherit_sections
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.representation import constructed
@@ -19,7 +19,7 @@ from riemhuman.representation import constructed
 Mesh = tuple[ArrayLike, ArrayLike]
 
 
-class Descriptor(ABC):
+class Descriptor(InheritsDocstrings, ABC):
     """A vector that represents a surface, with a distance between such vectors.
 
     Subclasses are frozen dataclasses of parameters. They define `describe`, and `distances` if the
@@ -40,10 +40,6 @@ class Descriptor(ABC):
 
     # Whether threads make `describe_all` faster.
     _in_threads = True
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
 
     def __repr__(self) -> str:
         return constructed(self)

@@ -15,7 +15,6 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
-from riemhuman.docstrings import inherit_sections
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -49,10 +48,6 @@ class Codes(Estimator):
     _WIDTH = 1
     # Names of the files that ship, by the argument `which` of `load_pretrained`.
     _SHIPPED: Mapping[str | None, str] = MappingProxyType({})
-
-    def __init_subclass__(cls, **options: Any) -> None:
-        super().__init_subclass__(**options)
-        inherit_sections(cls)
 
     @abstractmethod
     def fit(

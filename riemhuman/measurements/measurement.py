@@ -10,12 +10,13 @@ from collections.abc import Mapping
 from dataclasses import MISSING, asdict, dataclass, fields
 from typing import Any, ClassVar
 
+from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.measurements.landmarks import LandmarkedBodies, Place
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measurement:
+class Measurement(InheritsDocstrings):
     """The base class of measurements.
 
     Parameters

@@ -10,7 +10,6 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import one_of
-from riemhuman.docstrings import inherit_parameters
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.landmarks import LandmarkedBodies, Place
 from riemhuman.measurements.measurement import Measurement, names_of_parts
@@ -168,7 +167,3 @@ class Depth(Breadth):
     """
 
     _direction: ClassVar[str] = "forward"
-
-
-inherit_parameters(Breadth)
-inherit_parameters(Depth)

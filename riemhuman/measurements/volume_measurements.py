@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from riemhuman.checks import real_number
-from riemhuman.docstrings import inherit_parameters
 from riemhuman.measurements.landmarks import LandmarkedBodies
 from riemhuman.measurements.measurement import Measurement, names_of_parts
 
@@ -99,6 +98,3 @@ class Area(Measurement):
 
     def value(self, bodies: LandmarkedBodies) -> Any:
         return bodies.areas(self.parts)
-
-
-inherit_parameters(Volume)
