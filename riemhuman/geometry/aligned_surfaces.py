@@ -35,6 +35,8 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
     ----------
     template : Template
         The template T.
+    equip : bool
+        Whether to equip the manifold with `ElasticMetric`.
     scale : {"template"} or None
         "template" refuses surfaces more than eight times as large or as small as the template,
         which are evidently in another unit; None accepts any size.
