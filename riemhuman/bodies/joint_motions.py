@@ -40,10 +40,6 @@ class Posture:
         ----------
         step : array, shape (3 J + B + 3,)
             Change of pose, betas and trans.
-
-        Returns
-        -------
-        posture : Posture
         """
         turned = self.pose.size
         return replace(

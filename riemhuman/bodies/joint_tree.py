@@ -64,10 +64,6 @@ def root_first(parents: np.ndarray) -> tuple[int, ...]:
     parents : array of int, shape (J,)
         Index of each joint's parent, -1 for the root.
 
-    Returns
-    -------
-    order : tuple of int
-
     Raises
     ------
     ArgumentError
@@ -91,10 +87,6 @@ def joints_between(parents: np.ndarray, first: int, last: int) -> list[int]:
         Index of each joint's parent, -1 for the root.
     first, last : int
         Where the way begins and ends.
-
-    Returns
-    -------
-    list of int
     """
     ways = []
     for joint in (first, last):

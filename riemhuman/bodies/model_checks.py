@@ -69,10 +69,6 @@ def names_of_joints(names: Sequence[str] | None, n_joints: int) -> tuple[str, ..
     n_joints : int
         Number of joints.
 
-    Returns
-    -------
-    names : tuple of str
-
     Raises
     ------
     ArgumentError
@@ -92,10 +88,6 @@ def precision(dtype: DTypeLike) -> np.dtype[Any]:
     ----------
     dtype : data type
         The argument.
-
-    Returns
-    -------
-    dtype : numpy.dtype
 
     Raises
     ------

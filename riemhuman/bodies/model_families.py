@@ -59,10 +59,6 @@ def contents_of(fields: Mapping[str, Any], n_betas: int) -> ModelContents:
         Arrays of the file by SMPL's names.
     n_betas : int
         Shape coefficients that are kept.
-
-    Returns
-    -------
-    ModelContents
     """
     n_joints = last_length(fields["weights"])
     n_entries = np.size(fields.get("posedirs", ())) // max(1, np.size(fields["v_template"]))
@@ -107,9 +103,5 @@ def last_length(array: Any) -> int:
     ----------
     array : array_like
         Something out of a file.
-
-    Returns
-    -------
-    int
     """
     return (0, *np.shape(array))[-1]

@@ -22,6 +22,7 @@ from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels.rotations import rotation_matrix
+from riemhuman.surfaces.mesh_arrays import read_only
 from riemhuman.surfaces.template import Template
 
 
@@ -78,22 +79,16 @@ class SkinnedModel(InheritsDocstrings):
         v_template = real_array(v_template, "v_template", ("V", 3), batched=False)
         n_vertices = len(v_template)
         self._template = Template(v_template, faces)
-        self._shapedirs = _frozen(
-            real_array(shapedirs, "shapedirs", (n_vertices, 3, "B"), batched=False)
-        )
-        self._joint_regressor = _frozen(
-            real_array(joint_regressor, "J_regressor", ("J", n_vertices), batched=False)
-        )
+        self._shapedirs = _copied(shapedirs, "shapedirs", (n_vertices, 3, "B"))
+        self._joint_regressor = _copied(joint_regressor, "J_regressor", ("J", n_vertices))
         n_joints = len(self._joint_regressor)
-        self._weights = _frozen(
-            real_array(weights, "weights", (n_vertices, n_joints), batched=False)
-        )
-        self._parents = _frozen(joint_parents(kintree_table, n_joints))
+        self._weights = _copied(weights, "weights", (n_vertices, n_joints))
+        self._parents = read_only(joint_parents(kintree_table, n_joints))
         self._order = root_first(self._parents)
         self._posedirs = None
         if posedirs is not None:
-            shape = (n_vertices, 3, 9 * (n_joints - 1))
-            self._posedirs = _frozen(real_array(posedirs, "posedirs", shape, batched=False))
+            n_entries = 9 * (n_joints - 1)
+            self._posedirs = _copied(posedirs, "posedirs", (n_vertices, 3, n_entries))
         self._joint_names = names_of_joints(joint_names, n_joints)
         self._rest, self._regressor, self._blend = (
             array.astype(self._dtype, copy=False)
@@ -286,7 +281,5 @@ class SkinnedModel(InheritsDocstrings):
         return onp.ascontiguousarray(matrix, dtype=self._dtype)
 
 
-def _frozen(array: onp.ndarray) -> onp.ndarray:
-    array = onp.array(array)
-    array.flags.writeable = False
-    return array
+def _copied(array: Any, name: str, shape: tuple[int | str, ...]) -> onp.ndarray:
+    return read_only(onp.array(real_array(array, name, shape, batched=False)))

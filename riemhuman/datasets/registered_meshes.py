@@ -230,10 +230,6 @@ def read_template(
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
         Axis that points up in a file, turned to y; by default it is not turned.
 
-    Returns
-    -------
-    template : Template
-
     Raises
     ------
     FileError
@@ -290,10 +286,6 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
     folder : path_like
         The folder; ``~`` stands for the user's home.
 
-    Returns
-    -------
-    path : Path
-
     Raises
     ------
     FileError
@@ -316,10 +308,6 @@ def natural_key(name: str) -> tuple[object, ...]:
     ----------
     name : str
         A name.
-
-    Returns
-    -------
-    tuple
     """
     # Splitting at the digits alternates text and numbers, so that like is compared with like.
     texts = re.split(r"[0-9]+", name.casefold())

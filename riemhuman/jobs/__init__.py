@@ -1,4 +1,4 @@
-"""Resumable jobs: distances and paths of more bodies than memory holds or one run computes."""
+"""Resumable jobs: distances and paths of more bodies than fit in memory or in one run."""
 
 from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.jobs.paths import path_job

@@ -1,4 +1,4 @@
-"""Tiles of a job on a Dask cluster."""
+"""Computation of the tiles of a job, in this process or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
 from riemhuman.storage.file_content import brief
 
-# Tiles for each thread of the cluster: one at work and others waiting, so that none runs dry.
+# Tiles sent for each thread of the cluster: one at work and others waiting, so that none is idle.
 _TILES_A_THREAD = 3
 # How often a tile is tried again after an error, such as a file system that failed for a moment.
 _RETRIES = 3
-# How often, and how many seconds apart, a cluster may be found without a worker.
+# A cluster is lost when it is found without a worker so often, so many seconds apart.
 _PATIENCE, _SECONDS = 4, 15
 
 
 class BlockReader(Protocol):
-    """What computes one part of a job."""
+    """Computes one part of a job."""
 
     def distances(self, metric: RiemannianMetric, tile: Any) -> ndarray:
         """Return the numbers of one part.
@@ -39,50 +39,49 @@ class BlockReader(Protocol):
         metric : RiemannianMetric
             The metric.
         tile : object
-            Which part, such as a `Tile`.
-
-        Returns
-        -------
-        array
+            The part, such as a `Tile`.
         """
 
 
-def tiles_on_cluster(
-    client: Any,
+def computed_tiles(
     metric: RiemannianMetric,
     reader: BlockReader,
     tiles: Sequence[tuple[int, Any]],
+    client: Any | None = None,
 ) -> Iterator[tuple[int, ndarray]]:
-    """Compute tiles on a cluster; tiles of a lost worker are computed again.
+    """Compute tiles in this process, or on a cluster, where those of a lost worker are repeated.
 
     Parameters
     ----------
-    client : distributed.Client
-        Client of the cluster.
     metric : RiemannianMetric
         The metric.
     reader : BlockReader
-        Computes a tile on a worker, a `TileReader` for one.
+        Computes a tile, such as a `TileReader`.
     tiles : sequence of (int, object)
-        Numbered tiles, or whatever else the reader takes.
+        Numbered tiles, or other parts that the reader computes.
+    client : distributed.Client, optional
+        Client of the cluster.
 
     Yields
     ------
     number : int
         Number of a tile.
     distances : array, shape (n_rows, n_columns)
-        Its distances; tiles come in the order they are finished.
+        Its distances; a cluster returns tiles in the order in which they are finished.
 
     Raises
     ------
     ArgumentTypeError
-        If the client is none.
+        If the client is not a `distributed.Client`.
     MissingDependencyError
         If distributed is not installed, or a worker lacks the library.
     ClusterError
-        If the cluster has had no worker for a minute, its scheduler is lost, or one tile after
-        another has ended its worker.
+        If the cluster has had no worker for a minute, its scheduler is lost, or a tile has ended
+        one worker after another.
     """
+    if client is None:
+        yield from ((number, reader.distances(metric, tile)) for number, tile in tiles)
+        return
     distributed = import_optional("distributed", "cluster")
     if not isinstance(client, distributed.Client):
         raise ArgumentTypeError(
@@ -102,7 +101,7 @@ def _in_turn(
     reader: BlockReader,
     tiles: Sequence[tuple[int, Any]],
 ) -> Iterator[tuple[int, ndarray]]:
-    # Sent once, and from the scheduler again to a worker that replaces a lost one.
+    # Sent once; the scheduler sends it again to a worker that replaces a lost one.
     sent = client.submit(_same, metric, pure=False)
     waiting = iter(tiles)
     running: dict[Any, int] = {}
@@ -126,14 +125,14 @@ def _in_turn(
             future.release()
             start_next()
     finally:
-        # Of a client that was closed, there is nothing left to cancel.
+        # A closed client has nothing left to cancel.
         if client.status == "running":
             client.cancel([*running, sent])
 
 
 @contextmanager
 def _losses(distributed: Any, client: Any) -> Iterator[None]:
-    """Say in one way, and typed, that there is no cluster to go on with."""
+    """Raise a `ClusterError` for every error that means the loss of the cluster."""
     try:
         yield
     except RiemhumanError:
@@ -141,19 +140,19 @@ def _losses(distributed: Any, client: Any) -> Iterator[None]:
     except (CancelledError, distributed.comm.CommClosedError, distributed.KilledWorker) as error:
         raise _lost(f"the cluster is lost ({' '.join(brief(error).split())})") from error
     except Exception as error:
-        # Of a client that was closed, any part may be missing: errors have any type.
+        # Any part of a closed client may be missing, so errors have any type.
         if client.status != "running":
             said = " ".join(brief(error).split())
-            raise _lost(f"the client of the cluster was closed on the way ({said})") from error
+            raise _lost(f"the client of the cluster was closed during the work ({said})") from error
         raise
 
 
 def _lost(what: str) -> ClusterError:
-    return ClusterError(f"{what}; what is done is kept, and the same call goes on with it")
+    return ClusterError(f"{what}; finished work is kept, and the same call goes on with it")
 
 
 def _first_finished(client: Any, distributed: Any, running: Collection[Any]) -> Any:
-    """Return a future that is finished, or give up when the cluster has had no worker for long."""
+    """Return a finished future, or give up when the cluster has had no worker for a minute."""
     n_without_workers = 0
     while n_without_workers < _PATIENCE:
         try:

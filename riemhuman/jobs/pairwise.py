@@ -1,10 +1,10 @@
-"""All distances within a set of points, computed tile by tile on disk, and resumable."""
+"""All distances within a set of points, computed tile by tile on disk and resumable."""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS
-from riemhuman.jobs.cluster import tiles_on_cluster
+from riemhuman.jobs.cluster import computed_tiles
 from riemhuman.jobs.tiles import (
     POINTS,
     Tile,
@@ -44,14 +44,14 @@ RESULT = "D.npy"
 _UNFINISHED_RESULT = "D.unfinished.npy"
 _DIGESTS, _CHECKSUMS, _DONE = "digests.npy", "checksums.npy", "done.npy"
 _FORMAT = "riemhuman pairwise job 3"
-# How often tiles that do not stay as they were written are computed again.
+# How often tiles that are damaged after they were written are computed again.
 _ATTEMPTS = 3
-# A job is cut into no fewer tiles than make some progress before it is interrupted, and no smaller
-# ones than are worth the overhead.
+# Tiles are small enough for an interrupted job to have made progress, and large enough for their
+# overhead not to matter.
 _TILES_A_ROW, _SMALLEST_TILE = 8, 256
 # Points whose features are computed at a time.
 _BLOCK = 64
-# How often the arrays of a point are in memory at once while its features are computed.
+# Copies of a point's arrays that are in memory at once while its features are computed.
 _COPIES = 32
 
 
@@ -69,44 +69,44 @@ def pairwise_job(
 ) -> np.memmap:
     r"""Compute all distances within a set of points into a file, or resume an earlier run.
 
-    The same numbers as `metric.dist_pairwise`, bit for bit, for sets that memory does not hold. A
-    job that was interrupted or killed goes on when it is called again with the same arguments;
-    what it had finished is kept. When it is complete, the folder holds the distances as `D.npy`,
-    and calling it again only opens them.
+    The distances are those of `metric.dist_pairwise`, bit for bit, for sets that do not fit in
+    memory. An interrupted or killed job resumes when it is called again with the same arguments;
+    finished tiles are kept. When the job is complete, the folder holds the distances as `D.npy`,
+    and another call only opens them.
 
-    Checksums of the features and of every tile show damage to the files of an unfinished job: what
-    is damaged is computed again, with a `DamagedFileWarning` that names it.
+    Checksums of the features and of every tile reveal damage to the files of an unfinished job:
+    damaged parts are computed again, with a `DamagedFileWarning` that names them.
 
     Parameters
     ----------
     metric : RiemannianMetric
         The metric. It must keep its parameters in attributes of their names, as the metrics of the
-        library do. The job holds their values and the code of the metric, with the constants,
-        defaults, closures, globals and base classes that it reaches, and goes on with the same
-        alone.
+        library do. The job records their values and the code of the metric, with the constants,
+        defaults, closures, globals and base classes that the code reaches, and resumes only with
+        the same.
     points : array or sequence, shape (n, \*shape)
-        Points: an array, in memory or mapped from a file, or any object with a length whose slices
-        are arrays of points, made on the fly perhaps. They are passed over once at every call.
+        Points: an array in memory, a memory map, or any object that has a length and whose slices
+        are arrays of points, which it may compute on demand. Every call reads each point once.
     folder : path_like
-        Folder of the job, made if need be. Features of the points are kept there until the job is
+        Folder of the job, made if need be. It holds features of the points until the job is
         complete.
     precision : {"single", "double"}
         See `RiemannianMetric.dist_pairwise`.
     memory : int
-        Bytes of memory that arrays may take at a time, in each worker of a cluster too. It decides
-        how a new job is cut into tiles.
+        Bytes of memory that arrays may take at a time, also on each worker of a cluster. It
+        determines the size of the tiles of a new job.
     n_jobs : int, optional
-        Number of threads for each tile, -1 for one a core; by default one.
+        Number of threads for each tile, -1 for one per core; by default one.
     client : distributed.Client, optional
         Client of a Dask cluster that computes the tiles. Its workers must be able to import the
-        library, and to read the folder under the same path: it must be on a file system they
-        share. They write nothing.
+        library and to read the folder under the same path, on a file system that they share. They
+        write nothing.
     progress : bool
         Whether to show progress bars.
     key : str, optional
-        A name for the metric that stands in the job for its parameters and its code, where these
-        cannot be told from others, or change without changing a distance. Whoever gives it sees to
-        it that metrics with other distances have other keys.
+        A name for the metric, which the job records in place of its parameters and code, for a
+        metric that cannot be recorded or that changes without changing distances. The caller must
+        give metrics with different distances different keys.
 
     Returns
     -------
@@ -116,11 +116,11 @@ def pairwise_job(
     Raises
     ------
     ArgumentTypeError
-        If an argument is of the wrong type, or the metric depends on what a job cannot tell from
-        others, such as an open file, and there is no key for it.
+        If an argument has the wrong type, or the metric holds something that cannot be recorded,
+        such as an open file, and no key is given.
     ArgumentError
-        If a point is wrong, an option is not legal, or the folder holds something else: another
-        job, one on other points or by another metric, or no job at all.
+        If a point or an option is not valid, or the folder holds a job on other points or with
+        another metric, or anything but a job.
     FileError
         If another process is at work in the folder, it cannot be written, or the disk is too small.
     FileFormatError
@@ -153,17 +153,17 @@ def pairwise_job(
     features = metric.features(first, precision)
     layout = _layout(n_points, first, features, memory)
 
-    room = JobFolder(folder)
-    with room.locked():
-        layout = room.claim(described, layout)
+    job = JobFolder(folder)
+    with job.locked():
+        layout = job.claim(described, layout)
         tiles = list(tiles_of(n_points, layout["tile"]))
         blocks = list(slices(n_points, layout["block"]))
         arrays = dict(zip(map(feature_file, range(len(features))), features, strict=True))
         if precision == "single":
-            # Pairs too close for single precision are computed anew, from the points.
+            # Distances too small for single precision are computed again from the points.
             arrays[POINTS] = first
         tables: dict[str, tuple[tuple[int, ...], Any]] = {_DIGESTS: ((len(blocks), 32), np.uint8)}
-        complete = room.exists(RESULT)
+        complete = job.exists(RESULT)
         if complete:
             tables[RESULT] = ((n_points, n_points), np.float64)
         else:
@@ -172,23 +172,23 @@ def pairwise_job(
             tables[_CHECKSUMS] = ((n_points, len(arrays)), np.uint32)
             tables[_DONE] = ((len(tiles),), np.uint64)
             tables[_UNFINISHED_RESULT] = ((n_points, n_points), np.float64)
-        room.make_tables(tables)
+        job.make_tables(tables)
 
         kept = [] if complete else list(arrays)
         for block in ProgressBar(blocks, desc="Points", disable=not progress, unit=" blocks"):
-            _keep_features(room, metric, points, block, layout["block"], precision, kept, tiles)
+            _keep_features(job, metric, points, block, layout["block"], precision, kept, tiles)
         if not complete:
-            reader = TileReader(str(room.path), len(features), n_jobs)
+            reader = TileReader(str(job.path), len(features), n_jobs)
             try:
-                _compute_tiles(room, metric, reader, tiles, client, progress)
+                _compute_tiles(job, metric, reader, tiles, client, progress)
             except RiemhumanError:
-                # What damage makes of features may look like points that are wrong.
-                _check_features(room, kept, blocks, tiles)
+                # Damaged features may look like points that are not valid.
+                _check_features(job, kept, blocks, tiles)
                 raise
-            _check_features(room, kept, blocks, tiles)
-            room.rename(_UNFINISHED_RESULT, RESULT)
-        room.remove(_DONE, _CHECKSUMS, *arrays)
-        return room.read(RESULT)
+            _check_features(job, kept, blocks, tiles)
+            job.rename(_UNFINISHED_RESULT, RESULT)
+        job.remove(_DONE, _CHECKSUMS, *arrays)
+        return job.read(RESULT)
 
 
 def _count(points: Any) -> int:
@@ -210,7 +210,7 @@ def _checked_key(key: Any) -> str:
 def _layout(
     n_points: int, first: ndarray, features: tuple[ndarray, ...], memory: int
 ) -> dict[str, int]:
-    """Return how many points make a block of features, and a side of a tile."""
+    """Return the number of points in a block of features and on a side of a tile."""
     n_bytes = first.nbytes + sum(feature.nbytes for feature in features)
     tile = largest_tile(n_bytes, memory)
     if tile < 1:
@@ -224,7 +224,7 @@ def _layout(
 
 
 def _keep_features(
-    room: JobFolder,
+    job: JobFolder,
     metric: RiemannianMetric,
     points: Sequence[Any] | ndarray,
     block: slice,
@@ -233,79 +233,79 @@ def _keep_features(
     names: list[str],
     tiles: list[Tile],
 ) -> None:
-    """Compute the features of a block of points, or see that points and tables are as before."""
+    """Compute the features of a block of points, or check that points and tables are unchanged."""
     number = block.start // size
     where = f"points[{block.start}:{block.stop}]"
     some = metric.check_points(points[block], where)
     if len(some) != block.stop - block.start:
         raise ArgumentError(f"{where} must be {block.stop - block.start} points; found {len(some)}")
     found = np.frombuffer(digest(some), np.uint8)
-    kept = np.array(room.read(_DIGESTS)[number])
+    kept = np.array(job.read(_DIGESTS)[number])
     if not names and not kept.any():
         raise FileFormatError(
-            f"{room.path / _DIGESTS} is damaged: it does not tell the points of the complete job"
+            f"{job.path / _DIGESTS} is damaged: it lacks digests of the points of a complete job"
         )
     if kept.any():
         if not np.array_equal(kept, found):
             raise ArgumentError(
-                f"folder must be that of the same job; that in {room.path} has other {where}"
+                f"folder must be that of the same job; that in {job.path} has other {where}"
             )
-        damaged = _damaged_table(room, names, block)
+        damaged = _damaged_table(job, names, block)
         if damaged is None:
             return
         warnings.warn(
-            f"{room.path / damaged} is damaged: what it holds of {where} is not what was written; "
-            "it is computed again, with all that may have been made of it",
+            f"{job.path / damaged} is damaged: its data for {where} are not what was written; they "
+            "are computed again, with everything that depends on them",
             DamagedFileWarning,
             stacklevel=3,
         )
-        _forget_tiles(room, tiles, block)
+        _forget_tiles(job, tiles, block)
     try:
         features = metric.features(some, precision)
     except DegenerateSurfaceError as error:
         raise DegenerateSurfaceError(f"{where}: {error}") from error
     written = (*features, some) if precision == "single" else features
     for name, array in zip(names, written, strict=True):
-        room.write(name, (block, array))
-    room.write(_CHECKSUMS, (block, np.stack([checksums(array) for array in written], axis=1)))
-    room.write(_DIGESTS, (number, found))
+        job.write(name, (block, array))
+    job.write(_CHECKSUMS, (block, np.stack([checksums(array) for array in written], axis=1)))
+    job.write(_DIGESTS, (number, found))
 
 
-def _damaged_table(room: JobFolder, names: list[str], block: slice) -> str | None:
-    """Return the first table whose rows do not have their checksums."""
+def _damaged_table(job: JobFolder, names: list[str], block: slice) -> str | None:
+    """Return the first table with rows that do not match their checksums."""
     for k, name in enumerate(names):
-        if not np.array_equal(checksums(room.read(name)[block]), room.read(_CHECKSUMS)[block, k]):
+        if not np.array_equal(checksums(job.read(name)[block]), job.read(_CHECKSUMS)[block, k]):
             return name
     return None
 
 
 def _check_features(
-    room: JobFolder, names: list[str], blocks: list[slice], tiles: list[Tile]
+    job: JobFolder, names: list[str], blocks: list[slice], tiles: list[Tile]
 ) -> None:
-    """Refuse to finish if features have changed while distances were made of them."""
+    """Refuse to finish if features have changed while distances were computed from them."""
     for block in blocks:
-        damaged = _damaged_table(room, names, block)
+        damaged = _damaged_table(job, names, block)
         if damaged:
-            _forget_tiles(room, tiles, block)
+            _forget_tiles(job, tiles, block)
             raise FileFormatError(
-                f"{room.path / damaged} is damaged: what it holds of "
-                f"points[{block.start}:{block.stop}] is no longer what was written; the same call "
-                "computes it again, with all that may have been made of it"
+                f"{job.path / damaged} is damaged: its data for "
+                f"points[{block.start}:{block.stop}] are no longer what was written; the same call "
+                "computes them again, with everything that depends on them"
             )
 
 
-def _forget_tiles(room: JobFolder, tiles: list[Tile], block: slice) -> None:
-    """Have the tiles computed again that some points are part of."""
-    marks = np.array(room.read(_DONE))
+def _forget_tiles(job: JobFolder, tiles: list[Tile], block: slice) -> None:
+    """Mark the tiles that contain points of a block as unfinished."""
+    marks = np.array(job.read(_DONE))
     for number, tile in enumerate(tiles):
         for side in (tile.rows, tile.columns):
             if side.start < block.stop and block.start < side.stop:
                 marks[number] = 0
-    room.write(_DONE, (slice(None), marks))
+    job.write(_DONE, (slice(None), marks))
 
 
 def _compute_tiles(
-    room: JobFolder,
+    job: JobFolder,
     metric: RiemannianMetric,
     reader: TileReader,
     tiles: list[Tile],
@@ -313,14 +313,9 @@ def _compute_tiles(
     progress: bool,
 ) -> None:
     for _ in range(_ATTEMPTS):
-        todo = _unfinished(room, tiles)
+        todo = _unfinished(job, tiles)
         if not todo:
             return
-        computed: Iterator[tuple[int, ndarray]]
-        if client is None:
-            computed = ((number, reader.distances(metric, tile)) for number, tile in todo)
-        else:
-            computed = tiles_on_cluster(client, metric, reader, todo)
         n_pairs = sum(tile.n_pairs for tile in tiles)
         bar = ProgressBar(
             total=n_pairs,
@@ -330,28 +325,28 @@ def _compute_tiles(
             unit=" pairs",
         )
         with bar:
-            for number, block in computed:
+            for number, block in computed_tiles(metric, reader, todo, client):
                 tile = tiles[number]
-                # The record follows the entries: a kill between the two costs this tile, no more.
-                room.write(
+                # The record follows the entries: a kill in between costs only this tile.
+                job.write(
                     _UNFINISHED_RESULT,
                     ((tile.rows, tile.columns), block),
                     ((tile.columns, tile.rows), block.T),
                 )
-                room.write(_DONE, (number, mark(block)))
+                job.write(_DONE, (number, mark(block)))
                 bar.update(tile.n_pairs)
-    if _unfinished(room, tiles):
+    if _unfinished(job, tiles):
         raise FileFormatError(
-            f"{room.path / _UNFINISHED_RESULT} is damaged, and does not keep what is written to it"
+            f"{job.path / _UNFINISHED_RESULT} is damaged and does not keep what is written to it"
         )
 
 
-def _unfinished(room: JobFolder, tiles: list[Tile]) -> list[tuple[int, Tile]]:
-    """Return the tiles that are not finished, or no longer what was written, with their numbers."""
-    marks = np.array(room.read(_DONE))
+def _unfinished(job: JobFolder, tiles: list[Tile]) -> list[tuple[int, Tile]]:
+    """Return the tiles that are unfinished or damaged, with their numbers."""
+    marks = np.array(job.read(_DONE))
     if not are_marks(marks):
-        raise FileFormatError(f"{room.path / _DONE} is damaged: it marks tiles as neither")
-    distances = room.read(_UNFINISHED_RESULT)
+        raise FileFormatError(f"{job.path / _DONE} is damaged: it marks tiles as neither")
+    distances = job.read(_UNFINISHED_RESULT)
     todo = []
     for number, tile in enumerate(tiles):
         if marks[number]:
@@ -359,7 +354,7 @@ def _unfinished(room: JobFolder, tiles: list[Tile]) -> list[tuple[int, Tile]]:
             if {mark(distances[tile.rows, tile.columns]), mark(mirrored)} == {int(marks[number])}:
                 continue
             warnings.warn(
-                f"{room.path / _UNFINISHED_RESULT} is damaged: tile {number}, distances "
+                f"{job.path / _UNFINISHED_RESULT} is damaged: tile {number}, distances "
                 f"[{tile.rows.start}:{tile.rows.stop}, {tile.columns.start}:{tile.columns.stop}], "
                 "is not what was written; it is computed again",
                 DamagedFileWarning,

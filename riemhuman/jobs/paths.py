@@ -1,4 +1,4 @@
-"""Paths between all pairs of a set of points, computed block by block on disk, and resumable."""
+"""Paths between all pairs of a set of points, computed block by block on disk and resumable."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, DamagedFileWarning, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.jobs.cluster import tiles_on_cluster
+from riemhuman.jobs.cluster import computed_tiles
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
@@ -30,11 +30,11 @@ from riemhuman.storage.fingerprint import describe, digest
 from riemhuman.storage.job_folder import JobFolder
 
 PATHS = "paths.npy"
-"""Name of the file of paths, where they are kept: one for each pair i < j, row by row."""
+"""Name of the file of paths, if they are kept: one for each pair i < j, row by row."""
 
 _ROWS, _DONE = "rows.npy", "done.npy"
 _FORMAT = "riemhuman pairwise job of paths 1"
-# Pairs that are solved, and then written, at a time.
+# Pairs that are solved and then written at a time.
 _BLOCK = 16
 _N_NUMBERS = 6
 
@@ -50,26 +50,26 @@ def path_job(
     client: Any | None = None,
     progress: bool = False,
 ) -> PathDistances:
-    r"""Find paths between all points of a set, or resume an earlier run.
+    r"""Find paths between all pairs of a set of points, or resume an earlier run.
 
-    The same numbers as `riemhuman.solvers.path_distances`. A job that was interrupted or killed
-    goes on when it is called again with the same arguments; paths that were finished are kept.
+    The numbers are those of `riemhuman.solvers.path_distances`. An interrupted or killed job
+    resumes when it is called again with the same arguments; finished paths are kept.
 
     Parameters
     ----------
     solver : GeodesicSolver
-        Finds the paths, such as `BasisPath`. The job holds its parameters and its code, and goes
-        on with the same alone; a callback is part of them.
+        Finds the paths, such as `BasisPath`. The job records its parameters, a callback included,
+        and its code, and resumes only with the same.
     metric : RiemannianMetric
-        The metric, held likewise.
+        The metric, recorded likewise.
     points : array or sequence, shape (n, \*shape)
         Points.
     folder : path_like
         Folder of the job, made if need be.
     keep_paths : bool
-        Whether to keep the paths too, as `paths.npy`, shape (n (n − 1)/2, n_nodes, \*shape).
+        Whether to keep the paths too, in `paths.npy`, shape (n (n − 1)/2, n_nodes, \*shape).
     n_jobs : int, optional
-        Number of threads in each process, -1 for one a core; by default one.
+        Number of threads in each process, -1 for one per core; by default one.
     client : distributed.Client, optional
         Client of a Dask cluster whose workers find the paths; they must be able to import the
         library.
@@ -83,11 +83,11 @@ def path_job(
     Raises
     ------
     ArgumentTypeError
-        If an argument is of the wrong type, or solver or metric depend on what a job cannot tell
-        from others, such as an open file.
+        If an argument has the wrong type, or the solver or the metric holds something that cannot
+        be recorded, such as an open file.
     ArgumentError
-        If a point is wrong, or the folder holds something else: another job, one on other points,
-        by another solver or metric, or no job at all.
+        If a point is not valid, or the folder holds a job on other points or with another solver
+        or metric, or anything but a job.
     FileError
         If another process is at work in the folder, it cannot be written, or the disk is too small.
     FileFormatError
@@ -120,9 +120,9 @@ def path_job(
         "metric": describe(metric),
         "solver": describe(solver),
     }
-    room = JobFolder(folder)
-    with room.locked():
-        size = room.claim(described, {"block": _BLOCK})["block"]
+    job = JobFolder(folder)
+    with job.locked():
+        size = job.claim(described, {"block": _BLOCK})["block"]
         blocks = list(slices(n_pairs, size))
         tables: dict[str, tuple[tuple[int, ...], Any]] = {
             _ROWS: ((n_pairs, _N_NUMBERS), np.float64),
@@ -131,8 +131,8 @@ def path_job(
         if keep_paths:
             n_nodes = solver.solve(metric, *points[:2]).path.shape[0]
             tables[PATHS] = ((n_pairs, n_nodes, *points.shape[1:]), np.float64)
-        room.make_tables(tables)
-        todo = [(number, blocks[number]) for number in _unfinished(room, blocks, keep_paths)]
+        job.make_tables(tables)
+        todo = [(number, blocks[number]) for number in _unfinished(job, blocks, keep_paths)]
         reader = _PathFinder(solver, points, keep_paths, n_jobs)
         bar = ProgressBar(
             total=n_pairs,
@@ -142,22 +142,22 @@ def path_job(
             unit=" paths",
         )
         with bar:
-            for number, found in _computed(metric, reader, todo, client):
+            for number, found in computed_tiles(metric, reader, todo, client):
                 block = blocks[number]
                 if keep_paths:
                     shape = tables[PATHS][0][1:]
                     paths = found[:, _N_NUMBERS:].reshape(-1, *shape)
-                    room.write(PATHS, (block, paths))
-                room.write(_ROWS, (block, found[:, :_N_NUMBERS]))
-                # The record follows the entries: a kill between costs these pairs, no more.
-                room.write(_DONE, (number, mark(found)))
+                    job.write(PATHS, (block, paths))
+                job.write(_ROWS, (block, found[:, :_N_NUMBERS]))
+                # The record follows the entries: a kill in between costs only these pairs.
+                job.write(_DONE, (number, mark(found)))
                 bar.update(block.stop - block.start)
-        return distances_of(len(points), np.array(room.read(_ROWS)))
+        return distances_of(len(points), np.array(job.read(_ROWS)))
 
 
 @dataclass(frozen=True)
 class _PathFinder:
-    """Finds the paths of some pairs, in this process or in a worker of a cluster."""
+    """Finds the paths of some pairs, in this process or on a worker of a cluster."""
 
     solver: GeodesicSolver
     points: ndarray
@@ -165,7 +165,7 @@ class _PathFinder:
     n_jobs: int | None
 
     def distances(self, metric: RiemannianMetric, tile: slice) -> ndarray:
-        """Return a row for each pair, its numbers and then its path where that is kept."""
+        """Return a row for each pair: its numbers, and then its path if it is kept."""
         pairs = PairsOfPoints(self.points)[tile]
         rows = []
         for result in ManyPaths.solve_many(self.solver, metric, pairs, n_jobs=self.n_jobs):
@@ -174,29 +174,21 @@ class _PathFinder:
         return np.array(rows)
 
 
-def _computed(
-    metric: RiemannianMetric, reader: _PathFinder, todo: list[tuple[int, slice]], client: Any | None
-) -> Iterator[tuple[int, ndarray]]:
-    if client is None:
-        return ((number, reader.distances(metric, block)) for number, block in todo)
-    return tiles_on_cluster(client, metric, reader, todo)
-
-
-def _unfinished(room: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterator[int]:
-    """Yield the numbers of the blocks that are not finished, or no longer what was written."""
-    marks = np.array(room.read(_DONE))
+def _unfinished(job: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterator[int]:
+    """Yield the numbers of the blocks that are unfinished or damaged."""
+    marks = np.array(job.read(_DONE))
     if not are_marks(marks):
-        raise FileFormatError(f"{room.path / _DONE} is damaged: it marks pairs as neither")
+        raise FileFormatError(f"{job.path / _DONE} is damaged: it marks pairs as neither")
     for number, block in enumerate(blocks):
         if marks[number]:
-            found = np.array(room.read(_ROWS)[block])
+            found = np.array(job.read(_ROWS)[block])
             if keep_paths:
-                paths = np.array(room.read(PATHS)[block]).reshape(len(found), -1)
+                paths = np.array(job.read(PATHS)[block]).reshape(len(found), -1)
                 found = np.concatenate([found, paths], axis=1)
             if mark(found) == int(marks[number]):
                 continue
             warnings.warn(
-                f"a table in {room.path} is damaged: what it holds of pairs {block.start} to "
+                f"a table in {job.path} is damaged: what it holds of pairs {block.start} to "
                 f"{block.stop - 1} is not what was written; they are solved again",
                 DamagedFileWarning,
                 stacklevel=3,

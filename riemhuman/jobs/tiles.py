@@ -1,4 +1,4 @@
-"""Tiles of a distance matrix, computed from features that lie on disk."""
+"""Tiles of a distance matrix, computed from features on disk."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from riemhuman.kernels.tiles import slices
 from riemhuman.storage.array_files import load_array
 
 POINTS = "points.npy"
-"""Name of the file of points, where a job keeps them."""
+"""Name of the file of points, if a job keeps them."""
 
-# Numbers of eight bytes for each pair of a tile, while it is computed and mirrored.
+# Numbers of eight bytes in memory for each pair of a tile while it is computed and mirrored.
 _COPIES = 6
 
 
@@ -31,7 +31,7 @@ class Tile:
     Parameters
     ----------
     rows, columns : slice
-        Its points; either the same, on the diagonal, or the columns behind the rows.
+        Numbers of points: the same on the diagonal, otherwise the columns follow the rows.
     """
 
     rows: slice
@@ -47,18 +47,14 @@ class Tile:
 
 
 def tiles_of(n_points: int, size: int) -> Iterator[Tile]:
-    """Cut the upper triangle of a distance matrix into tiles, row by row.
+    """Divide the upper triangle of a distance matrix into tiles, row by row.
 
     Parameters
     ----------
     n_points : int
         Number of points.
     size : int
-        Points of a side.
-
-    Yields
-    ------
-    Tile
+        Points on a side of a tile.
     """
     sides = list(slices(n_points, size))
     for i, rows in enumerate(sides):
@@ -67,36 +63,32 @@ def tiles_of(n_points: int, size: int) -> Iterator[Tile]:
 
 
 def memory_of_tile(n_bytes: int, size: int) -> int:
-    """Return how many bytes a tile takes while it is computed.
+    """Return how many bytes of memory a tile takes while it is computed.
 
     Parameters
     ----------
     n_bytes : int
-        Bytes that are kept of one point.
+        Bytes kept for one point.
     size : int
-        Points of a side.
-
-    Returns
-    -------
-    int
+        Points on a side of the tile.
     """
     return 2 * n_bytes * size + 8 * _COPIES * size**2
 
 
 def largest_tile(n_bytes: int, memory: int) -> int:
-    """Return the largest side of a tile within a budget of memory, see `memory_of_tile`.
+    """Return the largest side of a tile for which `memory_of_tile` is within a budget.
 
     Parameters
     ----------
     n_bytes : int
-        Bytes that are kept of one point.
+        Bytes kept for one point.
     memory : int
-        Bytes to spend.
+        Bytes of memory.
 
     Returns
     -------
     int
-        0 if the budget is too small for any.
+        Points on a side; 0 if the budget is too small for any tile.
     """
     square = 8 * _COPIES
     return int((math.sqrt(n_bytes**2 + square * memory) - n_bytes) / square)
@@ -109,10 +101,6 @@ def feature_file(number: int) -> str:
     ----------
     number : int
         k.
-
-    Returns
-    -------
-    str
     """
     return f"features_{number}.npy"
 
@@ -146,7 +134,7 @@ class TileReader:
         metric : RiemannianMetric
             The metric.
         tile : Tile
-            Which distances.
+            Which distances to compute.
 
         Returns
         -------
@@ -159,9 +147,9 @@ class TileReader:
         FileFormatError
             If a file of the job is damaged.
         ArgumentError
-            If a distance is beyond double precision.
+            If a distance overflows double precision.
         """
-        # Tiles come row by row, so the features of the rows serve many of them.
+        # Tiles come row by row, so that many of them share the features of their rows.
         if self._rows is None or self._rows[0] != tile.rows:
             self._rows = (tile.rows, self._features(tile.rows))
         rows = self._rows[1]
@@ -173,12 +161,12 @@ class TileReader:
         return np.sqrt(squared)
 
     def _features(self, part: slice) -> tuple[ndarray, ...]:
-        # Copied: compiled loops take no memory-mapped arrays, and pages of these need not stay.
+        # Copied, since compiled loops take no memory maps, whose pages need not stay in memory.
         names = map(feature_file, range(self.n_features))
         return tuple(np.array(self._open(name)[part], order="C") for name in names)
 
     def _points(self) -> ndarray:
-        """Return the points, where they are kept; nobody looks at them where they are not."""
+        """Return the points if the job keeps them, otherwise an empty array that is not used."""
         if (Path(self.folder) / POINTS).exists():
             return self._open(POINTS)
         return np.empty(0)

@@ -16,8 +16,8 @@ from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements
 from riemhuman.measurements.open_body import FOLDER
 from riemhuman.measurements.standard_pose import in_standard_pose
+from riemhuman.surfaces.normals import vertex_normals
 from riemhuman.surfaces.procrustes import procrustes
-from riemhuman.surfaces.rendering import vertex_normals
 
 # A difference has the variance of both visits; a change counts above two of its deviations.
 _SEEN = 2.0 * np.sqrt(2.0)

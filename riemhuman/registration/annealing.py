@@ -8,12 +8,11 @@ import numpy as np
 
 from riemhuman.kernels.compiled import compiled
 from riemhuman.registration.model_samples import ModelSamples
-from riemhuman.registration.posing import (
-    Pose,
+from riemhuman.registration.posing import Pose, posed
+from riemhuman.registration.posing_equations import (
     Prior,
     add_normal_equations,
     add_prior,
-    posed,
     stepped,
 )
 from riemhuman.registration.soft_assignment import assign

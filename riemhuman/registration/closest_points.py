@@ -10,15 +10,14 @@ from scipy.spatial import cKDTree
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.registration.model_samples import ModelSamples
-from riemhuman.registration.posing import (
-    Pose,
+from riemhuman.registration.posing import Pose, posed
+from riemhuman.registration.posing_equations import (
     Prior,
     add_normal_equations,
     add_prior,
-    posed,
     stepped,
 )
-from riemhuman.registration.surface_points import unit, vertex_normals
+from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 
 # How many metres a normal turned by a radian is away.
 _NORMAL_METRES = 0.05
@@ -77,10 +76,6 @@ class ScanTree:
             Points of a body and unit normals.
         scale : float
             Distance at which a point counts a quarter, metres.
-
-        Returns
-        -------
-        Matches
         """
         places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
         count = min(_N_NEIGHBOURS, len(self.points))
@@ -89,7 +84,7 @@ class ScanTree:
         shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / _BLUR_METRES**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
-        found = unit(np.einsum("nk,nkx->nx", shares, self.normals[near]))
+        found = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
         cosines = np.einsum("nx,nx->n", found, normals)
         weights = (scale**2 / (np.sum(gaps**2, axis=1) + scale**2)) ** 2
         return Matches(gaps, found, weights * np.clip(cosines, 0.0, 1.0))
@@ -116,10 +111,6 @@ def fit_closest(
         The scan.
     scales : tuple of float
         How far points may be off in each step, metres.
-
-    Returns
-    -------
-    Pose
     """
     n_columns = 3 * len(body.parents) + len(pose.betas) + 3
     for scale in scales:

@@ -152,10 +152,6 @@ def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     folder : path_like
         The folder.
 
-    Returns
-    -------
-    files : list of Path
-
     Raises
     ------
     FileError
@@ -243,10 +239,6 @@ def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) 
         Its registration.
     faces : array of int, shape (F, 3)
         Triangles of the body.
-
-    Returns
-    -------
-    record : ScanRecord
     """
     seen = np.flatnonzero(~result.background)
     shown = seen[thinned(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]

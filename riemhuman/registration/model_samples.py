@@ -7,16 +7,15 @@ coarser mesh is needed, so that any `BodyModel` will do.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from riemhuman.bodies import BodyModel
 from riemhuman.bodies.joint_motions import Skeleton
-from riemhuman.registration.surface_points import thinned, vertex_normals
-
-if TYPE_CHECKING:
-    from riemhuman.bodies import BodyModel
+from riemhuman.registration.surface_points import thinned
+from riemhuman.surfaces.normals import vertex_normals
 
 
 class ModelSamples(NamedTuple):

@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from riemhuman.registration.surface_points import unit
+from riemhuman.surfaces.normals import unit_vectors
 
 _N_NEIGHBOURS = 14
 _NORMAL_METRES = 0.03
@@ -75,7 +75,7 @@ def smoothed_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
     """
     places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
     neighbours = cKDTree(places).query(places, k=min(_N_NEIGHBOURS, len(points)))[1]
-    return unit(normals[neighbours].mean(axis=1))
+    return unit_vectors(normals[neighbours].mean(axis=1))
 
 
 def has_one_side(faces: np.ndarray) -> bool:
@@ -85,10 +85,6 @@ def has_one_side(faces: np.ndarray) -> bool:
     ----------
     faces : array of int, shape (F, 3)
         Triangles.
-
-    Returns
-    -------
-    bool
     """
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     n_vertices = int(faces.max()) + 1
@@ -105,9 +101,5 @@ def outward(points: np.ndarray, normals: np.ndarray) -> bool:
     ----------
     points, normals : array, shape (N, 3)
         Points spread evenly, and normals.
-
-    Returns
-    -------
-    bool
     """
     return bool(np.sum((points - points.mean(axis=0)) * normals) >= 0)

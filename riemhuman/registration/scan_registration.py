@@ -33,6 +33,7 @@ from riemhuman.registration.trust import (
     distance_apart,
     doubts,
 )
+from riemhuman.surfaces.distortion import triangle_areas
 from riemhuman.surfaces.nearest_places import nearest_places
 from riemhuman.units import UNITS
 
@@ -249,10 +250,7 @@ class ScanRegistration:
 
     def _area(self, pose: Pose) -> float:
         """Return the area of the skin in the rest pose."""
-        surface = self.model(pose.betas)
-        corners = surface[self.model.faces]
-        crosses = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        return 0.5 * float(np.linalg.norm(crosses, axis=1).sum())
+        return float(triangle_areas(self.model(pose.betas), self.model.faces).sum())
 
     def _least_matched(self, matched: np.ndarray) -> tuple[str, float]:
         """Return the joint whose vertices have found the least, and the share that found it."""

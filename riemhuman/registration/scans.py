@@ -18,9 +18,9 @@ from riemhuman.registration.scan_normals import (
     outward,
     smoothed_normals,
 )
-from riemhuman.registration.surface_points import thinned, vertex_normals
-from riemhuman.registration.surface_points import unit as unit_vectors
+from riemhuman.registration.surface_points import thinned
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 from riemhuman.units import UNITS
 
 FEWEST_POINTS = 200
@@ -145,10 +145,6 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Its unit; noticed from the size by default.
 
-    Returns
-    -------
-    scan : Scan
-
     Raises
     ------
     ArgumentTypeError
@@ -200,10 +196,6 @@ def in_metres(
     name : str
         What to call the scan in messages.
 
-    Returns
-    -------
-    scan : Scan
-
     Raises
     ------
     ArgumentError
@@ -239,10 +231,6 @@ def made_ready(scan: Scan, *, surroundings: bool = True) -> ReadyScan:
         A scan.
     surroundings : bool
         Whether there may be a floor and strays, which are then left out.
-
-    Returns
-    -------
-    ready : ReadyScan
 
     Raises
     ------

@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import Rng, generator, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.registration.surface_points import vertex_normals
+from riemhuman.surfaces.distortion import triangle_areas
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.normals import vertex_normals
 
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
@@ -186,15 +187,12 @@ def remeshed(
     fine, triangles = points, faces
     while len(fine) < 8 * n_vertices:
         fine, triangles = _refined(fine, triangles)
-    corners = fine[triangles]
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    areas = triangle_areas(fine, triangles)
     # Of four times as many points, those that are not close to one before.
     drawn = rng.choice(len(triangles), 4 * n_vertices, p=areas / areas.sum())
     drawn = np.unique(triangles[drawn, 0])
     rng.shuffle(drawn)
-    chosen = _apart(fine, drawn, n_vertices, float(areas.sum()) / 2.0)
+    chosen = _apart(fine, drawn, n_vertices, float(areas.sum()))
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     lengths = np.linalg.norm(fine[edges[:, 0]] - fine[edges[:, 1]], axis=1) + 1e-12
     graph = sparse.csr_array((lengths, edges.T), shape=(len(fine), len(fine)))
@@ -237,9 +235,7 @@ def _sampled(
 ) -> np.ndarray:
     """Return points spread over the surface by its area."""
     corners = points[faces]
-    areas = np.linalg.norm(
-        np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-    )
+    areas = triangle_areas(points, faces)
     drawn = rng.choice(len(faces), n_points, p=areas / areas.sum())
     first, second = rng.random((2, n_points, 1))
     beyond = first + second > 1.0

@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from riemhuman.bodies import BodyModel, rotation_matrix
-from riemhuman.datasets.open_poses import joint_turns, pose_vectors
-
-if TYPE_CHECKING:
-    from riemhuman.datasets.open_poses import Angles
+from riemhuman.datasets.open_poses import Angles, joint_turns, pose_vectors
 
 _DOWN: dict[str, Angles] = {
     "shoulder": ("xz", 10, -78),

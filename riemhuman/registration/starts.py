@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from riemhuman.bodies import BodyModel
 from riemhuman.bodies.joint_motions import Skeleton
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration.annealing import annealed
 from riemhuman.registration.model_samples import ModelSamples, sample_model
-from riemhuman.registration.posing import Pose, Prior, posed, rotation
+from riemhuman.registration.posing import Pose, posed, rotation
+from riemhuman.registration.posing_equations import Prior
 from riemhuman.registration.start_poses import FEW, joint_precisions, start_poses
 from riemhuman.registration.surface_points import thinned
-
-if TYPE_CHECKING:
-    from riemhuman.bodies import BodyModel
 
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 _UP = np.array([0.0, 1.0, 0.0])
@@ -105,10 +103,6 @@ class StartSearch:
         ----------
         n_samples : int or None
             How many; all where None.
-
-        Returns
-        -------
-        ModelSamples
         """
         if n_samples not in self._samples:
             self._samples[n_samples] = sample_model(self.model, n_samples, self.skeleton)
@@ -145,10 +139,6 @@ class StartSearch:
             Whether the normals have a sign.
         landmarks : dict of int to array, shape (3,)
             Where joints are known to be.
-
-        Returns
-        -------
-        candidates : list of Candidate
         """
         centre = points.mean(axis=0)
         first, *others = ROUNDS
@@ -190,10 +180,6 @@ class StartSearch:
             Whether the normals have a sign.
         landmarks : dict of int to array, shape (3,)
             Where joints are known to be.
-
-        Returns
-        -------
-        candidate : Candidate
         """
         found = [Candidate(pose, Prior(pose.local, self.precisions, pose.betas, 4.0), -np.inf, up)]
         for each in WARM_ROUNDS:
@@ -209,10 +195,6 @@ class StartSearch:
             Parameters of a body.
         points, normals : array, shape (m, 3)
             The scan, metres, spread evenly.
-
-        Returns
-        -------
-        float
         """
         last = ROUNDS[-1]
         prior = Prior(pose.local, self.precisions, pose.betas, 1.0)

@@ -1,49 +1,8 @@
-"""Points spread evenly over a surface, and normals at them."""
+"""Points spread evenly over a surface."""
 
 from __future__ import annotations
 
 import numpy as np
-
-
-def vertex_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return unit normals at vertices, those of the triangles about them weighed by area.
-
-    Parameters
-    ----------
-    vertices : array, shape (V, 3)
-        Positions.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    normals : array, shape (V, 3)
-        Zero where no triangle with an area is.
-    """
-    corners = vertices[faces]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.empty_like(vertices)
-    for axis in range(3):
-        normals[:, axis] = np.bincount(
-            faces.ravel(), np.repeat(areas[:, axis], 3), minlength=len(vertices)
-        )
-    return unit(normals)
-
-
-def unit(vectors: np.ndarray) -> np.ndarray:
-    """Return vectors at unit length; those without any length stay zero.
-
-    Parameters
-    ----------
-    vectors : array, shape (..., 3)
-        Vectors.
-
-    Returns
-    -------
-    array, shape (..., 3)
-    """
-    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
-    return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
 
 
 def thinned(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:

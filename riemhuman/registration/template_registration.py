@@ -16,8 +16,8 @@ from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.registration.closest_points import ScanTree, fit_elastic
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
-from riemhuman.registration.surface_points import vertex_normals
 from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.normals import vertex_normals
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 

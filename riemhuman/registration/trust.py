@@ -60,10 +60,6 @@ def doubts(evidence: Evidence) -> list[str]:
     ----------
     evidence : Evidence
         What is known of it.
-
-    Returns
-    -------
-    reasons : list of str
     """
     reasons = []
     if evidence.near < LEAST_NEAR:

@@ -1,16 +1,17 @@
-"""Files: written whole or not at all, locked, checked, and known by what they were made of.
+"""Files that appear whole or not at all, locks, checksums, and fingerprints of inputs.
 
-Two stores share locks, fingerprints and whole files. `ResultStore` keeps finished steps, and those
-are computed anew whose inputs changed; `JobFolder` fills tables larger than memory in place, and
-refuses another job. Neither can do the other's work.
+Two stores share locks, fingerprints and files of arrays. `ResultStore` keeps the result of each
+step in a compressed file, which it replaces as a whole when the inputs of the step have changed.
+`JobFolder` fills tables that may be larger than memory entry by entry, and refuses to continue
+another job.
 
-Why not the libraries of the field, as tried:
+Libraries that were tried and are not used:
 
-* Zarr 3.1 takes no room before the work begins, reads a lost chunk as zeros and a flipped bit as
-  another number, and brings 45 MB. Tables of jobs are single .npy files, laid out in full, so that
-  a disk that is too small shows at once.
-* safetensors 0.8 replaces files whole, but refuses text and complex numbers, and gives arrays in
-  Fortran order back with their entries in other places. Named arrays are .npz files.
-* filelock 4.2 leaves its files behind and locks files that are not its own.
-* platformdirs names folders of the user's system, in which nothing is kept.
+* Zarr 3.1 reserves no disk space in advance, reads a lost chunk as zeros and a flipped bit as
+  another number, and installs 45 MB. Tables of jobs are single .npy files, allocated in full, so
+  that a disk that is too small is found at once.
+* safetensors 0.8 replaces files as a whole, but refuses text and complex numbers, and permutes the
+  entries of arrays in Fortran order. Named arrays are .npz files.
+* filelock 4.2 leaves its lock files behind and locks files that are not its own.
+* platformdirs names the folders of a user, in which the library keeps nothing.
 """

@@ -1,7 +1,7 @@
-"""Named arrays in .npz files: written whole or not at all, read without unpickling.
+"""Named arrays in .npz files, which appear whole or not at all and are read without unpickling.
 
-What a file says of the size of an array is compared with the data that are there before any memory
-is set aside for it. (safetensors 0.8 refuses text, and mixes up arrays in Fortran order.)
+The size that a file declares for an array is compared with the size of its data before any memory
+is allocated.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from riemhuman.errors import FileError, FileFormatError
 from riemhuman.storage.file_content import brief, check_file, file_path
 from riemhuman.storage.whole_files import whole_file
 
-# Numbers do not compress further than this; zeros do, and an eighth of a gigabyte of them may.
+# Numbers rarely compress further than this factor; zeros do, hence the fixed allowance in bytes.
 _MOST_COMPRESSED, _ROOM = 64, 2**27
-# What becomes of an entry: a number in double precision, or an object of Python with its text.
+# Bytes of memory for an entry: a number in double precision, or the overhead of a Python string.
 _NUMBER, _TEXT = 8, 64
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENDING = ".npy"
@@ -31,14 +31,14 @@ _LAST_CHARACTER = 0x10FFFF
 def save_arrays(
     path: str | os.PathLike[str], arrays: Mapping[str, Any], *, compressed: bool = False
 ) -> None:
-    """Write named arrays to an .npz file; a temporary neighbour is written first.
+    """Write named arrays to an .npz file, which appears whole or not at all.
 
     Parameters
     ----------
     path : path_like
-        The file, with its ending; an existing file is replaced.
+        The file, with its suffix; an existing file is replaced.
     arrays : mapping of str to array
-        The fields.
+        The arrays by name.
     compressed : bool
         Whether the file is compressed.
 
@@ -50,7 +50,7 @@ def save_arrays(
         If the file cannot be written.
     """
     compression = zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED
-    # Not by `np.savez`, which in NumPy 2.0 leaves the archive open where the disk is full.
+    # `np.savez` of NumPy 2.0 would leave the archive open when the disk is full.
     with (
         whole_file(file_path(path)) as neighbour,
         zipfile.ZipFile(neighbour, "w", compression) as archive,
@@ -72,13 +72,9 @@ def load_arrays(
     path : path_like
         The file.
     required : sequence of str
-        Fields that must be there.
+        Arrays that the file must contain.
     optional : sequence of str, optional
-        Fields to read if they are there; by default all. Others are left unread.
-
-    Returns
-    -------
-    arrays : dict of str to array
+        Arrays to read if the file contains them; by default all. Others are left unread.
 
     Raises
     ------
@@ -87,8 +83,8 @@ def load_arrays(
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is not an .npz archive of plain arrays, lacks a field, or claims more data than a
-        file of its size may hold.
+        If it is not an .npz archive of plain arrays, lacks a required array, or declares more data
+        than a file of its size may hold.
     """
     with opened_archive(path) as archive:
         found = archive.names
@@ -121,7 +117,7 @@ class ArrayArchive:
         names: set[str] = set()
         for member in archive.infolist():
             name = member.filename.removesuffix(_ENDING)
-            # NumPy takes a member without the ending first.
+            # NumPy would prefer a member without the suffix.
             if name in names:
                 raise FileFormatError(f"it holds {name[:60]} twice")
             names.add(name)
@@ -134,16 +130,12 @@ class ArrayArchive:
         return list(self._members)
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """Return the shape of an array, whose data are left unread.
+        """Return the shape of an array without reading its data.
 
         Parameters
         ----------
         name : str
             Name of the array.
-
-        Returns
-        -------
-        tuple of int
         """
         return self._header(name)[0]
 
@@ -164,10 +156,6 @@ class ArrayArchive:
         ----------
         names : sequence of str
             Names of the arrays.
-
-        Returns
-        -------
-        dict of str to array
         """
         found = {}
         for name in names:
@@ -189,10 +177,6 @@ def opened_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
     path : path_like
         The file.
 
-    Yields
-    ------
-    ArrayArchive
-
     Raises
     ------
     ArgumentTypeError
@@ -200,7 +184,7 @@ def opened_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is not an .npz archive of plain arrays, on opening or when an array is read.
+        If it is not an .npz archive of plain arrays, at the opening or when an array is read.
     """
     file = file_path(path)
     size = check_file(file)
@@ -212,7 +196,7 @@ def opened_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
             yield ArrayArchive(archive, size)
     except OSError as error:
         raise FileError(f"{file} cannot be read: {brief(error)}") from error
-    except Exception as error:  # whatever a damaged archive makes a parser stumble over
+    except Exception as error:  # a damaged archive can make the parser raise any error
         raise FileFormatError(
             f"{file} is not an .npz archive of plain arrays: {brief(error)}"
         ) from error
@@ -227,10 +211,6 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
         The file.
     mode : {"r", "r+"}, optional
         Mode of a memory map; by default the array is read.
-
-    Returns
-    -------
-    array or memmap
 
     Raises
     ------
@@ -258,22 +238,18 @@ def load_array(path: str | os.PathLike[str], *, mode: Any = None) -> np.ndarray:
 
 
 def room_of(size: int) -> int:
-    """Return how many bytes the content of a compressed file may take in memory.
+    """Return how many bytes of memory the content of a compressed file may take.
 
     Parameters
     ----------
     size : int
         Bytes of the file.
-
-    Returns
-    -------
-    int
     """
     return _ROOM + _MOST_COMPRESSED * size
 
 
 def memory_of(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
-    """Return how many bytes of memory an array takes in the type that it will have.
+    """Return how many bytes an array takes in memory, as double precision or as Python strings.
 
     Parameters
     ----------
@@ -281,18 +257,13 @@ def memory_of(shape: Sequence[int], dtype: np.dtype[Any]) -> int:
         Its shape.
     dtype : dtype
         Type of its entries in the file.
-
-    Returns
-    -------
-    int
-        Bytes of numbers in double precision, or of texts.
     """
     of_one = dtype.itemsize + _TEXT if dtype.kind in "SU" else max(dtype.itemsize, _NUMBER)
     return math.prod(map(int, shape)) * of_one
 
 
 def map_array(stream: IO[bytes], mode: Any) -> np.memmap:
-    """Map the array of an .npy file that is open.
+    """Map the array of an open .npy file into memory.
 
     Parameters
     ----------
@@ -300,10 +271,6 @@ def map_array(stream: IO[bytes], mode: Any) -> np.memmap:
         The file, at its beginning.
     mode : {"r", "r+"}
         Mode of the memory map, and of the file.
-
-    Returns
-    -------
-    memmap
 
     Raises
     ------
@@ -321,7 +288,7 @@ def map_array(stream: IO[bytes], mode: Any) -> np.memmap:
 
 
 def check_text(array: np.ndarray) -> None:
-    """Refuse an array of text whose numbers stand for no characters.
+    """Refuse an array of text with code points beyond Unicode.
 
     Parameters
     ----------
@@ -331,7 +298,7 @@ def check_text(array: np.ndarray) -> None:
     Raises
     ------
     FileFormatError
-        If it is such an array.
+        If it has such code points.
     """
     if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
         return
@@ -342,12 +309,12 @@ def check_text(array: np.ndarray) -> None:
 
 
 def read_array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bool, np.dtype[Any]]:
-    """Read the header of an .npy file, and check it against the size of the file.
+    """Read the header of an .npy file and compare it with the size of the file.
 
     Parameters
     ----------
     stream : file object
-        The file, at its beginning; afterwards, at the data.
+        The file, at its beginning; afterwards at the data.
     size : int
         Bytes of the file.
 
@@ -361,7 +328,7 @@ def read_array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bo
     Raises
     ------
     FileFormatError
-        If the array is one of objects, or there are not as many data as it takes.
+        If the array holds Python objects, or the amount of data does not match its shape and type.
     """
     is_old = np.lib.format.read_magic(stream) == (1, 0)
     start = stream.tell()
@@ -374,7 +341,7 @@ def read_array_header(stream: IO[bytes], size: int) -> tuple[tuple[int, ...], bo
     if dtype.hasobject:
         raise FileFormatError("it holds objects of Python")
     needed, found = math.prod(shape) * dtype.itemsize, size - stream.tell()
-    # Entries without a size need no data: of these, a few bytes could claim any number.
+    # Entries of zero bytes need no data, so that a few bytes could declare any number of them.
     if min(shape, default=0) < 0 or needed != found or math.prod(shape) > size:
         raise FileFormatError(
             f"an array of shape {shape} and type {dtype} takes {needed} bytes; found {found}"

@@ -1,4 +1,4 @@
-"""Cells of CSV files that no spreadsheet takes for code."""
+"""Cells of CSV files that no spreadsheet runs as formulas."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ _FORMULA = ("=", "+", "-", "@")
 
 
 def cell(text: str) -> str:
-    """Return a text as a cell of a table that spreadsheets open.
+    """Return a text as a cell of a table that is safe to open in a spreadsheet.
 
     Parameters
     ----------
     text : str
-        Any text, such as the name of a file or a label that somebody else has chosen.
+        Any text, such as a file name or a label from somebody else.
 
     Returns
     -------
     str
-        Without line ends and other control characters; behind an apostrophe if a spreadsheet would
-        compute it; bytes that are no text as backslashes and numbers.
+        The text with spaces for control characters and line ends, with backslash escapes for bytes
+        that are not text, and with an apostrophe before it if a spreadsheet would compute it.
     """
     known = text.encode("utf-8", "backslashreplace").decode("utf-8")
     line = "".join(" " if unicodedata.category(c) in ("Cc", "Zl", "Zp") else c for c in known)

@@ -1,4 +1,4 @@
-"""Checksums of what a job has written, which show damage before it is used."""
+"""Checksums of the tables of a job, which reveal damage before the data are used."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import zlib
 import numpy as np
 from numpy import ndarray
 
-# Beside its checksum, the mark of a tile holds what no flipped bit makes of an empty mark.
+# A mark holds these bits beside the checksum: no single flipped bit turns 0 into a mark.
 _DONE, _SHIFT = 0xA5, 32
 
 
@@ -44,15 +44,11 @@ def mark(block: ndarray) -> int:
 
 
 def are_marks(marks: ndarray) -> bool:
-    """Tell whether numbers are marks of tiles, finished or not.
+    """Tell whether all numbers are marks of finished tiles, or 0.
 
     Parameters
     ----------
     marks : array of uint64
-        The numbers; 0 for a tile that is not finished.
-
-    Returns
-    -------
-    bool
+        The numbers; 0 stands for an unfinished tile.
     """
     return bool(np.all((marks == 0) | (marks >> np.uint64(_SHIFT) == _DONE)))

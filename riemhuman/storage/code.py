@@ -1,4 +1,4 @@
-"""The code that a function reaches, and the installed library it belongs to."""
+"""The names that a function looks up, and the installed libraries that values belong to."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from riemhuman.errors import ArgumentTypeError
 
 _OWN = "riemhuman"
 _GLOBAL = ("LOAD_GLOBAL", "LOAD_NAME", "LOAD_FROM_DICT_OR_GLOBALS")
-# With these a function reaches what its code does not name.
+# With these, a function reaches names that its code does not contain.
 _HIDING = frozenset({"eval", "exec", "globals", "__import__"})
 
 
 def reached_by(function: types.FunctionType) -> dict[str, Any]:
-    """Return what a function, and those nested in it, look up outside themselves.
+    """Return what a function and the functions nested in it look up outside themselves.
 
     Parameters
     ----------
@@ -35,13 +35,13 @@ def reached_by(function: types.FunctionType) -> dict[str, Any]:
     Returns
     -------
     dict of str to object
-        Global names and the modules of libraries with their values, and what may be used of other
-        modules, as "module.name". Built-in names are left out.
+        Values of global names and modules of libraries by name; of other modules, the attributes
+        that may be used, as "module.name". Built-in names are left out.
 
     Raises
     ------
     ArgumentTypeError
-        If the function looks up names that its code does not tell.
+        If the function looks up names that its code does not contain.
     """
     names = function.__globals__
     reached: dict[str, Any] = {}
@@ -64,7 +64,7 @@ def reached_by(function: types.FunctionType) -> dict[str, Any]:
 
 
 def _looked_up(code: types.CodeType, package: str | None) -> Iterator[tuple[str, str]]:
-    """Yield the names that code looks up, and whether they are modules, attributes or globals."""
+    """Yield the names that code looks up, each with "module", "attribute" or "global"."""
     instructions = list(dis.get_instructions(code))
     for number, instruction in enumerate(instructions):
         name = instruction.argval
@@ -88,7 +88,7 @@ def _module(name: str) -> Any:
 
 
 def _without_own_modules(reached: dict[str, Any], attributes: set[str]) -> dict[str, Any]:
-    """Replace modules that belong to no library by what may be used of them."""
+    """Replace modules that belong to no library by those of their attributes that may be used."""
     known: dict[str, Any] = {}
     waiting = dict(reached)
     seen = set()
@@ -104,7 +104,7 @@ def _without_own_modules(reached: dict[str, Any], attributes: set[str]) -> dict[
 
 
 def library_of(value: Any) -> dict[str, str] | None:
-    """Return the installed library that a module, class or function belongs to, and its version.
+    """Return the installed library that a module, class or function belongs to.
 
     Parameters
     ----------
@@ -114,12 +114,12 @@ def library_of(value: Any) -> dict[str, str] | None:
     Returns
     -------
     dict of str or None
-        Name and version; None for the user's own code, in a file elsewhere or in none.
+        Name and version of the library; None for code that is not installed, such as a script.
     """
     if isinstance(value, types.ModuleType):
         name: str | None = value.__name__
     elif isinstance(value, types.FunctionType):
-        # Where it was written: decorators give functions the names of what they decorate.
+        # Not its `__module__`, which a decorator may copy from the decorated function.
         name = value.__globals__.get("__name__", "")
     else:
         name = getattr(value, "__module__", None) or _module_of_compiled(value)
@@ -127,7 +127,7 @@ def library_of(value: Any) -> dict[str, str] | None:
 
 
 def _module_of_compiled(value: Any) -> str | None:
-    # Universal functions know no module; those of NumPy are there under their names.
+    # Universal functions do not know their module; those of NumPy and SciPy are found by name.
     name = getattr(value, "__name__", "")
     for module in ("numpy", "scipy.special", "builtins"):
         if module in sys.modules and getattr(sys.modules[module], name, None) is value:
@@ -153,16 +153,12 @@ def _library(name: str) -> dict[str, str] | None:
 
 
 def is_own(library: dict[str, str] | None) -> bool:
-    """Tell whether a library is this one.
+    """Tell whether a library is riemhuman.
 
     Parameters
     ----------
     library : dict of str or None
-        What `library_of` says.
-
-    Returns
-    -------
-    bool
+        Result of `library_of`.
     """
     return library is not None and library["library"].startswith(f"{_OWN} ")
 

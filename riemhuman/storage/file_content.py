@@ -1,4 +1,4 @@
-"""Reading of regular files; devices and pipes, which may never end, are refused."""
+"""Reading of regular files; devices and pipes are refused, for they may never end."""
 
 from __future__ import annotations
 
@@ -20,23 +20,19 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
     path : path_like
         The path.
     name : str
-        What to call it in messages.
+        Name of the argument, for messages.
     kind : str
-        What it should lead to.
-
-    Returns
-    -------
-    Path
+        What the path should lead to, for messages.
 
     Raises
     ------
     ArgumentTypeError
         If it is not a path.
     FileError
-        If nothing can have this name: it is too long, or holds a null character.
+        If the path is too long or contains a null character.
     """
     try:
-        # Not `Path.expanduser`, which knows no file ~anna.ply where there is no user anna.ply.
+        # `Path.expanduser` would refuse a file ~anna.ply where there is no user anna.ply.
         found = Path(os.path.expanduser(path))
     except TypeError as error:
         raise ArgumentTypeError(f"{name} must be the path of a {kind}; found {path!r}") from error
@@ -51,7 +47,7 @@ def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "fil
 
 
 def check_file(file: Path) -> int:
-    """Refuse what is not a regular file, or a link to one.
+    """Refuse anything but a regular file or a link to one.
 
     Parameters
     ----------
@@ -86,10 +82,6 @@ def file_content(file: Path) -> bytes:
     file : Path
         The file.
 
-    Returns
-    -------
-    bytes
-
     Raises
     ------
     FileError
@@ -103,7 +95,7 @@ def file_content(file: Path) -> bytes:
 
 
 def brief(error: BaseException) -> str:
-    """Return the message of an error, shortened: errors may quote a whole file.
+    """Return the message of an error, shortened because some errors quote a whole file.
 
     Parameters
     ----------

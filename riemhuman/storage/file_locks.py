@@ -1,6 +1,6 @@
 """Locks on files and folders, which the system releases when their process ends.
 
-Unlike those of filelock 4.2, they leave no file behind and refuse a file that holds something.
+Unlike the locks of filelock 4.2, they leave no file behind and refuse a file with content.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def lock(descriptor: int) -> None:
-        """Lock an open file, or raise what the system says if another process has done so.
+        """Lock an open file, or raise an error if another process has locked it.
 
         Parameters
         ----------
@@ -28,7 +28,7 @@ if sys.platform == "win32":
         Raises
         ------
         BlockingIOError
-            If it is locked.
+            If another process has locked it.
         """
         try:
             msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
@@ -39,17 +39,17 @@ else:
     import fcntl
 
     def lock(descriptor: int) -> None:
-        """Lock an open file or folder, or raise what the system says if it is locked already.
+        """Lock an open file or folder, or raise an error if another process has locked it.
 
         Parameters
         ----------
         descriptor : int
-            The file.
+            The file or folder.
 
         Raises
         ------
         BlockingIOError
-            If it is locked.
+            If another process has locked it.
         OSError
             If it cannot be locked, as on some network file systems.
         """
@@ -58,25 +58,21 @@ else:
 
 @contextmanager
 def only_one(file: Path, busy: str) -> Iterator[None]:
-    """Keep other processes out for as long as a lock file is held; it is removed in the end.
+    """Hold a lock file, which keeps other processes out, and remove it in the end.
 
     Parameters
     ----------
     file : Path
-        The lock file; that of a process that was killed is taken over.
+        The lock file; the one of a killed process is reused.
     busy : str
-        What to say to a process that is kept out.
-
-    Yields
-    ------
-    None
+        Message of the error if another process holds it.
 
     Raises
     ------
     FileError
         If another process holds it, or something else has this name.
     OSError
-        If there can be no such file.
+        If the file cannot be made.
     """
     while True:
         descriptor = open_lock(file)
@@ -101,18 +97,14 @@ def only_one(file: Path, busy: str) -> Iterator[None]:
 
 
 def is_at(found: os.stat_result, path: Path) -> bool:
-    """Tell whether a file or folder is still the one at a path.
+    """Tell whether a path still leads to the same file or folder.
 
     Parameters
     ----------
     found : os.stat_result
-        What the system said about it.
+        Status of the file or folder.
     path : Path
-        Where it was.
-
-    Returns
-    -------
-    bool
+        The path.
     """
     try:
         return os.path.samestat(found, path.stat(follow_symlinks=False))

@@ -1,4 +1,4 @@
-"""Fingerprints: descriptions of metrics and arrays by which a job recognises its inputs."""
+"""Descriptions of metrics, solvers and arrays, by which a job recognises its inputs."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from riemhuman.errors import ArgumentTypeError
 from riemhuman.protocols import SpaceOfFactors
 from riemhuman.storage.code import is_own, library_of, reached_by
 
-# Parameters that no distance depends on, and one that none does where it has a closed form.
+# Parameters on which no distance depends; nor on the solver, if distances have a closed form.
 _WITHOUT_EFFECT = frozenset({"equip", "exp_solver", "log_solver", "transport_solver"})
 _SOLVER = "geodesic_solver"
-# What a class holds beside what was written in its body.
+# Attributes of a class that do not come from its body.
 _OF_EVERY_CLASS = frozenset(
     {"__dict__", "__weakref__", "__doc__", "__module__", "__qualname__", "__annotations__"}
     | {"__firstlineno__", "__static_attributes__", "__annotate_func__", "__annotate__"}
@@ -57,19 +57,18 @@ def digest(array: np.ndarray) -> bytes:
 
 
 def describe(value: Any) -> Any:
-    """Return a description of a metric, as nested dictionaries, that JSON keeps exactly.
+    """Return a description of a metric as nested dictionaries that JSON keeps exactly.
 
-    Two metrics have the same description only if they give the same distances: it holds every
-    parameter a metric was made with, those of its space and of its template too, and the code that
-    it runs. Arrays stand there by their digests. Functions and classes stand there by their code,
-    constants, defaults, closures and bases, and by all of these of the globals that the code
-    reaches; those of installed libraries, this one among them, by their names and versions. The
-    description is the same in every process, and after the metric has been used.
+    Metrics with the same description give the same distances: the description holds all parameters
+    of the metric, its space and its template, and the code that it runs. Arrays are represented by
+    their digests; functions and classes by their code, constants, defaults, closures, bases and the
+    globals that the code reaches; those of installed libraries, riemhuman included, by name and
+    version. The description is the same in every process, before and after the metric is used.
 
     Parameters
     ----------
     value : object
-        The metric, or a parameter of it.
+        The metric, or one of its parameters.
 
     Returns
     -------
@@ -79,8 +78,8 @@ def describe(value: Any) -> Any:
     Raises
     ------
     ArgumentTypeError
-        If something that a distance may depend on cannot be described, such as an open file, a
-        random generator or a function of an unknown compiled module.
+        If the metric holds something that cannot be described, such as an open file, a random
+        generator or a function of an unknown compiled module.
     """
     try:
         return _Description().of(value)
@@ -89,7 +88,7 @@ def describe(value: Any) -> Any:
 
 
 class _Description:
-    """One description, in which whatever is met again stands by its number."""
+    """One description, in which an object that occurs again is represented by its number."""
 
     def __init__(self) -> None:
         # Kept, so that no other object gets the same identity meanwhile.
@@ -100,7 +99,8 @@ class _Description:
         described = self._data(value)
         if described is not None or value is None:
             return described
-        # What may refer to itself. Whether equal values are one object is up to the interpreter.
+        # Only objects that may refer to themselves get numbers: whether equal immutable values are
+        # one object is up to the interpreter.
         if id(value) in self._met:
             return {"met": self._met[id(value)][0]}
         self._met[id(value)] = (len(self._met), value)
@@ -190,7 +190,7 @@ class _Description:
         else:
             reached = reached_by(function)
             described["code"] = self._code_object(function.__code__)
-        # A function that a library made, as decorators do, may hold one that it did not make.
+        # A function made by a library, such as a decorated one, may hold a function of the user.
         described["defaults"] = [self.of(value) for value in function.__defaults__ or ()]
         described |= self._by_name("keywords", function.__kwdefaults__ or {})
         cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
@@ -224,7 +224,7 @@ class _Description:
         described = self._class(type(value))
         library = library_of(type(value))
         if not is_own(library):
-            # Whatever it is made of: a library may keep it under any name.
+            # Other libraries keep parameters under any names: describe the whole state.
             described |= self._state(value) if _has_foreign_state(value) else {}
         if library is None or is_own(library):
             for name, item in _parameters(value).items():
@@ -242,12 +242,12 @@ class _Description:
         except (TypeError, ValueError) as error:
             raise _cannot(value) from error
         items = [list(item) if isinstance(item, Iterator) else item for item in state]
-        # Of the class itself, more is known already.
+        # The class itself is described already, in more detail.
         parts = [part for part in (*arguments, *items) if part is not type(value)]
         return {"made by": self.of(function), "state": [self.of(part) for part in parts]}
 
     def _by_name(self, where: str, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Describe values under their names, left out where there are none."""
+        """Describe values by their names, or return nothing if there are none."""
         found = {name: self.of(values[name]) for name in sorted(values)}
         return {where: found} if found else {}
 
@@ -260,14 +260,14 @@ def _content(cell: types.CellType) -> Any:
 
 
 def _has_foreign_state(value: Any) -> bool:
-    """Tell whether a class that is not of this library takes part in what an object keeps."""
+    """Tell whether a class of another library is among the bases of an object's class."""
     kinds = [kind for kind in type(value).__mro__ if kind not in (object, ABC, Generic)]
     libraries = map(library_of, kinds)
     return any(library is not None and not is_own(library) for library in libraries)
 
 
 def _parameters(value: Any) -> dict[str, Any]:
-    """Return what an object was made with."""
+    """Return the arguments that an object was constructed with."""
     kind = type(value)
     try:
         names = set(inspect.signature(kind).parameters) - _without_effect(value)
@@ -291,11 +291,11 @@ def _without_effect(value: Any) -> frozenset[str]:
 
 
 def _public_attributes(value: Any) -> dict[str, Any]:
-    """Return what else may have been set from outside, but nothing that is kept for speed."""
+    """Return attributes that may have been set from outside; cached properties are left out."""
     return {
         name: item
         for name, item in vars(value).items()
-        # What a space is equipped with has no effect on another metric.
+        # The metric that a space is equipped with has no effect on another metric.
         if not name.startswith("_") and name not in _without_effect(value) | {"metric"}
         if not isinstance(getattr(type(value), name, None), functools.cached_property)
     }

@@ -1,15 +1,15 @@
-"""The folder of a job: one process at a time, and nothing in it half-written.
+"""The folder of a job, in which one process works at a time and a kill leaves nothing ambiguous.
 
-Every file of the folder is in one of two states, whatever moment the process was killed at. A file
-under its own name is whole: it was written, or laid out in full on the disk, under the name
-with ``.part`` behind it, and then renamed. Entries of a table are filled in place, and count
-only once the record beside it says so; records are written after the entries have been flushed.
-(Chunks of Zarr 3.1 take no room in advance, and a chunk that is lost is read as zeros.)
+Every file is written, or allocated in full on the disk, under a name that ends in ``.part``, and
+then renamed; so a file without this suffix is complete. Entries of a table are filled in place, and
+count only when the record beside the table marks them; a record is written after its entries have
+been flushed.
 """
 
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from collections.abc import Iterator, Mapping
@@ -28,9 +28,8 @@ from riemhuman.storage.own_files import make_own, open_own
 MANIFEST = "manifest.json"
 LOCK = "job.lock"
 _UNFINISHED = ".part"
-# How every manifest of this library begins.
+# The beginning of every manifest.
 _BEGINNING = b'{\n "format": "riemhuman pairwise job'
-_LONGEST = 200
 
 
 class JobFolder:
@@ -39,17 +38,16 @@ class JobFolder:
     Parameters
     ----------
     path : path_like
-        The folder; it and its parents are made if need be, and its contents must be those of a
-        job or none.
+        The folder, which must be empty or hold a job; it and its parents are made if need be.
 
     Raises
     ------
     ArgumentTypeError
         If `path` is not a path.
     ArgumentError
-        If the folder holds something other than a job.
+        If the folder holds anything but a job.
     FileError
-        If there can be no such folder, or a file of the job is a link or known elsewhere too.
+        If the folder cannot be made, or a file of the job is a link or has a second name.
     FileFormatError
         If the manifest of the job is damaged.
     """
@@ -72,13 +70,7 @@ class JobFolder:
 
     @contextmanager
     def locked(self) -> Iterator[None]:
-        """Keep other processes out.
-
-        The system lets go of the lock when the process ends, however it ends.
-
-        Yields
-        ------
-        None
+        """Keep other processes out; the system releases the lock when the process ends.
 
         Raises
         ------
@@ -92,19 +84,19 @@ class JobFolder:
             yield
 
     def claim(self, described: Mapping[str, Any], layout: Mapping[str, Any]) -> dict[str, Any]:
-        """Write what the job is and how its tables are cut, or compare with what is written there.
+        """Write the manifest of a new job, or compare the job with the manifest of an earlier run.
 
         Parameters
         ----------
         described : mapping
-            What the job computes, made of what JSON keeps exactly.
+            What the job computes, made of values that JSON keeps exactly.
         layout : mapping
-            How its tables are cut; a job begun before keeps its own.
+            How the tables of a new job are divided.
 
         Returns
         -------
         dict
-            The layout to go by.
+            The layout to use: that of the earlier run, if there was one.
 
         Raises
         ------
@@ -141,24 +133,20 @@ class JobFolder:
         return kept
 
     def exists(self, name: str) -> bool:
-        """Tell whether there is a table of this name.
+        """Tell whether a table exists.
 
         Parameters
         ----------
         name : str
             Name of the file.
-
-        Returns
-        -------
-        bool
         """
         return (self.path / name).exists()
 
     def make_tables(self, tables: Mapping[str, tuple[tuple[int, ...], Any]]) -> None:
-        """Lay out tables of zeros in full on the disk, those that are not there yet.
+        """Make the tables that do not exist yet, filled with zeros.
 
-        Room for all their entries is taken at once, so that a disk that is too small shows before
-        anything is computed, and never later.
+        Disk space for all entries is reserved at once, so that a disk that is too small is found
+        before anything is computed.
 
         Parameters
         ----------
@@ -170,7 +158,7 @@ class JobFolder:
         FileError
             If there is no room for them.
         FileFormatError
-            If a table is there and has another shape or type.
+            If an existing table has another shape or type.
         """
         missing = {}
         for name, (shape, dtype) in tables.items():
@@ -186,7 +174,7 @@ class JobFolder:
         with self._system_errors("cannot be written"):
             for name in missing:
                 self._remove(name + _UNFINISHED)
-            needed = sum(_n_bytes(*table) for table in missing.values())
+            needed = sum(math.prod(shape) * dtype.itemsize for shape, dtype in missing.values())
             free = shutil.disk_usage(self.path).free
             if needed > free:
                 raise FileError(
@@ -220,7 +208,7 @@ class JobFolder:
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it is no table.
+            If it is not a table.
         """
         return self._open(name, "r")
 
@@ -232,14 +220,14 @@ class JobFolder:
         name : str
             Name of the file.
         *entries : tuple of (index, values)
-            What goes where.
+            Values and where they go.
 
         Raises
         ------
         FileError
             If the disk fails.
         """
-        # Opened anew each time: pages of a closed table count no more as memory of the process.
+        # Opened each time: pages of a closed table no longer count as memory of the process.
         table = self._open(name, "r+")
         with self._system_errors("cannot be written"):
             for index, values in entries:
@@ -263,7 +251,7 @@ class JobFolder:
             self._rename(self.path / name, self.path / to)
 
     def remove(self, *names: str) -> None:
-        """Remove tables, those that are there.
+        """Remove tables, if they exist.
 
         Parameters
         ----------
@@ -293,12 +281,12 @@ class JobFolder:
         os.replace(file, to)
 
     def _remove_begun(self, unfinished: Path) -> None:
-        """Remove what a process that was killed left of a manifest, and nothing else."""
+        """Remove the unfinished manifest of a killed process, and nothing else."""
         if not os.path.lexists(unfinished):
             return
         with self._opened(unfinished.name, os.O_RDONLY) as stream:
             found = stream.read(len(_BEGINNING))
-        # Where power failed, a file may hold zeros in place of what was written.
+        # After a power failure, a file may hold zeros in place of its content.
         if found.strip(b"\0") and found != _BEGINNING[: len(found)]:
             raise FileError(f"{unfinished} is no part of a job; move it away")
         unfinished.unlink()
@@ -338,28 +326,21 @@ class JobFolder:
             raise FileError(f"{self.path} {what}: {error.strerror or error}") from error
 
 
-def _n_bytes(shape: tuple[int, ...], dtype: np.dtype[Any]) -> int:
-    size = dtype.itemsize
-    for length in shape:
-        size *= length
-    return size
-
-
 def _lay_out(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
-    """Write a table of zeros that takes all its room at once."""
+    """Write a table of zeros, all of whose disk space is reserved at once."""
     header = {
         "descr": np.lib.format.dtype_to_descr(dtype),
         "fortran_order": False,
         "shape": tuple(shape),
     }
-    size = _n_bytes(shape, dtype)
+    size = math.prod(shape) * dtype.itemsize
     with open(make_own(file), "wb") as stream:
         np.lib.format.write_array_header_1_0(stream, header)
         stream.flush()
         if size and hasattr(os, "posix_fallocate"):
             os.posix_fallocate(stream.fileno(), stream.tell(), size)
         else:
-            # A hole in a file would make a full disk known only by a fatal signal.
+            # If the file had holes, a full disk would later kill the process by a signal.
             zeros = bytes(2**20)
             for start in range(0, size, len(zeros)):
                 stream.write(zeros[: size - start])
@@ -368,7 +349,7 @@ def _lay_out(file: Path, shape: tuple[int, ...], dtype: np.dtype[Any]) -> None:
 
 
 def _first_difference(wanted: Any, found: Any, where: str = "") -> str:
-    """Return in words the first place where two descriptions differ, or nothing."""
+    """Describe the first place where two descriptions differ; empty if they are equal."""
     if isinstance(wanted, dict) and isinstance(found, dict):
         for key in [*wanted, *(key for key in found if key not in wanted)]:
             difference = _first_difference(
@@ -379,12 +360,7 @@ def _first_difference(wanted: Any, found: Any, where: str = "") -> str:
         return ""
     if type(wanted) is type(found) and wanted == found:
         return ""
-    return f"{where} is {_shown(found)} there, {_shown(wanted)} here"
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+    return f"{where} is {found!r:.200} there, {wanted!r:.200} here"
 
 
 def _is_count(value: Any) -> bool:

@@ -1,7 +1,7 @@
 """Numbers and words in text files.
 
-Python reads ``1_0`` as ten, digits of every script, and ends lines where Unicode does; the formats
-of this library know ASCII numbers, and the three line ends of text files.
+Python reads ``1_0`` as ten, accepts digits of every script and ends lines where Unicode does. The
+file formats of the library have ASCII numbers and the three line ends of text files.
 """
 
 from __future__ import annotations
@@ -13,16 +13,12 @@ from riemhuman.storage.file_content import file_content
 
 
 def real_field(word: bytes) -> float:
-    """Return the real number that a word of a file spells.
+    """Return a word of a file as a real number.
 
     Parameters
     ----------
     word : bytes
         The word.
-
-    Returns
-    -------
-    float
 
     Raises
     ------
@@ -35,16 +31,12 @@ def real_field(word: bytes) -> float:
 
 
 def whole_field(word: bytes) -> int:
-    """Return the whole number that a word of a file spells.
+    """Return a word of a file as a whole number.
 
     Parameters
     ----------
     word : bytes
         The word.
-
-    Returns
-    -------
-    int
 
     Raises
     ------
@@ -63,10 +55,6 @@ def text_content(file: Path) -> str:
     ----------
     file : Path
         The file.
-
-    Returns
-    -------
-    str
 
     Raises
     ------

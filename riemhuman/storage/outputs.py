@@ -1,4 +1,4 @@
-"""Outputs of commands: checked before the work begins, and written whole or not at all."""
+"""Outputs of commands, which are checked before the work begins and appear whole or not at all."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ _CURRENT_FOLDER, _RENAME_EXCHANGE = -100, 2
 
 
 def check_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
-    """Refuse a file that could not be written once the work is done.
+    """Refuse a file that could not be written after the work.
 
     Parameters
     ----------
     path : Path
         The file.
     endings : sequence of str
-        What it may end in.
+        Suffixes it may have.
     force : bool
-        Whether a file that is there may be replaced.
+        Whether an existing file may be replaced.
 
     Raises
     ------
     FileFormatError
-        If it has another ending.
+        If it has another suffix.
     FileError
-        If it is a folder, is there and may not be replaced, or its folder cannot be written to.
+        If it is a folder, exists and may not be replaced, or its folder is not writable.
     """
     if path.suffix.lower() not in endings:
         found = f"found {path.suffix!r}" if path.suffix else "found none"
@@ -48,22 +48,22 @@ def check_file(path: Path, endings: Sequence[str], *, force: bool) -> None:
 
 
 def check_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> None:
-    """Refuse a folder that could not be written once the work is done.
+    """Refuse a folder that could not be written after the work.
 
     Parameters
     ----------
     path : Path
         The folder.
     is_ours : callable
-        Tells whether a file name is one that this verb writes.
+        Tells whether the command writes files of a given name.
     force : bool
-        Whether a folder that holds nothing but such files may be replaced.
+        Whether an existing folder that holds only such files may be replaced.
 
     Raises
     ------
     FileError
-        If it is a file, holds something else, is there and may not be replaced, or its folder
-        cannot be written to.
+        If it is a file, holds other files, exists and may not be replaced, or the folder around it
+        is not writable.
     """
     if path.is_symlink():
         raise FileError(f"{path} is a link; name a folder that does not exist yet")
@@ -76,7 +76,7 @@ def check_folder(path: Path, is_ours: Callable[[str], bool], *, force: bool) -> 
 
 
 def _ours_in(path: Path, is_ours: Callable[[str], bool]) -> list[Path]:
-    """Return the files of a folder, or refuse one that holds something else."""
+    """Return the files of a folder, or refuse a folder that holds others."""
     try:
         entries = sorted(os.scandir(path), key=lambda entry: entry.name)
     except OSError as error:
@@ -91,16 +91,12 @@ def _ours_in(path: Path, is_ours: Callable[[str], bool]) -> list[Path]:
 
 @contextmanager
 def claimed(path: Path) -> Iterator[None]:
-    """Keep other processes from writing the same output, from before the work begins.
+    """Keep other processes from writing the same output during the work.
 
     Parameters
     ----------
     path : Path
-        The file or folder; a lock file lies beside it meanwhile.
-
-    Yields
-    ------
-    None
+        The file or folder; a lock file is kept beside it during the work.
 
     Raises
     ------
@@ -116,26 +112,26 @@ def claimed(path: Path) -> Iterator[None]:
         except FileError:
             raise
         except OSError:
-            pass  # the verb says what is wrong with the place, if it matters
+            pass  # where no lock can be made, writing the output itself reports why
         yield
 
 
 @contextmanager
 def whole_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
-    """Yield a new folder to write files into, which then takes its place.
+    """Yield a temporary folder to write files into, which then replaces a folder.
 
     Parameters
     ----------
     path : Path
-        The folder.
+        The folder to replace.
     is_ours : callable
-        Tells whether a file name is one that this verb writes; a folder that has come to hold
-        anything else is left as it is.
+        Tells whether the command writes files of a given name; a folder that holds other files by
+        then is not replaced.
 
     Yields
     ------
     Path
-        A folder beside it, removed with all it holds should anything go wrong.
+        The temporary folder; it is removed with its content if an error occurs.
 
     Raises
     ------
@@ -156,7 +152,7 @@ def whole_folder(path: Path, is_ours: Callable[[str], bool]) -> Iterator[Path]:
 
 
 def _replace_folder(new: Path, path: Path, is_ours: Callable[[str], bool]) -> None:
-    """Rename a folder, so that it takes the place of another at once where the system can."""
+    """Replace a folder by another, in one step where the system can."""
     if not os.path.lexists(path):
         os.rename(new, path)
         return
@@ -180,7 +176,7 @@ def _replace_folder(new: Path, path: Path, is_ours: Callable[[str], bool]) -> No
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Exchange two names in one step, and tell whether the system did."""
+    """Exchange two names in one step, and tell whether this succeeded."""
     if not sys.platform.startswith("linux"):
         return False
     import ctypes

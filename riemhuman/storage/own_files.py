@@ -1,4 +1,4 @@
-"""Opening of this library's own files: links are not followed, other files never written to."""
+"""Opening of the library's own files, which follows no links and writes to no other files."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from pathlib import Path
 
 from riemhuman.errors import FileError
 
-# Elsewhere than on POSIX systems, links are looked for before a file is opened.
+# Without these flags, as on Windows, only the check before the opening refuses links.
 _NO_LINK = getattr(os, "O_NOFOLLOW", 0)
 _BINARY = getattr(os, "O_BINARY", 0)
 
 
 def open_own(file: Path, flags: int = os.O_RDWR) -> int:
-    """Open a file that this library has made, by no link.
+    """Open a file that the library has made, without following links.
 
     Parameters
     ----------
@@ -31,8 +31,8 @@ def open_own(file: Path, flags: int = os.O_RDWR) -> int:
     Raises
     ------
     FileError
-        If it is a symbolic link, a folder or a device, or has another name beside this one, under
-        which somebody else may know it.
+        If it is a symbolic link, a folder or a device, or has a second name (a hard link), under
+        which somebody else may use it.
     OSError
         If it cannot be opened.
     """
@@ -52,7 +52,7 @@ def open_own(file: Path, flags: int = os.O_RDWR) -> int:
 
 
 def make_own(file: Path) -> int:
-    """Make a file that is not there yet, and open it for writing.
+    """Make a new file and open it for writing.
 
     Parameters
     ----------
@@ -67,13 +67,13 @@ def make_own(file: Path) -> int:
     Raises
     ------
     OSError
-        If there is something of this name, a link to nothing included, or the file cannot be made.
+        If the name is taken, even by a link to nothing, or the file cannot be made.
     """
     return os.open(file, os.O_RDWR | os.O_CREAT | os.O_EXCL | _NO_LINK | _BINARY, 0o666)
 
 
 def open_lock(file: Path) -> int:
-    """Open a lock file, or make it; it is empty.
+    """Open a lock file, which is empty, or make it.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def open_lock(file: Path) -> int:
     Raises
     ------
     FileError
-        If there is something else of this name.
+        If something else has this name.
     OSError
         If the file cannot be opened.
     """
@@ -104,6 +104,6 @@ def _refuse_others(file: Path, found: os.stat_result) -> None:
         raise FileError(f"{file} is a link, which is not followed to write; move it away")
     if not stat.S_ISREG(found.st_mode):
         raise FileError(f"{file} is no file of this library, nor any file; move it away")
-    # 0 for one that another process has removed since it was opened.
+    # The count is 0 if another process has removed the file since it was opened.
     if found.st_nlink > 1:
         raise FileError(f"{file} has another name too, under which it may be of use; move it away")

@@ -1,4 +1,4 @@
-"""What a pickled body model may name, and what is done instead of calling it."""
+"""The classes and functions that a pickled body model may name, and their harmless substitutes."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from riemhuman.storage.pickled_objects import (
 
 
 class Global:
-    """A class or function that a pickle names, of those it may name.
+    """A class or function that a pickle names.
 
     Parameters
     ----------
     module, name : str
-        Where it is, and its name there.
+        Its module and its name.
 
     Raises
     ------
     FileFormatError
-        If it is not one of those.
+        If pickles of body models may not name it.
     """
 
     def __init__(self, module: str, name: str) -> None:
@@ -44,23 +44,19 @@ class Global:
         self._role = _ALLOWED[module, name]
 
     def call(self, arguments: Any, budget: Budget) -> Any:
-        """Return the record of what a call would make.
+        """Return the record of the object that a call would make.
 
         Parameters
         ----------
         arguments : object
             Arguments, which must be a tuple.
         budget : Budget
-            What may still be copied.
-
-        Returns
-        -------
-        record : object
+            Bytes that may still be copied.
 
         Raises
         ------
         FileFormatError
-            If this is not called in such files, or not so.
+            If body models do not call it, or not with such arguments.
         """
         function = _CALLS.get(self._role)
         if function is None or not isinstance(arguments, tuple):
@@ -78,16 +74,12 @@ class Global:
         Parameters
         ----------
         arguments : object
-            Arguments of the class, which must be none.
-
-        Returns
-        -------
-        record : Record
+            Arguments of the class, which must be an empty tuple.
 
         Raises
         ------
         FileFormatError
-            If this is no class of stateful objects, or arguments are given.
+            If it is not a class of objects with a state, or arguments are given.
         """
         kind, _, name = self._role.partition(" ")
         if kind not in ("sparse", "chumpy") or arguments != ():
@@ -128,7 +120,7 @@ def _reconstructed(budget: Budget, cls: Any, base: Any, state: Any) -> Record:
 
 
 def _set(budget: Budget, items: Any = ()) -> tuple[Any, ...]:
-    """Return the items of a set, which chumpy keeps and nobody reads, unhashed."""
+    """Return the items of a set, which chumpy stores and nobody reads, without hashing them."""
     if not isinstance(items, (list, tuple)):
         raise FileFormatError("holds a malformed set")
     return tuple(items)

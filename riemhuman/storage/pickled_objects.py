@@ -1,8 +1,8 @@
-"""What a pickled body model may hold: arrays, sparse matrices and inert chumpy objects.
+"""The objects that a pickled body model may hold: arrays, sparse matrices and chumpy objects.
 
-Each kind of object is a record of this file, filled with what the pickle says of it. Nothing of
-NumPy's, SciPy's or chumpy's own unpickling is called, and no array is made before its size has
-been compared with the data that are there.
+Each kind of object is represented by a class of this file, filled from the state in the pickle. The
+unpickling code of NumPy, SciPy and chumpy is never called, and no array is made before its size has
+been compared with its data.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from riemhuman.storage.array_files import check_text
 
 # Real numbers and text; not objects ("O") or structures ("V").
 _DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
-# Layouts of the state of a type that NumPy has written.
+# Versions of the state of a data type that NumPy has written.
 _DTYPE_VERSIONS = (0, 1, 2, 3, 4)
 _MOST_AXES = 8
 _DEEPEST_CHUMPY = 8
-# An array of text has room for its longest in every entry.
+# Every entry of an array of text takes as much memory as the longest.
 _LONGEST_TEXT = 200
 
 
 class Budget:
-    """Bytes that may still be copied out of a pickle, whatever it says.
+    """The number of bytes that may still be copied out of a pickle.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ class Budget:
         self._left = n_bytes
 
     def take(self, n_bytes: int) -> None:
-        """Count bytes that are about to be copied, or refuse.
+        """Count bytes that are about to be copied.
 
         Parameters
         ----------
@@ -51,7 +51,7 @@ class Budget:
         Raises
         ------
         FileFormatError
-            If so many are not left.
+            If fewer are left.
         """
         self._left -= n_bytes
         if self._left < 0:
@@ -59,27 +59,24 @@ class Budget:
 
 
 class Record(ABC):
-    """An object of the pickle that has a state."""
+    """An object in a pickle that has a state."""
 
+    @abstractmethod
     def build(self, state: Any, budget: Budget) -> None:
-        """Take the state over.
+        """Set the state.
 
         Parameters
         ----------
         state : object
             State, as it is in the pickle.
         budget : Budget
-            What may still be copied.
+            Bytes that may still be copied.
 
         Raises
         ------
         FileFormatError
-            If it is not the state of such an object.
+            If such an object has no such state.
         """
-        self._take(state, budget)
-
-    @abstractmethod
-    def _take(self, state: Any, budget: Budget) -> None: ...
 
 
 class DtypeRecord(Record):
@@ -98,7 +95,7 @@ class DtypeRecord(Record):
             )
         self.dtype = np.dtype(code)
 
-    def _take(self, state: Any, budget: Budget) -> None:
+    def build(self, state: Any, budget: Budget) -> None:
         known = isinstance(state, tuple) and len(state) >= 5 and state[0] in _DTYPE_VERSIONS
         if not known or state[1] not in ("<", ">", "|", "="):
             raise FileFormatError("holds a malformed NumPy data type")
@@ -108,18 +105,18 @@ class DtypeRecord(Record):
 
 
 class ArrayRecord(Record):
-    """A NumPy array, empty until it is built.
+    """A NumPy array.
 
     Parameters
     ----------
     array : array, optional
-        The array, if known already.
+        The array, if it has no state to come.
     """
 
     def __init__(self, array: np.ndarray | None = None) -> None:
         self.array = array
 
-    def _take(self, state: Any, budget: Budget) -> None:
+    def build(self, state: Any, budget: Budget) -> None:
         if not isinstance(state, tuple) or len(state) != 5:
             raise FileFormatError("holds a malformed NumPy array")
         _, shape, dtype, in_columns, data = state
@@ -139,20 +136,16 @@ class SparseRecord(Record):
         self._layout = layout
         self._state: dict[str, Any] = {}
 
-    def _take(self, state: Any, budget: Budget) -> None:
+    def build(self, state: Any, budget: Budget) -> None:
         self._state = _attributes(state, f"{self._layout} matrix")
 
     def matrix(self) -> sparse.coo_array:
-        """Return the matrix; its indices are checked before anything is computed with them.
-
-        Returns
-        -------
-        matrix : scipy.sparse.coo_array
+        """Return the matrix, after a check of its indices.
 
         Raises
         ------
         FileFormatError
-            If its parts do not make a matrix.
+            If its parts do not form a matrix.
         """
         shape = self._state.get("_shape", self._state.get("shape"))
         if not isinstance(shape, tuple) or len(shape) != 2 or not all(map(_is_length, shape)):
@@ -190,7 +183,7 @@ class SparseRecord(Record):
 
 
 class ChumpyRecord(Record):
-    """A chumpy object: its state, and no more.
+    """A chumpy object, of which only the state is kept.
 
     Parameters
     ----------
@@ -202,7 +195,7 @@ class ChumpyRecord(Record):
         self._name = name
         self._state: dict[str, Any] = {}
 
-    def _take(self, state: Any, budget: Budget) -> None:
+    def build(self, state: Any, budget: Budget) -> None:
         self._state = _attributes(state, f"chumpy {self._name}")
 
     def value(self, depth: int, budget: Budget) -> np.ndarray:
@@ -211,18 +204,14 @@ class ChumpyRecord(Record):
         Parameters
         ----------
         depth : int
-            Number of chumpy objects around this one.
+            Number of chumpy objects that contain this one.
         budget : Budget
-            What may still be copied.
-
-        Returns
-        -------
-        value : array
+            Bytes that may still be copied.
 
         Raises
         ------
         FileFormatError
-            If the state lacks what the value follows from.
+            If the state does not determine a value.
         """
         if depth == _DEEPEST_CHUMPY:
             raise FileFormatError(f"holds more than {_DEEPEST_CHUMPY} chumpy objects in another")
@@ -234,7 +223,7 @@ class ChumpyRecord(Record):
             return _dense(self._state["x"], depth + 1, budget)
         chosen_from = _dense(self._state["a"], depth + 1, budget).ravel()
         indices = _dense(self._state["idxs"], depth + 1, budget).ravel()
-        # An entry may be chosen any number of times, and what is chosen by other choices.
+        # An entry may be selected any number of times, and selections may be nested.
         budget.take(len(indices) * max(chosen_from.itemsize, indices.itemsize))
         if indices.dtype.kind not in "iu" or (
             indices.size and not 0 <= indices.min() <= indices.max() < len(chosen_from)
@@ -256,14 +245,14 @@ class ChumpyRecord(Record):
 
 
 def plain_value(value: Any, budget: Budget) -> Any:
-    """Return the array, or sparse matrix, that a value of a pickle stands for.
+    """Return a value of a pickle as an array or a sparse matrix.
 
     Parameters
     ----------
     value : object
         A record, a number, a text, or a list of them.
     budget : Budget
-        What may still be copied.
+        Bytes that may still be copied.
 
     Returns
     -------
@@ -272,23 +261,23 @@ def plain_value(value: Any, budget: Budget) -> Any:
     Raises
     ------
     FileFormatError
-        If it stands for none.
+        If it is neither.
     """
     return value.matrix() if isinstance(value, SparseRecord) else _dense(value, 0, budget)
 
 
 def shortened(value: Any) -> str:
-    """Return text of a file, or the type of anything else in it, for a message.
+    """Return a text in a file, or the type of another value, for a message.
 
     Parameters
     ----------
     value : object
-        What is in the file.
+        The value.
 
     Returns
     -------
     text : str
-        At most some eighty characters.
+        About 80 characters at most.
     """
     if isinstance(value, tuple) and len(value) <= _MOST_AXES and all(map(_is_length, value)):
         return repr(value)
@@ -334,23 +323,19 @@ def _indices(record: Any) -> np.ndarray:
 
 
 def bytes_of(data: Any, budget: Budget) -> bytes | bytearray:
-    """Return data as bytes; Python 2 wrote them as text.
+    """Return data as bytes, also where Python 2 wrote them as text.
 
     Parameters
     ----------
     data : object
         Text or bytes.
     budget : Budget
-        What may still be copied.
-
-    Returns
-    -------
-    data : bytes or bytearray
+        Bytes that may still be copied.
 
     Raises
     ------
     FileFormatError
-        If it is anything else.
+        If the data are neither.
     """
     if not isinstance(data, (str, bytes, bytearray)):
         raise FileFormatError(f"holds an array whose data are {shortened(type(data).__name__)}")
@@ -362,7 +347,7 @@ def bytes_of(data: Any, budget: Budget) -> bytes | bytearray:
 
 
 def array_of(data: Any, dtype: Any, shape: Any, order: Any, budget: Budget) -> Any:
-    """Return an array whose data are all there.
+    """Return an array, after a comparison of its size with its data.
 
     Parameters
     ----------
@@ -375,7 +360,7 @@ def array_of(data: Any, dtype: Any, shape: Any, order: Any, budget: Budget) -> A
     order : object
         "F" if the first index runs fastest.
     budget : Budget
-        What may still be copied.
+        Bytes that may still be copied.
 
     Returns
     -------
@@ -384,7 +369,7 @@ def array_of(data: Any, dtype: Any, shape: Any, order: Any, budget: Budget) -> A
     Raises
     ------
     FileFormatError
-        If the arguments are of other kinds, or do not fit each other.
+        If an argument is malformed, or the arguments do not match.
     """
     if not isinstance(dtype, DtypeRecord):
         raise FileFormatError("holds an array without a data type")

@@ -1,4 +1,4 @@
-"""The folder of a report: taken only if it is empty or holds a report already."""
+"""The folder of a report, which must be empty or hold an earlier report."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ SUBFOLDERS = ("figures", "tables", "results", "results/figures")
 
 
 def check_folder(path: str | os.PathLike[str]) -> Path:
-    """Refuse a folder that holds anything but a report; write nothing.
+    """Refuse a folder that holds anything but a report, and write nothing.
 
     Parameters
     ----------
@@ -32,14 +32,14 @@ def check_folder(path: str | os.PathLike[str]) -> Path:
     Returns
     -------
     Path
-        The folder, which may not be there yet.
+        The folder, which need not exist yet.
 
     Raises
     ------
     ArgumentTypeError
         If it is not a path.
     FileError
-        If it is a file or holds something else than a report.
+        If it is a file or holds anything but a report.
     """
     folder = file_path(path, "output", "folder")
     if folder.exists() and not folder.is_dir():
@@ -64,15 +64,15 @@ def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
     Yields
     ------
     Path
-        The folder, with its subfolders and its marker, which says that the report is not finished.
+        The folder with its subfolders and its marker, which says that the report is unfinished.
 
     Raises
     ------
     ArgumentTypeError
         If it is not a path.
     FileError
-        If it is a file, holds something else than a report, cannot be written, or another process
-        is at work in it.
+        If it is a file, holds anything but a report, cannot be written, or another process is at
+        work in it.
     """
     folder = check_folder(path)
     with ExitStack() as stack:
@@ -81,7 +81,7 @@ def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             busy = f"{folder} is in use: another process makes a report in it"
             stack.enter_context(only_one(folder / _LOCK, busy))
             check_folder(folder)
-            # Without the marker, the rest would be taken for something else after a kill.
+            # Comes first: after a kill, a folder without its marker would be refused.
             write_provenance(folder, {"status": "begun"})
             for name in SUBFOLDERS:
                 _make_folder(folder / name)
@@ -100,14 +100,14 @@ def _make_folder(path: Path) -> None:
 
 
 def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
-    """Write the provenance of the report; the file also marks the folder as a report's.
+    """Write the provenance of the report, a file that also marks the folder as a report.
 
     Parameters
     ----------
     folder : Path
         The folder.
     provenance : dict
-        What JSON knows.
+        Any values that JSON can hold.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
 
 
 def _is_new(folder: Path) -> bool:
-    """Tell whether a folder holds nothing but what comes before the marker."""
+    """Tell whether a folder holds only what is written before the marker."""
     try:
         names = [entry.name for entry in folder.iterdir()]
     except OSError as error:

@@ -1,7 +1,4 @@
-"""Results kept between runs, each with a fingerprint of its inputs.
-
-Whole files of finished steps; `job_folder` holds tables that are filled in place.
-"""
+"""Results of steps, kept between runs with fingerprints of their inputs."""
 
 from __future__ import annotations
 
@@ -40,13 +37,13 @@ class Step:
     record : dict
         Numbers and words.
     fingerprint : str
-        What it was computed from, in short.
+        Fingerprint of its inputs.
     seconds : float
-        Wall time of the computation, whenever that was.
+        Wall time of the computation, in this run or an earlier one.
     reused : bool
         Whether it was read from the file of an earlier run.
     title : str
-        What was done, in words.
+        Description of the step.
     """
 
     name: str
@@ -59,16 +56,16 @@ class Step:
 
 
 class ResultStore:
-    """Keeps the result of every step in a file, and reads it back while its inputs are the same.
+    """Keeps the result of each step in a file, and reads it back while the inputs are the same.
 
     Parameters
     ----------
     folder : Path
         Folder of the files.
     common : mapping
-        What all steps depend on, such as the version; made of what JSON knows.
+        What all steps depend on, such as the version; values that JSON can hold.
     progress : callable, optional
-        Takes what is being done to a context that lasts as long.
+        Called with the description of a step; returns a context that is entered during the step.
     """
 
     def __init__(
@@ -86,22 +83,18 @@ class ResultStore:
         compute: Callable[[], Computed],
         title: str | None = None,
     ) -> Step:
-        """Return the result of a step, computed unless the file holds that of the same inputs.
+        """Return the result of a step, computed unless the file holds one from the same inputs.
 
         Parameters
         ----------
         name : str
             Name of the step and of its file.
         inputs : mapping
-            What the result depends on, made of what JSON knows and of other steps.
+            What the result depends on: values that JSON can hold, arrays and other steps.
         compute : callable
             Returns arrays by name, and numbers and words by name.
         title : str, optional
-            What is being done, for `progress`.
-
-        Returns
-        -------
-        Step
+            Description of the step, for `progress`; by default its name.
 
         Raises
         ------
@@ -135,7 +128,7 @@ def fingerprint(value: Any) -> str:
     Parameters
     ----------
     value : object
-        Made of what JSON knows, of arrays and of steps.
+        Made of values that JSON can hold, arrays and steps.
 
     Returns
     -------
@@ -153,13 +146,13 @@ def _plain(value: Any) -> Any:
 
 
 def _read(file: Path, name: str, wanted: str) -> Step | None:
-    """Return the step in a file, nothing if it is another or none."""
+    """Return the step in a file, or None if the file holds no step with this fingerprint."""
     if not file.is_file():
         return None
     try:
         arrays = load_arrays(file, ["about"])
         about = str(arrays.pop("about"))
-        # Lists of JSON take far more memory than their text, which may be compressed as well.
+        # Parsed JSON takes far more memory than its text, which itself was compressed.
         if len(about) > _LONGEST_RECORD:
             return None
         header = json.loads(about)

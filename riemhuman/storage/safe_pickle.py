@@ -1,10 +1,9 @@
 """Pickles of body models, read as data.
 
-A pickle is a programme: it may name any function there is and have it called. Python's own reader,
-even one that is told which names to allow, also writes attributes of what it found, and sets
-memory aside for sizes and numbers the file merely claims. So these files are read by a small
-machine that knows the opcodes of plain data and the names of
-`riemhuman.storage.pickle_allow_list`, and nothing else.
+A pickle is a program: it can name any function and have it called. Python's unpickler, even one
+that is restricted to some names, also sets attributes of what it finds and allocates memory for
+sizes that the file merely declares. So these files are read by a small stack machine that knows
+only the opcodes of plain data and the names of `riemhuman.storage.pickle_allow_list`.
 """
 
 from __future__ import annotations
@@ -27,9 +26,9 @@ _MOST_OPCODES = 50_000
 _MOST_BITS = 64
 _LATEST_PROTOCOL = 5
 _NAMES_SHOWN = 40
-# Data are read, decoded to bytes and viewed: more copies than these no honest file needs.
+# Data are read, decoded to bytes and viewed, so that an honest file needs no more copies than this.
 _COPIES = 4
-# Entries are chosen out of others, and become larger: more bytes than these no honest file makes.
+# Selected and widened entries of an honest file take no more bytes than this for each of its own.
 _WIDENED = 16
 
 _VALUES = {
@@ -69,16 +68,16 @@ def load_pickled_arrays(
     Parameters
     ----------
     path : path_like
-        The file; of Python 2 or 3, with any protocol.
+        The file, written by Python 2 or 3 with any protocol.
     required : sequence of str
-        Fields that must be there.
+        Fields that the file must contain.
     optional : sequence of str
-        Fields to read if they are there. Others are passed over.
+        Fields to read if the file contains them. Others are ignored.
 
     Returns
     -------
     arrays : dict of str to array or scipy.sparse.coo_array
-        The fields; chumpy objects have become arrays.
+        The fields; chumpy objects are returned as arrays.
 
     Raises
     ------
@@ -87,8 +86,8 @@ def load_pickled_arrays(
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is no pickle of a dictionary, asks for anything but arrays, sparse matrices and
-        chumpy arrays, which it names, or lacks a field.
+        If it is not the pickle of a dictionary, lacks a field, or holds anything but plain data,
+        arrays, sparse matrices and chumpy arrays; the message names what was refused.
     """
     file = file_path(path)
     content = file_content(file)
@@ -117,7 +116,7 @@ def _field(fields: dict[Any, Any], name: str, budget: Budget) -> Any:
 
 
 class _Machine:
-    """The stack and the memory that the opcodes of a pickle work on."""
+    """The stack and the memory on which the opcodes of a pickle work."""
 
     def __init__(self, content: bytes) -> None:
         self._content = content
@@ -151,7 +150,7 @@ class _Machine:
             stack.append(_CONSTANTS[name])
         elif name == "PROTO":
             if argument > _LATEST_PROTOCOL:
-                raise FileFormatError(f"is a pickle of protocol {argument}, which there is none of")
+                raise FileFormatError(f"is a pickle of the unknown protocol {argument}")
         elif name == "FRAME":
             pass
         elif name == "MARK":
@@ -217,7 +216,7 @@ class _Machine:
 
 
 def _opcodes(content: bytes) -> Iterator[tuple[str, Any, int]]:
-    """Yield the name, the argument and the place of every opcode."""
+    """Yield the name, the argument and the position of every opcode."""
     stream = io.BytesIO(content)
     for _ in range(_MOST_OPCODES):
         position = stream.tell()
@@ -229,10 +228,10 @@ def _opcodes(content: bytes) -> Iterator[tuple[str, Any, int]]:
         try:
             argument: Any = None
             if opcode.name == "STRING":
-                # Data of arrays: the reader of pickletools takes ASCII alone.
+                # Data of arrays may be here; the reader of pickletools accepts only ASCII.
                 text: Any = pickletools.read_stringnl(stream, decode=False)
                 with warnings.catch_warnings():
-                    # An escape that there is none of: later releases of Python refuse it.
+                    # Unknown escapes are malformed; later releases of Python refuse them.
                     warnings.simplefilter("error", DeprecationWarning)
                     argument = codecs.escape_decode(text)[0].decode("latin-1")
             elif opcode.arg is not None:
@@ -259,7 +258,7 @@ def _checked(value: Any) -> Any:
 
 
 def _only(value: Any, kind: type) -> Any:
-    """Return a value, which must be of this kind."""
+    """Return a value, or raise an error if it is of another type."""
     if not isinstance(value, kind):
         raise TypeError
     return value

@@ -1,7 +1,7 @@
-"""Files that appear whole or not at all: a neighbour is written, and then takes their place.
+"""Files that appear whole or not at all: a temporary neighbour is written and then renamed.
 
-A process that is killed leaves its neighbour behind. Neighbours are locked for as long as their
-process lives, so that whoever writes the same file next takes over those that are not.
+A killed process leaves its neighbour behind. A neighbour is locked while its process lives, so the
+next process that writes the same file can tell abandoned neighbours and removes them.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from riemhuman.errors import FileError
 from riemhuman.storage.file_content import brief, file_path
 from riemhuman.storage.file_locks import is_at, lock
 
-# Elsewhere an open file cannot be renamed, and a folder cannot be locked.
+# Windows can neither rename an open file nor lock a folder.
 _CAN_LOCK = sys.platform != "win32"
 _NO_LOCK = -1
 _own_folders: list[Path] = []
@@ -26,7 +26,7 @@ _own_folders: list[Path] = []
 
 @contextmanager
 def whole_file(file: Path) -> Iterator[Path]:
-    """Yield the path of a neighbour to write, which then replaces the file.
+    """Yield the path of a temporary neighbour to write, which then replaces the file.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ def whole_file(file: Path) -> Iterator[Path]:
     Yields
     ------
     Path
-        The neighbour, with the same ending; it is removed should anything go wrong.
+        The neighbour, with the same suffix; it is removed if an error occurs.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def whole_file(file: Path) -> Iterator[Path]:
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
-    """Write a text file; a temporary neighbour is written first.
+    """Write a text file in UTF-8, which appears whole or not at all.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
-    """Write a file; a temporary neighbour is written first.
+    """Write a file, which appears whole or not at all.
 
     Parameters
     ----------
@@ -101,16 +101,16 @@ def write_bytes(path: str | os.PathLike[str], content: bytes) -> None:
 
 
 def keep_mode(path: Path, new: Path, *, writable: bool = False) -> None:
-    """Give what takes the place of a file or folder the permissions that it has, if it is there.
+    """Copy the permissions of a file or folder, if it exists, to its replacement.
 
     Parameters
     ----------
     path : Path
         The file or folder.
     new : Path
-        What takes its place.
+        Its replacement.
     writable : bool
-        Whether its owner may write to it at any rate, until it does.
+        Whether the owner may read and write the replacement in any case.
     """
     try:
         mode = path.stat(follow_symlinks=False).st_mode
@@ -122,7 +122,7 @@ def keep_mode(path: Path, new: Path, *, writable: bool = False) -> None:
 
 @contextmanager
 def own_folder(folder: Path) -> Iterator[None]:
-    """Write no file below a folder through a link, though one may take a subfolder's place.
+    """Refuse, within this context, to write files below a folder through links.
 
     Parameters
     ----------
@@ -149,22 +149,17 @@ def _refuse_links(file: Path) -> None:
 
 @contextmanager
 def new_folder(path: Path) -> Iterator[Path]:
-    """Yield an empty folder beside a path, to take its place.
+    """Yield an empty folder beside a path, which is removed in the end unless it was renamed.
 
     Parameters
     ----------
     path : Path
         The path.
 
-    Yields
-    ------
-    Path
-        The folder; what is there in the end is removed.
-
     Raises
     ------
     OSError
-        If there can be no such folder.
+        If the folder cannot be made.
     """
     with _neighbour(path, folder=True) as neighbour:
         yield neighbour
@@ -172,7 +167,7 @@ def new_folder(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _neighbour(path: Path, *, folder: bool) -> Iterator[Path]:
-    """Make a neighbour, keep it locked, and remove it if it is still there in the end."""
+    """Make a neighbour, keep it locked, and remove it in the end unless it was renamed."""
     number = 0
     while (descriptor := _taken(_name(path, number, folder), folder)) is None:
         number += 1
@@ -183,7 +178,7 @@ def _neighbour(path: Path, *, folder: bool) -> Iterator[Path]:
             number += 1
         yield neighbour
     finally:
-        # Once it has been renamed, the name is free for other processes.
+        # After a rename, another process may use the name.
         if is_at(made, neighbour):
             _remove(neighbour)
         if descriptor != _NO_LOCK:
@@ -196,7 +191,7 @@ def _name(path: Path, number: int, folder: bool) -> Path:
 
 
 def _taken(neighbour: Path, folder: bool) -> int | None:
-    """Make a neighbour and return what keeps it locked, or nothing if another process has it."""
+    """Make a neighbour and return its locked descriptor, or None if another process holds it."""
     while True:
         try:
             if folder:
@@ -210,13 +205,13 @@ def _taken(neighbour: Path, folder: bool) -> int | None:
         try:
             return _locked(neighbour)
         except (BlockingIOError, FileNotFoundError):
-            pass  # taken for abandoned by another process before it was locked
+            pass  # another process took it for abandoned before it was locked
         except OSError:
             return _NO_LOCK
 
 
 def _remove_abandoned(neighbour: Path) -> bool:
-    """Remove a neighbour, unless its process lives, or where there are no locks to tell."""
+    """Remove a neighbour unless its process lives or there are no locks, and tell whether."""
     try:
         descriptor = _locked(neighbour)
     except FileNotFoundError:
@@ -252,6 +247,6 @@ def _remove(path: Path) -> None:
 
 
 def _flush(file: Path) -> None:
-    """See that the content is on the disk before the name: power may fail between the two."""
+    """Write the content to the disk before the rename, in case power fails between the two."""
     with file.open("rb+") as stream:
         os.fsync(stream.fileno())

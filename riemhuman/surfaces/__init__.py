@@ -1,4 +1,4 @@
-"""Registered surfaces: the template, mesh files and rigid alignment."""
+"""Registered surfaces: the template, mesh files, deformation bases and Procrustes alignment."""
 
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.gltf_files import save_glb

@@ -7,7 +7,7 @@ from scipy import sparse
 
 
 class TriangleAssembler:
-    """Sums 9 x 9 matrices of triangles into a sparse (3V, 3V) matrix, its pattern kept.
+    """Sums 9 x 9 matrices of triangles into sparse (3V, 3V) matrices of one pattern.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class TriangleAssembler:
         Parameters
         ----------
         blocks : array, shape (F, 9, 9)
-            Rows and columns run over the coordinates of the first, second, third corner.
+            Rows and columns run over the coordinates of the first, second and third corner.
 
         Returns
         -------

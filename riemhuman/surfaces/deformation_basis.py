@@ -1,4 +1,4 @@
-"""Deformation bases: few directions of movement of a surface, from motions or a mesh."""
+"""Deformation bases: a few directions in which a surface deforms, from motions or from a mesh."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.storage.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.laplacian import harmonics
+from riemhuman.surfaces.mesh_arrays import read_only
 from riemhuman.surfaces.motion_frames import frames_apart
-from riemhuman.surfaces.orthonormal_deformations import OrthonormalDeformations, read_only
+from riemhuman.surfaces.orthonormal_deformations import OrthonormalDeformations
 from riemhuman.surfaces.streaming_pca import StreamingPCA
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.vertex_weights import (
@@ -26,7 +27,7 @@ from riemhuman.surfaces.vertex_weights import (
     weighted_rows,
 )
 
-# A deformation with less than this share of its length outside a basis belongs to it.
+# A deformation lies in a basis if less than this share of its size is outside.
 _OUTSIDE = 1e-9
 _FORMAT_VERSION = 1
 _STATISTICS = ("explained_variance", "explained_variance_ratio", "mean")
@@ -44,11 +45,11 @@ class DeformationBasis(OrthonormalDeformations):
     vectors : array_like, shape (K, V, 3)
         The deformations; they are copied.
     orthonormalize : bool
-        Whether to make them orthonormal, one after the other as Gram and Schmidt do. By default
-        they are checked to be so within 1e-8.
+        Whether to make them orthonormal by the Gram–Schmidt process. By default they are checked
+        to be orthonormal within 1e-8.
     vertex_weights : array_like, shape (V,), optional
-        Positive weights of the inner product, as `Template.vertex_areas`; they are scaled to
-        mean 1, so that coefficients keep their size.
+        Positive weights of the inner product, such as `Template.vertex_areas`; they are scaled to
+        mean 1, so that coefficients keep their magnitude.
 
     Raises
     ------
@@ -56,7 +57,7 @@ class DeformationBasis(OrthonormalDeformations):
         If an array does not hold real numbers.
     ArgumentError
         If a shape is wrong, an entry is not finite, a weight is not positive, or the vectors are
-        not orthonormal or, where they are to be made so, not linearly independent.
+        not orthonormal; with `orthonormalize`, if they are not linearly independent.
 
     References
     ----------
@@ -101,20 +102,20 @@ class DeformationBasis(OrthonormalDeformations):
         """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} seen in motions.
 
         Frames are taken from each motion m at 0, τ, 2τ, … ([1]_, section 4). Motions are streamed:
-        neither they nor their deformations need fit in memory. Deformations beyond a buffer of
-        256 MiB (some 800 of a body with 13,348 vertices) are merged in their order, see
-        `riemhuman.surfaces.streaming_pca`; up to there the components are exact.
+        neither they nor their deformations need fit in memory. The components are exact up to
+        256 MiB of deformations (some 800 of a body with 13,348 vertices); beyond, deformations
+        are merged in their order, see `riemhuman.surfaces.streaming_pca`.
 
         Parameters
         ----------
         motions : iterable
-            Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3) or of runs of
-            frames (n, V, 3). Both may be generators. A motion that has a length and can be
-            indexed, and is no array, list or tuple, is asked for every τ-th frame alone.
+            Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3) or of blocks of
+            frames (n, V, 3). Both may be generators. Of a motion that has a length and can be
+            indexed, but is not an array, list or tuple, only every τ-th frame is read.
         n_components : int
             Number of components K.
         step : int
-            Number of frames τ between the two whose difference is a deformation.
+            Number of frames τ from the first to the second frame of a deformation.
         remove_mean : bool
             Whether the mean deformation is removed first and kept as `mean`.
         vertex_weights : array_like, shape (V,), optional
@@ -173,19 +174,19 @@ class DeformationBasis(OrthonormalDeformations):
         *,
         vertex_weights: ArrayLike | None = None,
     ) -> DeformationBasis:
-        """Return mesh harmonics of the template, each along x, y and z in turn.
+        """Return mesh harmonics of the template, each along x, then y, then z.
 
-        The harmonics are the ceil(K / 3) lowest eigenfunctions of the cotangent Laplacian, made
-        orthonormal in their order. The constant ones are left out: they are translations, of the
-        body or of a connected component, and metrics on (g, n) vanish on these.
+        The harmonics are the ceil(K / 3) lowest eigenfunctions of the cotangent Laplacian,
+        orthonormalised in their order. Constant eigenfunctions are left out: they translate the
+        body or one of its connected components, and metrics on (g, n) vanish on translations.
 
         Parameters
         ----------
         template : Template
             The mesh; open and non-manifold meshes are legal.
         n_components : int
-            Number of components K. If it is no multiple of 3, the last harmonic comes along x,
-            or x and y, only.
+            Number of components K. If it is not a multiple of 3, the last harmonic is used only
+            along x, or along x and y.
         vertex_weights : array_like, shape (V,), optional
             Weights of the inner product, as in the constructor.
 
@@ -218,7 +219,7 @@ class DeformationBasis(OrthonormalDeformations):
         Parameters
         ----------
         path : path_like
-            The .npz file. Pickled objects inside are refused.
+            The .npz file. Pickled objects in it are refused.
 
         Returns
         -------
@@ -229,8 +230,8 @@ class DeformationBasis(OrthonormalDeformations):
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it is no such archive, comes from a later version, lacks a field, or does not hold
-            an orthonormal basis.
+            If it is not such a file, comes from a later version, lacks a field, or does not hold an
+            orthonormal basis.
         """
         fields = load_arrays(path, ("format_version", "vectors"))
         version = fields["format_version"].tolist()
@@ -253,12 +254,12 @@ class DeformationBasis(OrthonormalDeformations):
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the basis to an .npz file that reads back bit for bit.
 
-        The file appears whole or not at all: a temporary neighbour is written first.
+        The file appears whole or not at all.
 
         Parameters
         ----------
         path : path_like
-            The file, with its ending; an existing file is replaced.
+            The file, with its suffix; an existing file is replaced.
 
         Raises
         ------
@@ -273,30 +274,30 @@ class DeformationBasis(OrthonormalDeformations):
 
     @property
     def explained_variance(self) -> onp.ndarray | None:
-        """Variance of motions along each vector, shape (K,); None if not from motions.
+        """Variance of motions along each vector, shape (K,), or None for another basis.
 
-        The mean square of coefficients over all deformations, or their sample variance if the
-        mean was removed.
+        It is the mean square of the coefficients of all deformations, or their sample variance if
+        the mean was removed.
         """
         return self._explained_variance
 
     @property
     def explained_variance_ratio(self) -> onp.ndarray | None:
-        """Variance along each vector as a share of the whole, shape (K,), or None."""
+        """Variance along each vector as a share of the total, shape (K,), or None."""
         return self._explained_variance_ratio
 
     @property
     def mean(self) -> onp.ndarray | None:
-        """The mean deformation, shape (V, 3), if it was removed; else None."""
+        """The mean deformation, shape (V, 3), if it was removed, otherwise None."""
         return self._mean
 
     def truncated(self, n_components: int) -> DeformationBasis:
-        """Return the basis of the first vectors.
+        """Return a basis of the first vectors.
 
         Parameters
         ----------
         n_components : int
-            How many vectors to keep.
+            Number of vectors to keep.
 
         Returns
         -------
@@ -324,12 +325,13 @@ class DeformationBasis(OrthonormalDeformations):
         Parameters
         ----------
         deformations : array, shape (m, V, 3)
-            More deformations; what the basis has of them already is taken out.
+            More deformations; their projections onto the basis are subtracted.
 
         Returns
         -------
         basis : DeformationBasis
-            With fewer vectors more than m where a deformation is in the basis and those before.
+            At most m vectors more: deformations in the span of the basis and of those before them
+            add none.
         """
         basis = self
         for deformation in deformations:
@@ -349,7 +351,7 @@ class DeformationBasis(OrthonormalDeformations):
         ratio: onp.ndarray | None,
         mean: onp.ndarray | None,
     ) -> DeformationBasis:
-        """Attach what is known of where the vectors come from."""
+        """Set the statistics of the motions that the vectors come from."""
         self._explained_variance = None if variance is None else read_only(variance)
         self._explained_variance_ratio = None if ratio is None else read_only(ratio)
         self._mean = None if mean is None else read_only(mean)

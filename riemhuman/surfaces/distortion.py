@@ -1,4 +1,4 @@
-"""How much triangles, edges and volume of a surface change along a path of surfaces."""
+"""Changes of the triangle areas, edge lengths and volume of a surface along a path of surfaces."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Distortion(NamedTuple):
     Attributes
     ----------
     largest : float
-        Largest of them.
+        The largest distortion.
     quantile_99 : float
-        99 % of them are at most this.
+        The 99 % quantile.
     mean : float
-        Weighted mean.
+        The weighted mean.
     """
 
     largest: float
@@ -56,7 +56,7 @@ def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
     points : array, shape (..., V, 3)
         Surfaces, metres.
     edges : array of int, shape (E, 2)
-        Edges, as `Template.edges`.
+        Edges, such as `Template.edges`.
 
     Returns
     -------
@@ -80,28 +80,24 @@ def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
     Returns
     -------
     array, shape (...)
-        Cubic metres, positive where normals point outward; NaN if the mesh is not closed.
+        Cubic metres, positive if normals point outward; NaN if the mesh is not closed.
     """
     points = real_array(points, "points", ("n_vertices", 3))
     if not is_closed(faces):
         return np.full(points.shape[:-2], np.nan)
-    # About the first vertex, so that nothing is lost where bodies stand far from the origin.
+    # Relative to the first vertex, to keep precision for bodies far from the origin.
     points = points - points[..., :1, :]
     one, two, three = (points[..., corner, :] for corner in faces.T)
     return np.sum(one * np.cross(two, three), axis=(-2, -1)) / 6.0
 
 
 def is_closed(faces: ndarray) -> bool:
-    """Tell whether every edge joins two triangles that run along it in opposite directions.
+    """Tell whether every edge belongs to two triangles, which pass it in opposite directions.
 
     Parameters
     ----------
     faces : array of int, shape (F, 3)
         Triangles.
-
-    Returns
-    -------
-    bool
     """
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     n_vertices = int(faces.max()) + 1
@@ -111,10 +107,10 @@ def is_closed(faces: ndarray) -> bool:
 
 
 def change_along_path(sizes: ndarray) -> ndarray:
-    """Return the largest relative change of sizes along a path beyond that of its ends.
+    """Return the largest relative change of sizes along a path beyond the sizes at its ends.
 
-    For sizes A(τ) with ends A₀, A₁ it is the largest over τ of A(τ)/max(A₀, A₁) − 1 and
-    min(A₀, A₁)/A(τ) − 1, or 0: growing to twice and shrinking to half count as much.
+    For sizes A(τ) with ends A₀, A₁ it is the maximum over τ of A(τ)/max(A₀, A₁) − 1,
+    min(A₀, A₁)/A(τ) − 1 and 0, so that doubling and halving count the same.
 
     Parameters
     ----------
@@ -124,7 +120,7 @@ def change_along_path(sizes: ndarray) -> ndarray:
     Returns
     -------
     array, shape (...)
-        Infinite where a size vanishes on the way, or appears from nothing.
+        Infinite where a size vanishes only between the ends, or only at both ends.
     """
     sizes = np.abs(real_array(sizes, "sizes", finite=False))
     largest, smallest = np.maximum(sizes[0], sizes[-1]), np.minimum(sizes[0], sizes[-1])
@@ -142,10 +138,6 @@ def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
         Distortions of triangles or edges.
     weights : array, shape (m,)
         Their areas or lengths.
-
-    Returns
-    -------
-    Distortion
     """
     return Distortion(
         float(distortions.max()),
@@ -155,6 +147,6 @@ def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
 
 
 def _ratio(a: ndarray, b: ndarray) -> ndarray:
-    """Return a/b, 1 where both are 0."""
+    """Return a/b, or 1 where both are 0."""
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where((a == 0) & (b == 0), 1.0, a / b)

@@ -1,7 +1,7 @@
 """Paths of surfaces as animated GLB files (glTF 2.0), for viewers, game engines and Blender.
 
-The first surface is the mesh, the others are its morph targets, and an animation leads from one to
-the next; in between, glTF interpolates linearly, as straight lines of the vertices.
+The first surface is the mesh and the others are its morph targets, which an animation shows one
+after the other. Between them, glTF interpolates the vertices linearly.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.whole_files import whole_file
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.normals import vertex_normals
 
 _FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
@@ -36,19 +36,19 @@ def save_glb(
 ) -> None:
     """Write a path of surfaces to a GLB file that plays as an animation.
 
-    Positions and normals are in single precision, as the format asks for.
+    Positions and normals are in single precision, as the format requires. The file appears whole
+    or not at all.
 
     Parameters
     ----------
     path : path_like
-        The file, ending in ``.glb``; an existing file is replaced. It appears whole or not at
-        all: a temporary neighbour is written first.
+        The file, with the suffix ``.glb``; an existing file is replaced.
     surfaces : array_like, shape (n_times, V, 3)
-        Surfaces at equally spaced times, in metres, y up. A single one makes a still mesh.
+        Surfaces at equally spaced times, in metres, y up. A single surface gives a still mesh.
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0.
     seconds : float
-        How long the animation takes.
+        Duration of the animation.
     name : str
         Name of the mesh and of the animation.
 
@@ -62,7 +62,7 @@ def save_glb(
     FileError
         If the file cannot be written.
     FileFormatError
-        If the ending is another.
+        If the suffix is not ``.glb``.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def save_glb(
 
 
 class _Chunk:
-    """The binary part of a GLB file, with the glTF objects that say what lies where."""
+    """The binary part of a GLB file, with the glTF objects that describe its layout."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -121,11 +121,11 @@ def _glb(surfaces: ArrayLike, faces: ArrayLike, seconds: float, name: str) -> by
         raise ArgumentError(f"surfaces holds no surface; found shape {points.shape}")
     _, triangles = mesh_arrays(points[0], faces)
     positions = points.astype("<f4")
-    normals = _vertex_normals(points, triangles).astype("<f4")
+    normals = _unit_normals(points, triangles).astype("<f4")
 
     chunk = _Chunk()
     n_vertices = points.shape[1]
-    # The largest number of each type is reserved, to restart strips.
+    # glTF reserves the largest number of each type for restarting strips.
     index_type = "<u2" if n_vertices < 65535 else "<u4"
     indices = chunk.add(triangles.astype(index_type).ravel(), "SCALAR", _ELEMENT_BUFFER)
     primitive: dict[str, Any] = {
@@ -175,7 +175,7 @@ def _glb(surfaces: ArrayLike, faces: ArrayLike, seconds: float, name: str) -> by
 
 
 def _animation(chunk: _Chunk, n_times: int, seconds: float, name: str) -> dict[str, Any]:
-    """Return the animation in which target i has weight 1 at time i, and 0 at all others."""
+    """Return the animation in which target i has weight 1 at time i and 0 at all other times."""
     times = np.linspace(0.0, seconds, n_times).astype("<f4")
     weights = np.eye(n_times)[:, 1:].astype("<f4")
     sampler = {
@@ -196,15 +196,8 @@ def _joined(document: dict[str, Any], binary: bytes) -> bytes:
     return struct.pack("<4sII", b"glTF", 2, 12 + len(parts)) + parts
 
 
-def _vertex_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Return unit normals of the vertices, triangles weighted by area; up where there is none."""
-    one, two, three = (points[:, corner] for corner in faces.T)
-    double_areas = np.cross(two - one, three - one)
-    around = sparse.csr_array(
-        (np.ones(faces.size), (faces.ravel(), np.repeat(np.arange(len(faces)), 3))),
-        shape=(points.shape[1], len(faces)),
-    )
-    sums = np.stack([around @ of_one_time for of_one_time in double_areas])
-    lengths = np.linalg.norm(sums, axis=-1, keepdims=True)
-    up = np.array([0.0, 1.0, 0.0])
-    return np.where(lengths > 0, sums / np.where(lengths > 0, lengths, 1.0), up)
+def _unit_normals(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Return normals of the vertices of all surfaces, pointing up where there is no area."""
+    normals = np.stack([vertex_normals(f, faces) for f in points])
+    normals[~normals.any(axis=-1)] = (0.0, 1.0, 0.0)
+    return normals

@@ -1,4 +1,4 @@
-"""Small pictures of surfaces for notebooks, which show the `_repr_html_` of an object."""
+"""Small pictures of surfaces, which notebooks show for objects that have `_repr_html_`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption
 
 
 def vertices_html(surfaces: Sequence[ndarray] | ndarray, caption: str) -> str:
-    """Return a picture of at most eight surfaces by their vertices alone, with a caption.
+    """Return a picture of the vertices of at most eight surfaces side by side, with a caption.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def strip_picture(
     view: View,
     height: int = _HEIGHT,
 ) -> ndarray:
-    """Return a picture of at most eight surfaces side by side, in one scale.
+    """Return a picture of at most eight surfaces side by side, at the same scale.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def strip_picture(
     colors : sequence of array_like, each of shape (3,) or (F, 3)
         Colour of each surface, or colours of its triangles.
     view : View
-        Where the surfaces are seen from.
+        View direction.
     height : int
         Height of the picture in pixels.
 
@@ -117,7 +117,7 @@ def _shown(n_surfaces: int) -> ndarray:
 def _strip(
     surfaces: Sequence[ndarray], draw: Callable[[ndarray, View, Window], ndarray], view: View
 ) -> ndarray:
-    """Return pictures beside each other, each of a surface on the same spot, in one scale."""
+    """Return pictures of centred surfaces side by side, at the same scale."""
     chosen = np.stack(surfaces)
     chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
     window = window_around(chosen, view)
@@ -125,7 +125,7 @@ def _strip(
 
 
 def _draw_vertices(f: ndarray, view: View, window: Window) -> ndarray:
-    """Draw vertices as dots, the near ones above and lighter than the far ones."""
+    """Draw vertices as dots; near ones are lighter and cover far ones."""
     width = max(1, round(_HEIGHT * window.width / window.height))
     picture = np.zeros((_HEIGHT, width, 4), dtype=np.uint8)
     seen = view.turned(f)
@@ -148,13 +148,9 @@ def png_bytes(picture: ndarray) -> bytes:
     ----------
     picture : array of uint8, shape (height, width, 4)
         Red, green, blue and opacity.
-
-    Returns
-    -------
-    bytes
     """
     height, width, _ = picture.shape
-    # Each row begins with the number of its filter, 0 for none.
+    # Each row begins with the number of its filter; 0 means none.
     rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)
     rows[:, 1:] = picture.reshape(height, -1)
     header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)

@@ -17,26 +17,26 @@ _SHIFT = 0.01
 
 
 def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lowest eigenfunctions of the Laplacian that are not constant on a component.
+    """Return the lowest eigenfunctions of the Laplacian with positive eigenvalues.
 
-    Solves L h = μ A h, with the vertex areas A as lumped masses. A function that is constant on
-    every connected component has μ = 0; these are left out. Vertices that no triangle uses have
-    the value 0.
+    Solves L h = μ A h, with the vertex areas A as lumped masses. Functions that are constant on
+    every connected component have μ = 0 and are left out. Vertices that no triangle uses have the
+    value 0.
 
     Parameters
     ----------
     template : Template
         The mesh.
     n_harmonics : int
-        How many eigenfunctions are wanted.
+        Number of eigenfunctions.
 
     Returns
     -------
     eigenvalues : array, shape (n_harmonics,)
         Eigenvalues μ > 0 in increasing order, in 1 / metre².
     functions : array, shape (n_harmonics, V)
-        Eigenfunctions, orthonormal with respect to the vertex areas, the largest entry of each
-        positive.
+        Eigenfunctions, orthonormal with respect to the vertex areas. The entry of the largest
+        magnitude in each is positive.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def lowest_eigenpairs(
     areas : array, shape (V,)
         Positive masses A.
     count : int
-        How many are wanted, those of μ = 0 included.
+        Number of eigenvalues, those of μ = 0 included.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def lowest_eigenpairs(
             return image - known @ (known.T @ image)
 
         operator = LinearOperator((n_vertices, n_vertices), matvec=inverse, dtype=np.float64)
-        # More Lanczos vectors take fewer rounds, but each must be kept orthogonal to all.
+        # More Lanczos vectors need fewer restarts, but more orthogonalisation.
         n_lanczos = min(n_vertices, max(20, 3 * n_more // 2))
         inverses, vectors = eigsh(
             operator,
@@ -119,7 +119,7 @@ def lowest_eigenpairs(
         return 1 / inverses - shift, vectors
 
     values, vectors = more(count, np.zeros((n_vertices, 0)))
-    # Of an eigenvalue that symmetry makes multiple, Lanczos iterations may see too few copies.
+    # Lanczos iterations may miss copies of an eigenvalue that symmetry makes multiple.
     limit = values.max() * (1 - 1e-8)
     while (n_missing := _n_below(laplacian, areas, limit) - int(np.sum(values < limit))) > 0:
         new_values, new_vectors = more(n_missing, vectors)

@@ -1,4 +1,4 @@
-"""Triangle meshes as two arrays: their checks, and differences of triangulations."""
+"""Checks of the two arrays of a triangle mesh, and differences between triangulations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError
 
-# Areas are roots of fourth powers of coordinates, which must not overflow.
+# Areas are square roots of fourth powers of coordinates, which must not overflow.
 _LARGEST = 1e50
 
 
@@ -17,8 +17,8 @@ def mesh_arrays(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return vertices and faces after checking that they form a triangle mesh.
 
-    Open and non-manifold meshes pass, and so do triangles without area and vertices that no
-    triangle uses.
+    Open and non-manifold meshes, triangles without area and vertices that no triangle uses are
+    accepted.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def mesh_arrays(
     faces : array_like, shape (F, 3)
         Vertex indices of each triangle, counted from 0.
     names : tuple of str
-        What to call the two in messages.
+        Names of the two arguments, for messages.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def face_difference(found: np.ndarray, expected: np.ndarray) -> str | None:
     Returns
     -------
     difference : str or None
-        What differs and where first; None if nothing does.
+        The kind of the difference and its first place; None if there is none.
     """
     if found.shape != expected.shape:
         return f"{len(found)} triangles found, {len(expected)} expected"
@@ -98,13 +98,25 @@ def face_difference(found: np.ndarray, expected: np.ndarray) -> str | None:
 
 
 def _from_smallest(faces: np.ndarray) -> np.ndarray:
-    """Return triangles with their corners turned so that the smallest index comes first."""
+    """Return triangles with their corners rotated so that the smallest index comes first."""
     turns = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
     return np.take_along_axis(faces, turns, axis=1)
 
 
 def _sorted_rows(faces: np.ndarray) -> np.ndarray:
     return faces[np.lexsort(faces.T[::-1])]
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """Return the same array, which can no longer be written to.
+
+    Parameters
+    ----------
+    array : array, shape (...)
+        The array.
+    """
+    array.setflags(write=False)
+    return array
 
 
 def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> None:
@@ -117,9 +129,9 @@ def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> 
     faces : array of int, shape (F, 3)
         Vertex indices of each triangle.
     name : str
-        What to call the triangles in the message.
+        Name of the triangles, for the message.
     reason : str
-        What is wrong with them.
+        What is wrong with the triangles.
 
     Raises
     ------
@@ -136,8 +148,8 @@ def refuse_faces(bad: np.ndarray, faces: np.ndarray, name: str, reason: str) -> 
 def split_polygons(corners: np.ndarray, lengths: np.ndarray) -> np.ndarray:
     """Return the triangles of polygons, each split from its first corner.
 
-    By the order of the corners alone, (1, 2, 3), (1, 3, 4), …, so that surfaces that share their
-    polygons share their triangles.
+    The split (1, 2, 3), (1, 3, 4), … depends only on the order of the corners, so that surfaces
+    with the same polygons get the same triangles.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
-"""Mesh files: vertices keep their order, on which registration depends.
+"""Reading and writing of mesh files with vertices in their order, on which registration depends.
 
-They are not left to other libraries, which split the vertices of an OBJ file that has texture
-coordinates or normals, sort its faces by material, split polygons by their shape, or
-take all lists of a PLY file for as long as the first. They are written in double precision.
+Readers of other libraries split the vertices of an OBJ file that has texture coordinates or
+normals, sort its faces by material, split polygons by their shape, or assume that all lists of a
+PLY file are as long as the first.
 """
 
 from __future__ import annotations
@@ -30,16 +30,17 @@ _Format = TypeVar("_Format")
 
 
 def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Read a triangle mesh from a PLY, OBJ or OFF file, vertices and faces in the file's order.
+    """Read a triangle mesh from a PLY, OBJ or OFF file, in the file's order.
 
-    Nothing is merged, reordered or dropped; normals, texture coordinates, colours and materials
-    are ignored. Faces with more than three corners become triangles by the order of their
-    corners alone, (1, 2, 3), (1, 3, 4), …, so that registered meshes stay registered.
+    Vertices and faces are neither merged, reordered nor dropped; normals, texture coordinates,
+    colours and materials are ignored. Faces with more than three corners are split by the order of
+    their corners, (1, 2, 3), (1, 3, 4), …, so that registered meshes stay registered.
 
     Parameters
     ----------
     path : path_like
-        The mesh file: PLY (text or binary of either byte order), OBJ or OFF, by its ending.
+        The mesh file, whose suffix gives its format: PLY (text, or binary of either byte order),
+        OBJ or OFF.
 
     Returns
     -------
@@ -53,9 +54,8 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
     FileError
         If the file is missing, is a folder or cannot be read.
     FileFormatError
-        If the ending names no known format, the file is damaged or holds no faces, a face has
-        fewer than three corners or refers to a vertex that does not exist, or a position is not
-        finite.
+        If the suffix names no known format, the file is damaged or has no faces, a face has fewer
+        than three corners or refers to a vertex that does not exist, or a position is not finite.
 
     Examples
     --------
@@ -85,12 +85,12 @@ def load_mesh(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray]:
 def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLike) -> None:
     """Write a triangle mesh to a PLY (binary), OBJ or OFF file that reads back bit for bit.
 
-    The file appears whole or not at all: a temporary neighbour is written first.
+    The file appears whole or not at all.
 
     Parameters
     ----------
     path : path_like
-        The mesh file; its ending says which format. An existing file is replaced.
+        The mesh file, whose suffix gives its format; an existing file is replaced.
     vertices : array_like, shape (V, 3)
         Vertex positions.
     faces : array_like, shape (F, 3)
@@ -106,7 +106,7 @@ def save_mesh(path: str | os.PathLike[str], vertices: ArrayLike, faces: ArrayLik
     FileError
         If the file cannot be written.
     FileFormatError
-        If the ending names no known format.
+        If the suffix names no known format.
 
     Examples
     --------
@@ -149,7 +149,7 @@ def _read_obj(content: bytes) -> _Mesh:
                 n_vertices = len(positions) // 3
                 for field in fields:
                     corner = whole_field(field.split(b"/", 1)[0])
-                    # Positive indices count from 1; negative ones from the latest vertex back.
+                    # Positive indices count from 1, negative ones back from the latest vertex.
                     corners.append(corner - 1 if corner >= 0 else n_vertices + corner)
                 lengths.append(len(fields))
         except (OverflowError, ValueError) as error:
@@ -158,10 +158,10 @@ def _read_obj(content: bytes) -> _Mesh:
 
 
 def _lines_of_obj(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
-    """Yield the number and the words of every line, those joined that end in a backslash."""
+    """Yield the number and the words of every line; a backslash at its end continues a line."""
     number, words = 0, list[bytes]()
     for number, line in enumerate(content.removeprefix(BOM_UTF8).splitlines(), start=1):
-        # A comment ends with its line: what follows a path of Windows in it is no part of it.
+        # A backslash in a comment, as in a path of Windows, does not continue the line.
         text = line.partition(b"#")[0]
         words += text.removesuffix(b"\\").split()
         if not text.endswith(b"\\"):
@@ -213,7 +213,7 @@ def _read_off(content: bytes) -> _Mesh:
 
 
 def _position(words: list[bytes]) -> list[float]:
-    """Return the position of a vertex, whose colour or normal may follow."""
+    """Return the position of a vertex, which its colour or normal may follow."""
     numbers = [real_field(word) for word in words]
     if len(numbers) < 3:
         raise ValueError

@@ -1,4 +1,4 @@
-"""Meshes of other libraries, from and to arrays: trimesh, PyVista and meshio.
+"""Conversion of meshes of trimesh, PyVista and meshio from and to arrays.
 
 Vertices keep their order, and polygons are split into triangles as in mesh files.
 """
@@ -21,7 +21,7 @@ _SURFACE_CELLS = ("triangle", "quad", "polygon")
 
 
 def from_trimesh(mesh: Any) -> tuple[ndarray, ndarray]:
-    """Return the vertices and triangles of a mesh of trimesh, in its order.
+    """Return the vertices and triangles of a trimesh mesh, in its order.
 
     Parameters
     ----------
@@ -36,9 +36,9 @@ def from_trimesh(mesh: Any) -> tuple[ndarray, ndarray]:
     Raises
     ------
     ArgumentTypeError
-        If it has no vertices and faces.
+        If the object has no vertices and faces.
     ArgumentError
-        If they are those of no mesh.
+        If its arrays do not form a mesh.
 
     Examples
     --------
@@ -54,13 +54,13 @@ def from_trimesh(mesh: Any) -> tuple[ndarray, ndarray]:
 
 
 def from_pyvista(mesh: Any) -> tuple[ndarray, ndarray]:
-    """Return the vertices and triangles of a mesh of PyVista, in its order.
+    """Return the vertices and triangles of a PyVista mesh, in its order.
 
     Parameters
     ----------
     mesh : pyvista.PolyData
-        A mesh, or any object with ``points``, shape (V, 3), and ``faces``, which lists the number
-        of corners of each polygon before its corners.
+        A mesh, or any object with ``points``, shape (V, 3), and ``faces``, a list of polygons with
+        the number of corners before the corners of each.
 
     Returns
     -------
@@ -71,9 +71,9 @@ def from_pyvista(mesh: Any) -> tuple[ndarray, ndarray]:
     Raises
     ------
     ArgumentTypeError
-        If it has no points and faces.
+        If the object has no points and faces.
     ArgumentError
-        If they are those of no mesh.
+        If its arrays do not form a mesh.
 
     Examples
     --------
@@ -90,8 +90,7 @@ def arrays_of_mesh(mesh: Any) -> tuple[ndarray, ndarray]:
     Parameters
     ----------
     mesh : trimesh.Trimesh, pyvista.PolyData, or an object with their attributes
-        ``mesh.vertices`` and ``mesh.faces`` of shapes (V, 3) and (F, 3), or ``mesh.points`` and
-        ``mesh.faces``, which lists the number of corners of each polygon before its corners.
+        See `from_trimesh` and `from_pyvista`.
 
     Returns
     -------
@@ -101,9 +100,9 @@ def arrays_of_mesh(mesh: Any) -> tuple[ndarray, ndarray]:
     Raises
     ------
     ArgumentTypeError
-        If it is no such object.
+        If the object has no vertices and faces.
     ArgumentError
-        If it is not a mesh.
+        If its arrays do not form a mesh.
     """
     faces = getattr(mesh, "faces", None)
     vertices = getattr(mesh, "vertices", getattr(mesh, "points", None))
@@ -117,7 +116,7 @@ def arrays_of_mesh(mesh: Any) -> tuple[ndarray, ndarray]:
 
 
 def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
-    """Return a mesh of trimesh, its vertices neither merged nor reordered.
+    """Return a trimesh mesh, with vertices neither merged nor reordered.
 
     Parameters
     ----------
@@ -138,13 +137,13 @@ def to_trimesh(vertices: ArrayLike, faces: ArrayLike) -> Any:
     >>> mesh.vertices.shape
     (1202, 3)
     """
-    import trimesh  # loads when it is used, for it takes long
+    import trimesh  # imported here because the import takes long
 
     return trimesh.Trimesh(*mesh_arrays(vertices, faces), process=False)
 
 
 def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
-    """Return a mesh of PyVista.
+    """Return a PyVista mesh.
 
     Parameters
     ----------
@@ -174,14 +173,14 @@ def to_pyvista(vertices: ArrayLike, faces: ArrayLike) -> Any:
 
 
 def load_with_meshio(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray]:
-    """Read a surface mesh from a file in any format that meshio knows, such as VTK or Gmsh.
+    """Read a surface mesh from a file in any format that meshio reads, such as VTK or Gmsh.
 
-    meshio trusts what a file says of its sizes: read only files of a source you trust.
+    meshio does not check the sizes that a file declares: read only files from trusted sources.
 
     Parameters
     ----------
     path : path_like
-        The mesh file. Lines, points and solids in it are passed over.
+        The mesh file. Line, point and solid elements in it are ignored.
 
     Returns
     -------
@@ -226,7 +225,7 @@ def _refuse_without(mesh: Any, names: tuple[str, str], library: str) -> None:
 
 
 def _counted(faces: ndarray) -> ndarray:
-    """Return the triangles of polygons that are listed in a row, each behind its number."""
+    """Return the triangles of polygons listed in one array, each after its number of corners."""
     polygons, place = [], 0
     while place < len(faces):
         count = int(faces[place])

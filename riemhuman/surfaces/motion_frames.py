@@ -20,33 +20,33 @@ def frames_apart(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, ….
 
-    Every frame that is read is checked. An array, a list or an iterator is read frame by frame;
-    anything else that has a length and can be indexed, as a data set on disk or a motion computed
-    on demand, is asked for every τ-th frame alone.
+    Every frame that is read is checked. An array, a list or an iterator is read frame by frame. Of
+    any other motion that has a length and can be indexed, such as a data set on disk or a motion
+    computed on demand, only every τ-th frame is read.
 
     Parameters
     ----------
     motions : iterable
-        Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3) or of runs of
+        Motions, each an array (n_frames, V, 3) or an iterable of frames (V, 3) or of blocks of
         frames (n, V, 3). Both may be generators.
     step : int
-        The number of frames τ between the two.
+        The number of frames τ from the first to the second frame of a pair.
     progress : bool
         Whether to show a progress bar over motions.
 
     Yields
     ------
     start, end : array, shape (V, 3)
-        A pair of frames, not to be changed: the end of one pair is the start of the next.
+        A pair of frames, which must not be changed: the end of one pair is the start of the next.
 
     Raises
     ------
     ArgumentTypeError
         If a motion cannot be iterated over or a frame does not hold real numbers.
     ArgumentError
-        If there is no motion, one is shorter than τ + 1 frames, a frame is not of shape (V, 3),
-        has another number of vertices than the first one, or holds NaN or infinite entries; or
-        a motion must be in another unit than the first.
+        If there is no motion, a motion has fewer than τ + 1 frames, a frame does not have shape
+        (V, 3), differs from the first in its number of vertices or has entries that are not finite,
+        or a motion is evidently in another unit than the first.
     """
     step = whole_number(step, "step", minimum=1)
     if isinstance(motions, np.ndarray) and motions.ndim == 3:
@@ -98,7 +98,7 @@ def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
                 )
             n_vertices = len(frame)
             if n_frames % step == 0:
-                # A generator may fill one and the same array anew for every frame.
+                # A generator may reuse one array for all frames.
                 yield frame.copy()
             n_frames += 1
     _check_length(n_frames, step, name)
@@ -127,7 +127,7 @@ def _with_progress(listed: Iterator[Any], motions: Any) -> Iterator[Any]:
 
 
 def _frames_of(run: Any, number: int, name: str) -> np.ndarray:
-    """Return one frame, or a run of frames, as a run."""
+    """Return a frame or a block of frames as a block."""
     label = f"frame {number} of {name}"
     values = real_array(run, label, finite=False)
     if values.ndim == 3:

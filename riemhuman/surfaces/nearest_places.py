@@ -1,4 +1,4 @@
-"""Where points lie on a surface: the nearest triangle and the place in it."""
+"""Nearest points on a surface: their triangles and barycentric coordinates."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from scipy.spatial import cKDTree
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.tiles import of_one_kind, slices
 
-# Nearest vertices whose triangles are looked at first.
+# Nearest vertices whose triangles are searched first.
 _N_VERTICES = 3
-# Points that are looked at together.
+# Points that are searched together.
 _BLOCK = 8192
 
 
@@ -26,7 +26,7 @@ class SurfacePlaces(NamedTuple):
     triangles : array of int, shape (N,)
         The triangle of each point.
     barycentric : array, shape (N, 3)
-        Its barycentric coordinates there.
+        Its barycentric coordinates in the triangle.
     """
 
     triangles: np.ndarray
@@ -38,9 +38,9 @@ def nearest_places(
 ) -> tuple[SurfacePlaces, np.ndarray]:
     """Return the nearest points of a surface.
 
-    A triangle whose edges are no longer than l has a corner within l/√3 of each of its points. So
-    a place that is nearer than the best one found lies in a triangle with a corner no farther away
-    than the best by more than that.
+    A triangle with edges no longer than l has a corner within l/√3 of each of its points. So if a
+    point of a triangle is nearer than the distance d found so far, a corner of the triangle is
+    nearer than d + l/√3.
 
     Parameters
     ----------
@@ -74,7 +74,7 @@ def nearest_places(
     near = cKDTree(points[used]).query(queries, k=range(1, min(_N_VERTICES, len(used)) + 1))[1]
     ends = near.shape[1] * np.arange(len(queries) + 1)
     _try_vertices(queries, used[near].ravel(), ends, *surface, *found)
-    # Vertices of long edges are few, and those of short ones need not be far away.
+    # Few vertices have long edges; those with short edges need only be searched nearby.
     sizes = np.ceil(np.log2(np.maximum(reach[used], np.finfo(float).tiny)))
     for size in np.unique(sizes):
         members = used[sizes == size]
@@ -118,9 +118,9 @@ def _try_vertices(
 def _closest_in_triangle(
     query: np.ndarray, points: np.ndarray, corners: np.ndarray, weights: np.ndarray
 ) -> float:
-    """Fill the barycentric coordinates of the closest point; return its squared distance.
+    """Fill the barycentric coordinates of the closest point, and return its squared distance.
 
-    By the regions of Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
+    The regions are those of Ericson, Real-Time Collision Detection, 2005, section 5.1.5.
     """
     d1 = d2 = d3 = d4 = d5 = d6 = 0.0
     for x in range(3):

@@ -1,4 +1,4 @@
-"""Orthonormal deformations of a surface, and coefficients along them."""
+"""Orthonormal deformations of a surface, and coefficients with respect to them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.surfaces.mesh_arrays import read_only
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.vertex_weights import (
     normalized_weights,
@@ -22,21 +23,21 @@ _ORTHONORMAL = 1e-8
 
 
 class OrthonormalDeformations:
-    r"""Orthonormal deformations :math:`D_k`, with what combines and projects along them.
+    r"""Orthonormal deformations :math:`D_k`, which combine coefficients and project deformations.
 
-    `riemhuman.DeformationBasis` adds where they come from.
+    `riemhuman.DeformationBasis` adds constructors and files.
 
     Parameters
     ----------
     vectors : array_like, shape (K, V, 3)
         The deformations; they are copied.
     orthonormalize : bool
-        Whether to make them orthonormal; by default they are checked to be so within 1e-8.
+        Whether to make them orthonormal; by default they are checked to be orthonormal within 1e-8.
     vertex_weights : array_like, shape (V,), optional
         Positive weights of the inner product.
     """
 
-    # The vectors that are kept are so already, however they were made: jobs tell bases by this.
+    # Read by the fingerprint of a job: the kept vectors are orthonormal whatever the argument was.
     _orthonormalize = False
 
     def __init__(
@@ -88,7 +89,7 @@ class OrthonormalDeformations:
         Parameters
         ----------
         deformation : array_like, shape (..., V, 3)
-            Deformations; no mean is removed from them.
+            Deformations; no mean is subtracted.
 
         Returns
         -------
@@ -146,7 +147,7 @@ class OrthonormalDeformations:
         return self.combine(self.coefficients(deformation))
 
     def check_fits(self, template: Template | int) -> None:
-        """Refuse a template this basis was not made for.
+        """Refuse a template with another number of vertices.
 
         Parameters
         ----------
@@ -184,20 +185,3 @@ class OrthonormalDeformations:
                 f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products are "
                 f"up to {deviation:.3g} away from it: pass orthonormalize=True to make them so"
             )
-
-
-def read_only(array: onp.ndarray) -> onp.ndarray:
-    """Return an array that can no longer be written to.
-
-    Parameters
-    ----------
-    array : array, shape (...)
-        The array.
-
-    Returns
-    -------
-    array, shape (...)
-        The same.
-    """
-    array.setflags(write=False)
-    return array

@@ -144,10 +144,6 @@ def has_ply_faces(content: bytes) -> bool:
     content : bytes
         The file.
 
-    Returns
-    -------
-    bool
-
     Raises
     ------
     FileFormatError

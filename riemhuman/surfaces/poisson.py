@@ -1,12 +1,12 @@
-r"""Interpolation of surfaces by their deformation gradients, put together by a Poisson equation.
+r"""Interpolation of deformation gradients, joined to surfaces by a Poisson equation.
 
 Every triangle turns from f₀ to f₁ by a rotation R and stretches. Interpolating both,
 
 .. math:: J(t) = R^t \left((1-t) J_0 + t R^T J_1\right),
 
-with J = (f_u, f_v), bends limbs where a straight path would shrink them. The
-surface whose derivatives come closest to J(t) in the least squares sense solves a Poisson equation
-on the template (Xu, Zhang, Wang and Bao, "Poisson shape interpolation", SPM 2005).
+with J = (f_u, f_v), bends limbs where a straight path would shrink them. The surface whose
+derivatives are closest to J(t) in the least squares sense solves a Poisson equation on the template
+(Xu, Zhang, Wang and Bao, "Poisson shape interpolation", SPM 2005).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from riemhuman.surfaces.triangle_heat import adjacent_triangles
 
 
 class PoissonInterpolator:
-    """Interpolates surfaces over one mesh, whose factors are computed once.
+    """Interpolates surfaces over one mesh, whose matrix is factorised once.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class PoissonInterpolator:
     frame_coefficients : array, shape (F, 3)
         Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
     differential_operator : csr_array, shape (2F, V)
-        Takes vertices to f_u, then f_v, of every triangle.
+        Maps vertices to f_u of every triangle, then f_v.
     face_areas : array, shape (F,)
         Areas of the template's triangles.
     """
@@ -48,7 +48,7 @@ class PoissonInterpolator:
         n_vertices = differential_operator.shape[1]
         self._faces, self._frames, self._areas = faces, frame_coefficients, face_areas
         self._operator = differential_operator
-        # One vertex of every connected component stays put: derivatives do not know where it is.
+        # Derivatives do not determine translations: one vertex of each component is fixed.
         corner_pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
         links = sparse.coo_array(
             (np.ones(len(corner_pairs)), tuple(corner_pairs.T)), shape=(n_vertices, n_vertices)
@@ -79,11 +79,7 @@ class PoissonInterpolator:
         Parameters
         ----------
         weights : array, shape (F,)
-            Weight of every triangle, above 0, beside that of its area.
-
-        Returns
-        -------
-        PoissonInterpolator
+            Positive weight of every triangle, which multiplies its area.
         """
         other = copy(self)
         other._weigh(self._areas * weights)
@@ -95,29 +91,25 @@ class PoissonInterpolator:
         Parameters
         ----------
         start, end : array, shape (V, 3)
-            Surfaces whose triangles have an area.
+            Surfaces with triangles of positive area.
 
         Returns
         -------
         array, shape (F, 3)
             Rotation vectors, unit axes times angles in [0, π].
         """
-        # Loading numba takes a while, so that only those who interpolate wait for it.
+        # Imported here because loading numba takes long.
         from riemhuman.kernels.turns import triangle_turns
 
         return triangle_turns(start, end, self._faces)
 
     def is_torn(self, turns: ndarray) -> bool:
-        """Return whether neighbouring triangles turn different ways.
+        """Tell whether rotation vectors of some neighbouring triangles differ by more than π.
 
         Parameters
         ----------
         turns : array, shape (F, 3)
             Rotation vectors.
-
-        Returns
-        -------
-        bool
         """
         one, other = self._neighbours.T
         gaps = turns[one] - turns[other]
@@ -127,7 +119,8 @@ class PoissonInterpolator:
         """Return the same rotations with full turns added so that neighbours turn alike.
 
         From the triangle that turns least, across the edges where rotations differ least, each
-        triangle takes the way closest to its neighbour's. Limbs may so turn by up to a full turn.
+        triangle gets the rotation vector closest to its neighbour's. Limbs may then turn by up to
+        a full turn.
 
         Parameters
         ----------
@@ -161,7 +154,7 @@ class PoissonInterpolator:
         Returns
         -------
         list of array of int
-            Triangles of each part, which shares edges within itself alone.
+            Triangles of each part; chosen triangles that share an edge belong to the same part.
         """
         one, other = self._neighbours[chosen[self._neighbours].all(axis=1)].T
         shape = (len(chosen), len(chosen))
@@ -180,7 +173,7 @@ class PoissonInterpolator:
         Parameters
         ----------
         start, end : array, shape (V, 3)
-            Surfaces f₀ and f₁, whose triangles have an area.
+            Surfaces f₀ and f₁, with triangles of positive area.
         times : array, shape (n_times,)
             Times in [0, 1].
         turns : array, shape (F, 3), optional
@@ -202,14 +195,14 @@ class PoissonInterpolator:
         return self._solve(source, (1.0 - weights) * first[:, None] + weights * last[:, None])
 
     def surface_of(self, derivatives: ndarray, placed_as: ndarray) -> ndarray:
-        """Return the surface whose first derivatives come closest to those given.
+        """Return the surface whose first derivatives are closest to given ones.
 
         Parameters
         ----------
         derivatives : array, shape (2F, 3)
-            f_u of all triangles, then f_v; no surface need have them.
+            f_u of all triangles, then f_v; they need not be those of a surface.
         placed_as : array, shape (V, 3)
-            Surface that says where the centroid of each connected component is.
+            Surface from which each connected component takes its centroid.
 
         Returns
         -------
@@ -219,7 +212,7 @@ class PoissonInterpolator:
         return self._solve(source[:, None], (self._average @ placed_as)[:, None])[0]
 
     def _solve(self, source: ndarray, centroids: ndarray) -> ndarray:
-        """Return the surfaces, shape (n, V, 3), of divergences (V, n, 3) and centroids."""
+        """Return the surfaces, shape (n, V, 3), with divergences (V, n, 3) and given centroids."""
         points = np.zeros((len(source), source[0].size))
         with single_threaded_libraries():
             points[self._free] = self._factor.solve(source.reshape(points.shape)[self._free])

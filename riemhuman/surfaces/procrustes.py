@@ -11,10 +11,10 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.units import refuse_other_scale
 
-# Below these, what decides a rotation is no more than rounding: relative to the spread of the
-# points, and to the size of the coordinates their spread was computed from.
+# A rotation is undetermined if the spread of the points is within rounding of zero: relative to
+# the size of the surface, and to the coordinates from which the spread was computed.
 _FLAT = 1e-12
-_REMEDY = "scale=True scales them, scale=None takes them as they are"
+_REMEDY = "scale=True scales them, scale=None accepts them unscaled"
 _ROUNDING = 100 * np.finfo(np.float64).eps
 
 
@@ -27,21 +27,21 @@ def procrustes(
 ) -> np.ndarray:
     """Align surfaces in known correspondence with a reference, or with each other.
 
-    Each surface x is moved to s R x + b, with the rotation R (never a reflection), translation b
-    and, on request, scale s > 0 that minimise sum_v w_v ‖s R x_v + b - y_v‖² [1]_ [2]_.
+    Each surface x is moved to s R x + b, with the rotation R (never a reflection), the translation
+    b and, with `scale`, the factor s > 0 that minimise sum_v w_v ‖s R x_v + b - y_v‖² [1]_ [2]_.
 
     Parameters
     ----------
     points : array_like, shape (..., V, 3)
         Surfaces, in metres.
     to : array_like, shape (V, 3), optional
-        The reference y. By default the surfaces are aligned with each other, as
-        `generalized_procrustes` does with its default tolerance.
+        The reference y. By default the surfaces are aligned with each other by
+        `generalized_procrustes` with its default tolerance.
     scale : bool or None
-        Whether surfaces may also be scaled. Otherwise those that must be in another unit are
-        refused; None takes them as they are.
+        Whether surfaces are also scaled. With False, surfaces that are evidently in another unit
+        are refused; None accepts them unscaled.
     weights : array_like, shape (V,), optional
-        Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
+        Weights w of the vertices, for instance ``template.vertex_areas``; equal by default.
 
     Returns
     -------
@@ -52,9 +52,9 @@ def procrustes(
     ArgumentTypeError
         If an argument does not convert to real numbers.
     ArgumentError
-        If a shape is wrong, an entry is not finite, a weight is negative or none is positive, or
-        the rotation that fits best is not unique, as with points on one line; or, without
-        `scale`, a surface must be in another unit than the reference.
+        If a shape is wrong, an entry is not finite, a weight is negative or none is positive, the
+        best rotation is not unique, as for points on a line, or, with ``scale=False``, a surface
+        is evidently in another unit than the reference.
 
     References
     ----------
@@ -95,43 +95,40 @@ def generalized_procrustes(
     tolerance: float = 1e-10,
     max_iter: int = 200,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Align surfaces in known correspondence with each other, and return their mean as well.
+    """Align surfaces in known correspondence with each other, and return their mean.
 
-    Surfaces are aligned with their mean, the mean is taken anew, and so on: every step lowers
-    sum_i sum_v w_v ‖s_i R_i x_iv + b_i - m_v‖² [1]_. With `scale`, the mean m keeps the size of
-    the surfaces (the root mean square of their centroid sizes), or all would shrink to a point.
-    In the end all are moved together so that the mean lies as the first surface did. The mean is
-    a statistic, not a surface to register to: where poses differ, its limbs shrink.
+    Surfaces are aligned with their mean and the mean is computed again, in turn: every step lowers
+    sum_i sum_v w_v ‖s_i R_i x_iv + b_i - m_v‖² [1]_. With `scale`, the mean m keeps the root mean
+    square of the centroid sizes of the surfaces, since all would otherwise shrink to a point. In
+    the end, the mean is aligned with the first surface and all surfaces with the mean. Do not use
+    the mean as a template: its limbs shrink where poses differ.
 
     Parameters
     ----------
     points : array_like, shape (..., V, 3)
-        Surfaces, in metres; at least one leading axis, and all leading axes are averaged over.
+        Surfaces, in metres, with at least one leading axis; the mean is over all leading axes.
     scale : bool or None
-        Whether surfaces may also be scaled. Otherwise those that must be in another unit are
-        refused; None takes them as they are.
+        As for `procrustes`.
     weights : array_like, shape (V,), optional
-        Weights w of the vertices, for instance ``template.vertex_areas``. Equal by default.
+        Weights w of the vertices, for instance ``template.vertex_areas``; equal by default.
     tolerance : float
         The iteration stops when the mean moves by less than this fraction of its size.
     max_iter : int
-        Number of steps after which a `ConvergenceWarning` is given instead.
+        Number of steps after which the iteration stops with a `ConvergenceWarning`.
 
     Returns
     -------
     aligned : array, shape (..., V, 3)
-        The surfaces, moved.
+        The aligned surfaces.
     mean : array, shape (V, 3)
-        The mean they are aligned with.
+        Their mean.
 
     Raises
     ------
     ArgumentTypeError
         If an argument does not convert to real numbers.
     ArgumentError
-        If a shape is wrong, there is no surface, an entry is not finite, a weight is negative or
-        none is positive, or a rotation that fits best is not unique, as with points on one line;
-        or, without `scale`, a surface must be in another unit than the first.
+        If there is no surface, or as for `procrustes`, with the first surface as the reference.
 
     References
     ----------
@@ -196,7 +193,7 @@ def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool
     """Move each surface onto the reference `to`."""
     source, target = _centred(surfaces, shares), _centred(to, shares)
     left, spread, right = np.linalg.svd(target.T @ (shares[:, np.newaxis] * source))
-    # Turning the weakest axis round makes a reflection a rotation, at the least cost.
+    # Reversing the weakest axis turns a reflection into a rotation at the least cost.
     turn = np.sign(np.linalg.det(left) * np.linalg.det(right))
     spread[..., 2] *= turn
     right[..., 2, :] *= turn[..., np.newaxis]

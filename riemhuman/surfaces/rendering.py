@@ -1,6 +1,6 @@
 """Pictures of surfaces without display or graphics card: a z-buffer in NumPy.
 
-Surfaces are seen in parallel projection and shaded smoothly, on a transparent ground.
+Surfaces are drawn in parallel projection with smooth shading on a transparent background.
 """
 
 from __future__ import annotations
@@ -14,25 +14,26 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 
 SKIN = (0.80, 0.73, 0.66)
 MEAN = (0.93, 0.74, 0.30)
 
-# Directions to the lights in the viewer's frame (right, up, towards the eye), and their strength.
+# Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
 _LIGHTS = ((np.array([-0.45, 0.65, 0.61]), 0.70), (np.array([0.80, 0.10, 0.59]), 0.26))
 _AMBIENT = 0.36
 
 
 @dataclass(frozen=True)
 class View:
-    """Where surfaces are seen from.
+    """The direction from which surfaces are viewed.
 
     Parameters
     ----------
     azimuth : float
-        Degrees by which the eye moves about the vertical from the front, +z, towards +x.
+        Angle of the eye about the vertical, in degrees, from the front, +z, towards +x.
     elevation : float
-        Degrees by which the eye rises above the horizontal.
+        Angle of the eye above the horizontal, in degrees.
 
     Examples
     --------
@@ -57,7 +58,7 @@ class View:
         Parameters
         ----------
         points : array, shape (..., 3)
-            Points.
+            Points or vectors.
 
         Returns
         -------
@@ -78,7 +79,7 @@ class Window:
     Attributes
     ----------
     centre : tuple of float
-        Right and up.
+        Coordinates to the right and up.
     width, height : float
         Size.
     """
@@ -89,20 +90,16 @@ class Window:
 
 
 def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:
-    """Return the smallest window that shows all of some surfaces.
+    """Return the smallest window that shows surfaces completely.
 
     Parameters
     ----------
     points : array_like, shape (..., V, 3)
         Surfaces, metres.
     view : View
-        Where they are seen from.
+        View direction.
     margin : float
         Margin on every side, metres.
-
-    Returns
-    -------
-    Window
     """
     flat = view.turned(real_array(points, "points", ("n_vertices", 3)))[..., :2].reshape(-1, 2)
     low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
@@ -127,18 +124,18 @@ def render(
     vertices : array_like, shape (V, 3)
         Surface, metres, y up.
     faces : array_like, shape (F, 3)
-        Triangles, turning counterclockwise where seen from outside.
+        Triangles, counterclockwise when seen from outside.
     height : int
         Height of the picture in pixels; its width follows from the window.
     view : View, optional
-        Where the surface is seen from; by default from the front, a little from the left and above.
+        View direction; by default from the front, a little from the body's left and from above.
     window : Window, optional
-        What is shown; by default `window_around` the surface. Pictures with one window share their
-        scale.
+        The part that is shown; by default `window_around` the surface. Pictures with the same
+        window have the same scale.
     color : array_like, shape (3,) or (F, 3)
         Red, green and blue between 0 and 1, of the surface or of each triangle.
     samples : int
-        Samples a pixel in each direction, which smooth the outline.
+        Samples per pixel in each direction, which smooth the outline.
 
     Returns
     -------
@@ -148,7 +145,7 @@ def render(
     Raises
     ------
     ArgumentError
-        If the mesh is malformed, or a size or colour is.
+        If the mesh, a size or a colour is not valid.
 
     Examples
     --------
@@ -196,44 +193,21 @@ def _face_colors(color: ArrayLike, n_faces: int) -> ndarray:
     return np.broadcast_to(colors, (n_faces, 3))
 
 
-def vertex_normals(points: ndarray, faces: ndarray) -> ndarray:
-    """Return unit normals, means over the triangles at a vertex weighted by their areas.
-
-    Parameters
-    ----------
-    points : array, shape (V, 3)
-        Vertices.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    array, shape (V, 3)
-        Zero where a vertex has no area about it.
-    """
-    one, two, three = (points[faces[:, corner]] for corner in range(3))
-    across = np.cross(two - one, three - one)
-    normals = np.zeros_like(points)
-    for corner in range(3):
-        np.add.at(normals, faces[:, corner], across)
-    return normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-
-
 def _shade(normals: ndarray) -> ndarray:
-    normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    normals = unit_vectors(normals)
     light = np.full(len(normals), _AMBIENT)
     for direction, strength in _LIGHTS:
         light += strength * np.clip(normals @ direction, 0, None)
-    # The outline darkens, as on a drawing.
+    # Darken the outline, as in a drawing.
     return light * (0.68 + 0.32 * np.clip(normals[:, 2], 0, 1) ** 0.5)
 
 
 def _visible(
     pixels: ndarray, depth: ndarray, faces: ndarray, shape: tuple[int, int]
 ) -> tuple[ndarray, ndarray, ndarray]:
-    """Return the triangle, the barycentric coordinates and the index of every pixel covered."""
+    """Return the triangle, the barycentric coordinates and the index of every covered pixel."""
     slopes, offsets = _edge_functions(pixels[faces])
-    # Rows count downwards, so triangles that face the eye turn clockwise.
+    # Rows count downwards, so triangles that face the eye are clockwise.
     towards = np.flatnonzero(np.isfinite(offsets).all(axis=1) & _is_clockwise(pixels[faces]))
     faces, slopes, offsets = faces[towards], slopes[towards], offsets[towards]
     face, row, first, n_pixels = _spans(pixels[faces], slopes, offsets, shape)
@@ -243,7 +217,7 @@ def _visible(
         first[span] + np.arange(len(span)) - np.repeat(np.cumsum(n_pixels) - n_pixels, n_pixels)
     )
     index = row[span] * shape[1] + column
-    # The depth is linear over a triangle.
+    # Depth is linear on a triangle.
     corners = depth[faces]
     along = np.einsum("fc,fcx->fx", corners, slopes)
     at_row = along[face, 1] * (row + 0.5) + np.einsum("fc,fc->f", corners, offsets)[face]

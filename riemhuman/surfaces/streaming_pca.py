@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-# Rows are gathered up to this size before they are merged into a summary.
+# Rows are collected up to this size before they are merged.
 _BUFFER_BYTES = 2**28
 
 
@@ -16,17 +16,17 @@ class PrincipalComponents(NamedTuple):
     Attributes
     ----------
     vectors : array, shape (K, n_features)
-        Orthonormal components, the strongest first, the largest entry of each positive.
+        Orthonormal components, the strongest first; the largest entry of each is positive.
     variance : array, shape (K,)
         Mean square of the rows along each component; with mean removal, their sample variance.
     variance_ratio : array, shape (K,)
-        The same as a share of the whole.
+        The variance as a share of the total.
     mean : array, shape (n_features,), or None
-        The mean that was removed.
+        The mean, if it was removed.
     rank : int
-        Numerical rank of the rows, if they were not truncated; K is at most this.
+        Numerical rank of the rows in the buffer, which K does not exceed.
     n_samples : int
-        How many rows there were.
+        Number of rows.
     """
 
     vectors: np.ndarray
@@ -40,19 +40,19 @@ class PrincipalComponents(NamedTuple):
 class StreamingPCA:
     """Principal components of rows that arrive one by one, in bounded memory.
 
-    Rows are gathered in a buffer. A full buffer A = U S Vᵀ is replaced by half as many rows, the
-    strongest of S Vᵀ, and filled on. As long as the rows fit in the buffer the result is that of
-    one singular value decomposition; beyond, a merge lowers AᵀA, in the spectral norm, by the
-    square of the largest singular value it drops, and keeps at least 1.5 K larger ones. Rows so
-    short that half the buffer holds as many of them as they have features lose nothing at all.
+    Rows are collected in a buffer. The rows A = U S Vᵀ of a full buffer are replaced by half as
+    many, the strongest rows of S Vᵀ. While all rows fit in the buffer, the result is that of one
+    singular value decomposition. Beyond, each merge lowers AᵀA, in the spectral norm, by the square
+    of the largest singular value that it drops, and keeps at least 1.5 K larger ones. Nothing is
+    lost if half the buffer holds at least as many rows as there are features.
 
-    With mean removal, the rows of each merge are centred on their own mean, and one more row
-    makes up for its distance from the mean before [1]_.
+    With mean removal, the rows of each merge are centred on their own mean, and an additional row
+    represents the distance of this mean from the previous one [1]_.
 
     Parameters
     ----------
     n_components : int
-        How many components K will be wanted.
+        Number of components K.
     n_features : int
         Length of a row.
     remove_mean : bool
@@ -80,7 +80,7 @@ class StreamingPCA:
         self._n_components = n_components
         self._max_rows = max_rows
         self._remove_mean = remove_mean
-        # One row to spare for the shift of the mean.
+        # One row more for the shift of the mean.
         self._rows = np.empty((max_rows + 1, n_features))
         self._n_filled = 0
         self._singular_values = np.empty(0)
@@ -89,7 +89,7 @@ class StreamingPCA:
         self._sum_of_squares = 0.0
 
     def add(self, row: np.ndarray) -> None:
-        """Take in one row.
+        """Add a row.
 
         Parameters
         ----------
@@ -102,17 +102,13 @@ class StreamingPCA:
         self._n_filled += 1
 
     def components(self, *, rounding: float = 0.0) -> PrincipalComponents:
-        """Return the components of the rows seen so far.
+        """Return the components of the rows so far.
 
         Parameters
         ----------
         rounding : float
-            Error of a single entry of the rows, as far as the rank is concerned: what may be
-            nothing but such errors does not count.
-
-        Returns
-        -------
-        components : PrincipalComponents
+            Error of a single entry of the rows; singular values that such errors can explain do
+            not count for the rank.
         """
         self._merge()
         values, n_features = self._singular_values, self._rows.shape[1]
@@ -136,7 +132,7 @@ class StreamingPCA:
         )
 
     def _merge(self) -> None:
-        """Replace the rows gathered by the strongest rows of S Vᵀ."""
+        """Replace the rows of the buffer by the strongest rows of S Vᵀ."""
         n_merged = len(self._singular_values)
         if self._n_filled == n_merged:
             return
@@ -157,7 +153,7 @@ class StreamingPCA:
         self._n_filled = kept
 
     def _centre(self, new: np.ndarray) -> None:
-        """Centre the new rows, add the row their shift stands for, and move the mean."""
+        """Centre the new rows, add a row for the shift of their mean, and update the mean."""
         n_old, n_new = self._n_samples, len(new)
         mean = new.mean(axis=0)
         new -= mean

@@ -1,4 +1,4 @@
-"""The template T: the triangle mesh on which every registered surface is a map f: T -> R^3."""
+"""The template T, a triangle mesh: every registered surface is a map f: T -> R^3."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy import sparse
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.surfaces.assembly import TriangleAssembler
-from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, refuse_faces
+from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, read_only, refuse_faces
 from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 from riemhuman.surfaces.mesh_objects import (
     arrays_of_mesh,
@@ -25,14 +25,14 @@ from riemhuman.surfaces.mesh_objects import (
 from riemhuman.surfaces.poisson import PoissonInterpolator
 from riemhuman.surfaces.triangle_heat import TriangleHeat
 
-# A triangle is flat when its height is within rounding of zero: relative to its longest side, or
-# to the coordinates it was computed from.
+# A triangle is flat if its height is within rounding of zero: relative to its longest side, or to
+# the coordinates from which it was computed.
 _FLAT_HEIGHT = 1e-12
 _ROUNDING = 4 * np.finfo(np.float64).eps
 
 
 class Template:
-    """A triangle mesh, with the quantities that depend on it alone computed once.
+    """A triangle mesh, which computes the quantities that depend only on it once.
 
     Each triangle t carries an orthonormal frame in which its corners are (0, 0), (u2, 0) and
     (u3, v3). A surface f is linear on it, with derivatives
@@ -46,8 +46,8 @@ class Template:
     vertices : array_like, shape (V, 3)
         Vertex positions, in metres; or, without `faces`, a mesh of trimesh or PyVista.
     faces : array_like, shape (F, 3), optional
-        Vertex indices of each triangle, counted from 0. The mesh may be open or non-manifold.
-        A vertex that no triangle uses is legal: the metrics do not see it.
+        Vertex indices of each triangle, counted from 0. The mesh may be open or non-manifold. A
+        vertex that no triangle uses is allowed, and the metrics ignore it.
 
     Raises
     ------
@@ -57,13 +57,13 @@ class Template:
         If a shape is wrong, a position is not finite, there is no triangle, or a triangle
         refers to a vertex that does not exist or twice to the same one.
     DegenerateSurfaceError
-        If a triangle has no area. Slivers are legal, collinear corners are not.
+        If a triangle has no area. Slivers are allowed, collinear corners are not.
 
     References
     ----------
     .. [1] Pierson, Daoudi, Tumpach, "A Riemannian Framework for Analysis of Human Body Surface",
        WACV 2022, supplement, discretisation; corrected: u3 / v3 is the cotangent of the angle at
-       the first corner, where tangent is printed.
+       the first corner, not the tangent.
 
     Examples
     --------
@@ -88,14 +88,14 @@ class Template:
             "faces",
             "refers to the same vertex twice; the corners of a triangle must differ",
         )
-        self._vertices = _read_only(points.copy())
-        # Loops are compiled for one memory layout, whatever that of the faces given.
-        self._faces = _read_only(np.ascontiguousarray(triangles))
+        self._vertices = read_only(points.copy())
+        # Compiled loops expect one memory layout, whatever that of the argument.
+        self._faces = read_only(np.ascontiguousarray(triangles))
         self._face_areas, self._frame_coefficients = _areas_and_frames(self._vertices, self._faces)
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str]) -> Template:
-        """Read a template from a PLY, OBJ or OFF file; vertex order is kept.
+        """Read a template from a PLY, OBJ or OFF file, in the order of its vertices.
 
         Parameters
         ----------
@@ -125,7 +125,9 @@ class Template:
 
     @classmethod
     def from_trimesh(cls, mesh: Any) -> Template:
-        """Return a mesh of trimesh as a template; vertex order is kept.
+        """Return a trimesh mesh as a template, in the order of its vertices.
+
+        Raises the errors of `riemhuman.surfaces.from_trimesh` and of the constructor.
 
         Parameters
         ----------
@@ -135,21 +137,14 @@ class Template:
         Returns
         -------
         template : Template
-
-        Raises
-        ------
-        ArgumentTypeError
-            If it has no vertices and faces.
-        ArgumentError
-            If they are those of no mesh.
-        DegenerateSurfaceError
-            If a triangle has no area.
         """
         return cls(*from_trimesh(mesh))
 
     @classmethod
     def from_pyvista(cls, mesh: Any) -> Template:
-        """Return a mesh of PyVista as a template; vertex order is kept, polygons are split.
+        """Return a PyVista mesh as a template, in the order of its vertices, with polygons split.
+
+        Raises the errors of `riemhuman.surfaces.from_pyvista` and of the constructor.
 
         Parameters
         ----------
@@ -159,20 +154,11 @@ class Template:
         Returns
         -------
         template : Template
-
-        Raises
-        ------
-        ArgumentTypeError
-            If it has no points and faces.
-        ArgumentError
-            If they are those of no mesh.
-        DegenerateSurfaceError
-            If a triangle has no area.
         """
         return cls(*from_pyvista(mesh))
 
     def to_trimesh(self, points: ArrayLike | None = None) -> Any:
-        """Return the template, or a surface registered to it, as a mesh of trimesh.
+        """Return the template, or a surface registered to it, as a trimesh mesh.
 
         Parameters
         ----------
@@ -191,7 +177,7 @@ class Template:
         return to_trimesh(self._surface(points), self.faces)
 
     def to_pyvista(self, points: ArrayLike | None = None) -> Any:
-        """Return the template, or a surface registered to it, as a mesh of PyVista.
+        """Return the template, or a surface registered to it, as a PyVista mesh.
 
         Parameters
         ----------
@@ -215,14 +201,14 @@ class Template:
         Parameters
         ----------
         path : path_like
-            The mesh file; its ending says which format.
+            The mesh file, whose suffix gives its format.
 
         Raises
         ------
         FileError
             If the file cannot be written.
         FileFormatError
-            If the ending names no known format.
+            If the suffix names no known format.
         """
         save_mesh(path, self.vertices, self.faces)
 
@@ -259,7 +245,7 @@ class Template:
     @cached_property
     def vertex_areas(self) -> np.ndarray:
         """A third of the area of the triangles around each vertex, shape (V,), read-only."""
-        return _read_only(
+        return read_only(
             np.bincount(
                 self.faces.ravel(), np.repeat(self.face_areas / 3, 3), minlength=self.n_vertices
             )
@@ -269,7 +255,7 @@ class Template:
     def edges(self) -> np.ndarray:
         """Each undirected edge once, lower vertex index first, shape (E, 2), read-only int64."""
         sides = self.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-        return _read_only(np.unique(np.sort(sides, axis=1), axis=0))
+        return read_only(np.unique(np.sort(sides, axis=1), axis=0))
 
     @cached_property
     def differential_operator(self) -> sparse.csr_array:
@@ -291,12 +277,12 @@ class Template:
 
     @cached_property
     def assembler(self) -> TriangleAssembler:
-        """Sums triangle matrices into a sparse (3V, 3V) matrix."""
+        """Assembler of triangle matrices into sparse (3V, 3V) matrices."""
         return TriangleAssembler(self.faces, self.n_vertices)
 
     @cached_property
     def interpolator(self) -> PoissonInterpolator:
-        """Interpolates surfaces over this template by their deformation gradients."""
+        """Interpolator of surfaces over this template by their deformation gradients."""
         return PoissonInterpolator(
             self.faces, self.frame_coefficients, self.differential_operator, self.face_areas
         )
@@ -307,12 +293,12 @@ class Template:
         return TriangleHeat(self.vertices, self.faces, self.face_areas)
 
     def __getstate__(self) -> dict[str, Any]:
-        # What follows from the mesh is made anew where it is wanted: some of it cannot be pickled.
+        # Cached properties are left out, since some cannot be pickled.
         return {name: value for name, value in vars(self).items() if name.startswith("_")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        # Arrays that come from another process could be written to.
-        vars(self).update((name, _read_only(array)) for name, array in state.items())
+        # Unpickled arrays are writable.
+        vars(self).update((name, read_only(array)) for name, array in state.items())
 
     def check_points(self, points: Any, name: str = "points") -> Any:
         """Return surfaces as a float64 array after checking that they fit this template.
@@ -344,12 +330,12 @@ class Template:
         return points
 
     def check_faces(self, faces: ArrayLike, name: str = "faces") -> None:
-        """Refuse a triangulation that is not the template's own.
+        """Refuse a triangulation other than the template's.
 
         Parameters
         ----------
         faces : array_like, shape (F, 3)
-            Vertex indices of each triangle, in the template's order.
+            Vertex indices of each triangle.
         name : str
             Name of the argument, for messages.
 
@@ -358,7 +344,7 @@ class Template:
         ArgumentTypeError
             If the array does not hold whole numbers.
         ArgumentError
-            If the triangles are not those of the template.
+            If the triangles or their order differ from the template's.
         """
         difference = face_difference(integer_array(faces, name, ("n_faces", 3)), self.faces)
         if difference:
@@ -372,7 +358,7 @@ class Template:
 
 
 def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangle areas and frame coefficients, or refuse a triangle without area."""
+    """Return triangle areas and frame coefficients; refuse triangles without area."""
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]
     second_edge = corners[:, 2] - corners[:, 0]
@@ -395,9 +381,4 @@ def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarr
     u3 = np.sum(first_edge * second_edge, axis=1) / u2
     v3 = double_areas / u2
     frames = np.stack([1 / u2, 1 / v3, u3 / (v3 * u2)], axis=1)
-    return _read_only(double_areas / 2), _read_only(frames)
-
-
-def _read_only(array: np.ndarray) -> np.ndarray:
-    array.setflags(write=False)
-    return array
+    return read_only(double_areas / 2), read_only(frames)

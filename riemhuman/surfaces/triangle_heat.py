@@ -1,9 +1,9 @@
 r"""The flow of heat between the triangles of a template.
 
-A function X that is constant on triangles flows by :math:`A\,\dot X = -L X`, with areas A of the
-triangles and the finite-volume Laplacian L: between triangles s and t that share an edge of length
-ℓ, heat flows in proportion to ℓ/d, with d = 2(w_s + w_t)/(3ℓ) the sum of the distances of both
-centroids from the edge.
+A function X that is constant on triangles evolves by :math:`A\,\dot X = -L X`, with the triangle
+areas A and the finite-volume Laplacian L. Between triangles s and t that share an edge of length ℓ,
+the conductance is ℓ/d, where d = 2(w_s + w_t)/(3ℓ) is the sum of the distances of both centroids
+from the edge.
 """
 
 from __future__ import annotations
@@ -49,33 +49,33 @@ class TriangleHeat:
         Parameters
         ----------
         time : float
-            Time the heat flows for, in squared units of the vertices. It spreads by √(4 time), the
-            root mean square distance in the plane.
+            Duration of the flow, in squared units of the vertices. In the plane, heat spreads by
+            the root mean square distance √(4 time).
 
         Returns
         -------
         step : HeatStep
-            Takes values on triangles, shape (F, n), to values that have flowed.
+            Maps values on triangles, shape (F, n), to their values after the step.
         """
         if time not in self._steps:
             self._steps[time] = self._step(time, self.laplacian)
         return self._steps[time]
 
     def step_through(self, conductances: ndarray, time: float) -> HeatStep:
-        """Return one implicit step of the flow where some triangles conduct less than others.
+        """Return one implicit step of the flow with different conductivities of the triangles.
 
         Parameters
         ----------
         conductances : array, shape (F,)
-            How well each triangle conducts, above 0; at 1 throughout this is `step`. What flows
-            between two goes by the harmonic mean of theirs.
+            Positive factor of each triangle, 1 for `step`; the flow between two triangles is
+            multiplied by the harmonic mean of theirs.
         time : float
-            Time the heat flows for.
+            Duration of the flow.
 
         Returns
         -------
         step : HeatStep
-            It is not kept.
+            Unlike that of `step`, it is computed in every call.
         """
         both = conductances[self._pairs]
         means = 2.0 * both[:, 0] * both[:, 1] / both.sum(axis=1)
@@ -96,7 +96,7 @@ class TriangleHeat:
 class HeatStep(LinearOperator):
     """The linear map (A + time L)⁻¹ A, or its transpose.
 
-    Constants stay as they are, and ∫ X dx is kept.
+    The map keeps constants and ∫ X dx.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class HeatStep(LinearOperator):
 
 
 def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
-    """Return pairs of triangles that share an edge, a chain of them where many share it.
+    """Return pairs of triangles that share an edge; more than two at an edge form a chain.
 
     Parameters
     ----------

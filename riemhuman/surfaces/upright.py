@@ -8,7 +8,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of
 from riemhuman.units import UNITS
 
-# Where the three axes come from, by what points up: turned about the axis that is in neither.
+# Rotations to y up by the axis that points up, about the third axis.
 _ROTATIONS = {
     "x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
     "y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
@@ -18,20 +18,20 @@ _ROTATIONS = {
     "-z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
 }
 AXES = tuple(_ROTATIONS)
-"""What may point up."""
+"""Names of the axes that may point up."""
 
 
 def upright(points: ndarray, unit: str | None = None, up: str | None = None) -> ndarray:
-    """Return surfaces in metres, turned so that y points up.
+    """Return surfaces in metres, rotated so that y points up.
 
     Parameters
     ----------
     points : array, shape (..., 3)
         Surfaces.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of their coordinates; by default they are not scaled.
+        Unit of the coordinates; by default surfaces are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up; by default they are not turned.
+        Axis that points up; by default surfaces are not rotated.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The inner product of deformations, plain or weighted by vertex, and bases orthonormal in it."""
+"""The inner product of deformations, optionally weighted by vertex, and orthonormal rows."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.surfaces.mesh_arrays import read_only
 
 
 def normalized_weights(weights: ArrayLike | None, n_vertices: int) -> np.ndarray | None:
@@ -39,9 +40,7 @@ def normalized_weights(weights: ArrayLike | None, n_vertices: int) -> np.ndarray
             f"vertex_weights[{first}] = {float(values[first])!r} is not positive; a vertex "
             "without weight would make the inner product degenerate"
         )
-    values = values / values.mean()
-    values.setflags(write=False)
-    return values
+    return read_only(values / values.mean())
 
 
 def weighted_rows(vectors: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
@@ -64,7 +63,7 @@ def weighted_rows(vectors: np.ndarray, weights: np.ndarray | None) -> np.ndarray
 
 
 def vectors_of_rows(rows: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
-    """Return the vectors that `weighted_rows` makes these rows of.
+    """Return vectors from rows, the inverse of `weighted_rows`.
 
     Parameters
     ----------
@@ -87,19 +86,19 @@ def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:
     Parameters
     ----------
     rows : array, shape (K, n)
-        Rows of whatever length.
+        Rows of any length.
     name : str
-        What they are called in messages.
+        Name of the rows, for messages.
 
     Returns
     -------
     rows : array, shape (K, n), C-contiguous
-        The first k span what the first k given rows span, for every k.
+        The first k rows have the span of the first k given rows, for every k.
 
     Raises
     ------
     ArgumentError
-        If the rows depend linearly on each other.
+        If the rows are linearly dependent.
     """
     sizes = np.linalg.norm(rows, axis=1)
     sizes[sizes == 0] = 1.0

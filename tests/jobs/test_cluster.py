@@ -71,8 +71,8 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
                 os.kill(next(iter(pids.values())), signal.SIGKILL)
             yield number, distances
 
-    in_turn = riemhuman.jobs.pairwise.tiles_on_cluster
-    monkeypatch.setattr(riemhuman.jobs.pairwise, "tiles_on_cluster", killing)
+    in_turn = riemhuman.jobs.pairwise.computed_tiles
+    monkeypatch.setattr(riemhuman.jobs.pairwise, "computed_tiles", killing)
     pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     assert n_tiles[0] > 10
     assert (tmp_path / "D.npy").read_bytes() == local
@@ -98,7 +98,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
                 scheduler.kill()
             yield number, distances
 
-    in_turn = riemhuman.jobs.pairwise.tiles_on_cluster
+    in_turn = riemhuman.jobs.pairwise.computed_tiles
     script = tmp_path / "scheduler.py"
     script.write_text(SCHEDULER)
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
@@ -114,7 +114,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
         client = distributed.Client(scheduler.stdout.readline().strip())
         try:
             with monkeypatch.context() as patches:
-                patches.setattr(riemhuman.jobs.pairwise, "tiles_on_cluster", killing)
+                patches.setattr(riemhuman.jobs.pairwise, "computed_tiles", killing)
                 with pytest.raises(ClusterError, match="cluster is lost .* the same call goes on"):
                     pairwise_job(METRIC, POINTS, folder, memory=MEMORY, client=client)
         finally:
@@ -150,10 +150,10 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
                 close()
             return first_finished(*arguments)
 
-        calls, in_turn = [], riemhuman.jobs.pairwise.tiles_on_cluster
+        calls, in_turn = [], riemhuman.jobs.pairwise.computed_tiles
         first_finished = riemhuman.jobs.cluster._first_finished
         if moment == "tiles":
-            monkeypatch.setattr(riemhuman.jobs.pairwise, "tiles_on_cluster", closing)
+            monkeypatch.setattr(riemhuman.jobs.pairwise, "computed_tiles", closing)
         else:
             monkeypatch.setattr(riemhuman.jobs.cluster, "_first_finished", closing_first)
         with pytest.raises(ClusterError, match="the same call goes on with it"):

@@ -7,14 +7,8 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.bodies.joint_motions import Skeleton
 from riemhuman.registration.model_samples import sample_model
-from riemhuman.registration.posing import (
-    Pose,
-    add_normal_equations,
-    posed,
-    rotation,
-    rotation_vector,
-    stepped,
-)
+from riemhuman.registration.posing import Pose, posed, rotation, rotation_vector
+from riemhuman.registration.posing_equations import add_normal_equations, stepped
 from riemhuman.registration.soft_assignment import KAPPA, OUTLIERS, assign
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration, simulated_scan
-from riemhuman.registration.surface_points import vertex_normals
+from riemhuman.surfaces.normals import vertex_normals
 
 
 @pytest.fixture(scope="module")
