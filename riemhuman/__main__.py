@@ -1,4 +1,4 @@
-"""The command line as a module; its main job is `riemhuman.cli.tables`."""
+"""The command line as a module: python -m riemhuman."""
 
 import sys
 

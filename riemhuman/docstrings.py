@@ -21,7 +21,7 @@ class InheritsDocstrings:
 
 
 def inherit_sections(owner: type) -> None:
-    """Complete the docstrings of a class and its methods by those of what they extend.
+    """Complete the docstrings of a class and its methods by those that they extend.
 
     Parameters, and attributes of data classes, are inherited one by one, in the order of the
     signature, and what a method returns if it does not say so itself. What is raised is not
@@ -109,6 +109,6 @@ def _entries(section: str) -> dict[tuple[str, ...], str]:
 
 @cache
 def _sections(text: str) -> tuple[str, dict[str, str]]:
-    """Return what stands before the first section, and the sections by their names."""
+    """Return the text before the first section, and the sections by their names."""
     head, *rest = _HEADER.split(inspect.cleandoc(text))
     return head, dict(zip(rest[::2], rest[1::2], strict=True))

@@ -1,12 +1,12 @@
-"""Typed errors: every refusal of the library is a `RiemhumanError`.
+"""Errors and warnings: every error that the library raises is a `RiemhumanError`.
 
-Each class also derives from the built-in exception people expect in its place, so that
-``except ValueError`` around a wrong argument and ``except OSError`` around a missing file work.
+Each class also derives from the corresponding built-in exception, so that ``except ValueError``
+around a wrong argument and ``except OSError`` around a missing file work.
 """
 
 
 class RiemhumanError(Exception):
-    """Base class of everything the library refuses to do.
+    """Base class of all errors that the library raises.
 
     Examples
     --------
@@ -32,7 +32,7 @@ class DegenerateSurfaceError(ArgumentError):
 
 
 class NotDefinedError(RiemhumanError, NotImplementedError):
-    """An operation has no closed form on this space and no strategy was injected for it."""
+    """An operation has no closed form on this space, and no solver was given for it."""
 
 
 class OutsideManifoldError(RiemhumanError, ValueError):
@@ -40,7 +40,7 @@ class OutsideManifoldError(RiemhumanError, ValueError):
 
 
 class FrameIndexError(RiemhumanError, IndexError):
-    """A sequence is asked for an item it does not have: a motion for a frame, bodies for one."""
+    """An index is out of range: a motion has no such frame, or bodies no such surface."""
 
 
 class FileError(RiemhumanError, OSError):
@@ -48,15 +48,15 @@ class FileError(RiemhumanError, OSError):
 
 
 class FileFormatError(RiemhumanError, ValueError):
-    """A file was read, but does not hold what it should."""
+    """A file is damaged or has the wrong content."""
 
 
 class MissingDependencyError(RiemhumanError, ImportError):
-    """An optional dependency is not installed; the message names the extra that brings it."""
+    """An optional dependency is not installed; the message names the extra that installs it."""
 
 
 class ConvergenceWarning(UserWarning):
-    """A solver stopped before it converged; its result says why.
+    """A solver stopped before it converged; its result tells why.
 
     Examples
     --------
@@ -67,12 +67,12 @@ class ConvergenceWarning(UserWarning):
 
 
 class DamagedFileWarning(UserWarning):
-    """A file is not what was written to it; what was lost is computed again."""
+    """A file is damaged; its content is computed again."""
 
 
 class UnseenLengthsWarning(UserWarning):
-    """A mean is sought by a metric that does not see how long the edges of a surface are."""
+    """A mean is computed with a metric that ignores the edge lengths of surfaces."""
 
 
 class ClusterError(RiemhumanError, RuntimeError):
-    """A cluster that cannot go on with its work."""
+    """A cluster cannot continue its work."""

@@ -1,4 +1,4 @@
-"""What estimators share with those of scikit-learn, which need not be installed."""
+"""The base class of estimators, compatible with scikit-learn, which need not be installed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from riemhuman.representation import constructed
 
 
 class Estimator(InheritsDocstrings):
-    """An object whose parameters are the arguments of its constructor, kept as they are.
+    """An object whose parameters are the unchanged arguments of its constructor.
 
-    `fit` checks them, and keeps what it finds in attributes that end in an underscore.
+    `fit` checks the parameters and stores its results in attributes that end in an underscore.
     """
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
@@ -23,8 +23,7 @@ class Estimator(InheritsDocstrings):
         Parameters
         ----------
         deep : bool
-            Whether parameters of parameters are named too, as in ``solver__tolerance``, where
-            they have any.
+            Whether to include parameters of parameters, with names such as ``solver__tolerance``.
 
         Returns
         -------
@@ -54,7 +53,7 @@ class Estimator(InheritsDocstrings):
         Raises
         ------
         ArgumentError
-            If there is no such parameter.
+            If a parameter is unknown.
         """
         names = self._parameter_names()
         for key, value in params.items():
@@ -74,7 +73,7 @@ class Estimator(InheritsDocstrings):
         return constructed(self)
 
     def __sklearn_tags__(self) -> Any:
-        """Return the tags that scikit-learn's own tools ask for."""
+        """Return the tags that tools of scikit-learn read."""
         utils = import_optional("sklearn.utils", "statistics")
         return utils.Tags(
             estimator_type=None,

@@ -1,6 +1,6 @@
-"""Metrics, descriptors, readers and measurements of other packages, by their names.
+"""Registration of metrics, descriptors, readers and measurements of other packages.
 
-A package names them in its own setup.cfg,
+A package names them in its setup.cfg,
 
 .. code-block:: ini
 
@@ -14,9 +14,9 @@ A package names them in its own setup.cfg,
     riemhuman.measurements =
         arm span = their_package:ArmSpan
 
-and a script calls `register`. Either way they are found by ``riemhuman tables``, the report and the
-options ``--metric`` and ``--reader`` of the command line; measurements are taken with those of the
-library.
+and a script calls `register`. In both cases, ``riemhuman tables``, the report and the options
+``--metric`` and ``--reader`` of the command line find them, and measurements are taken with those
+of the library.
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ KINDS = {
     "readers": "called with a folder or file, returns a `riemhuman.protocols.Dataset`",
     "measurements": "called without arguments, returns a `riemhuman.measurements.Measurement`",
 }
-"""What there is to register, and how each is called."""
+"""Kinds of extensions, and how each is called."""
 
 _REGISTERED: dict[str, dict[str, Callable[..., Any]]] = {kind: {} for kind in KINDS}
 
 
 def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
-    """Make a metric, descriptor, reader or measurement known in this process.
+    """Register a metric, descriptor, reader or measurement in this process.
 
     Parameters
     ----------
     kind : {"metrics", "descriptors", "readers", "measurements"}
-        What it is; see `KINDS` for how each is called.
+        Its kind; see `KINDS` for how each is called.
     name : str
         Its name in tables and on the command line.
     factory : callable
@@ -53,7 +53,7 @@ def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
     Raises
     ------
     ArgumentError
-        If there is no such kind, or the name is taken by another.
+        If the kind is unknown, or another extension has the name.
     ArgumentTypeError
         If it cannot be called.
 
@@ -76,19 +76,19 @@ def register(kind: str, name: str, factory: Callable[..., Any]) -> None:
 
 
 def unregister(kind: str, name: str) -> None:
-    """Forget what `register` made known.
+    """Undo `register`.
 
     Parameters
     ----------
     kind : {"metrics", "descriptors", "readers", "measurements"}
-        What it is.
+        Its kind.
     name : str
         Its name.
 
     Raises
     ------
     ArgumentError
-        If nothing of this name was registered in this process.
+        If the kind is unknown, or no such name was registered in this process.
     """
     _check_kind(kind)
     if name not in _REGISTERED[kind]:
@@ -97,12 +97,12 @@ def unregister(kind: str, name: str) -> None:
 
 
 def extensions(kind: str) -> dict[str, Callable[..., Any]]:
-    """Return what other packages and this process have made known.
+    """Return the extensions of installed packages and of this process.
 
     Parameters
     ----------
     kind : {"metrics", "descriptors", "readers", "measurements"}
-        What to look for.
+        Their kind.
 
     Returns
     -------
@@ -112,7 +112,7 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
     Raises
     ------
     ArgumentError
-        If there is no such kind, or an installed package names what cannot be loaded.
+        If the kind is unknown, or an extension of an installed package cannot be loaded.
     """
     _check_kind(kind)
     found: dict[str, Callable[..., Any]] = {}
@@ -128,12 +128,12 @@ def extensions(kind: str) -> dict[str, Callable[..., Any]]:
 
 
 def extension(kind: str, name: str) -> Callable[..., Any]:
-    """Return one of what other packages and this process have made known.
+    """Return an extension of an installed package or of this process.
 
     Parameters
     ----------
     kind : {"metrics", "descriptors", "readers", "measurements"}
-        What it is.
+        Its kind.
     name : str
         Its name.
 
@@ -144,7 +144,7 @@ def extension(kind: str, name: str) -> Callable[..., Any]:
     Raises
     ------
     ArgumentError
-        If there is none of this name.
+        If the kind or the name is unknown.
     """
     known = extensions(kind)
     if name not in known:

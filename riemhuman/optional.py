@@ -1,4 +1,4 @@
-"""Optional dependencies: imported when used, and named with the line that installs them."""
+"""Import of optional dependencies on use, with errors that name the command to install them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from riemhuman.errors import MissingDependencyError
 
 
 def import_optional(module: str, extra: str) -> ModuleType:
-    """Import `module`, or name the extra that brings it.
+    """Import an optional module, or raise an error that names the extra to install.
 
     Parameters
     ----------
@@ -17,10 +17,6 @@ def import_optional(module: str, extra: str) -> ModuleType:
         Name of the module.
     extra : str
         Extra of riemhuman that installs it.
-
-    Returns
-    -------
-    module
 
     Raises
     ------

@@ -6,7 +6,7 @@ from tqdm import tqdm
 
 
 class ProgressBar(tqdm):
-    """A bar that ends without a word where it was interrupted before it was whole."""
+    """A progress bar that can be interrupted during its construction without an error."""
 
-    # Before tqdm 4.70, the end of a bar asks for this, which is set no sooner than it is whole.
+    # Before tqdm 4.70, the destructor reads this attribute, which the constructor sets late.
     disable = True

@@ -1,4 +1,4 @@
-"""One-line representations of objects: how they were constructed, or what they hold."""
+"""One-line texts of objects, by their construction or their content, and of lists of names."""
 
 from __future__ import annotations
 
@@ -17,28 +17,24 @@ _MISSING = object()
 
 
 def constructed(value: object, leave_out: Sequence[str] = ()) -> str:
-    """Return the call that constructs an object, in a line.
+    """Return the call that constructs an object, in one line.
 
-    Shown are arguments that are kept under their own names, or with an underscore before:
-    numbers, and all others that are not as by default.
+    The call contains arguments that the object keeps as attributes of their names, with or without
+    an underscore before: all numbers, and other arguments that differ from their defaults.
 
     Parameters
     ----------
     value : object
         The object.
     leave_out : sequence of str
-        Names of arguments that are not shown.
-
-    Returns
-    -------
-    str
+        Names of arguments to leave out.
     """
     shown = []
     for name, parameter in inspect.signature(type(value)).parameters.items():
         held = getattr(value, name, getattr(value, f"_{name}", _MISSING))
         if name in leave_out or held is _MISSING:
             continue
-        # Equal texts may be two objects, as after pickling; arrays are not compared.
+        # Texts are compared by value, since pickling copies them; other values by identity.
         is_default = held is parameter.default or (
             isinstance(held, str) and held == parameter.default
         )
@@ -48,16 +44,12 @@ def constructed(value: object, leave_out: Sequence[str] = ()) -> str:
 
 
 def held(value: Any) -> dict[str, str]:
-    """Return what a data class holds as brief texts: numbers, and the shapes of arrays.
+    """Return the fields of a data class as brief texts: numbers, and the shapes of arrays.
 
     Parameters
     ----------
     value : object
         An instance of a data class.
-
-    Returns
-    -------
-    dict of str
     """
     shown = {}
     for field in dataclasses.fields(value):
@@ -71,8 +63,22 @@ def held(value: Any) -> dict[str, str]:
     return shown
 
 
+def listed(names: Sequence[str], most: int = 10) -> str:
+    """Return the first of some names as a list, and the number of the others.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names.
+    most : int
+        Largest number of names to list.
+    """
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
+
+
 class Record(InheritsDocstrings):
-    """A part of data classes that hold arrays, which shows them in a line by their shapes."""
+    """Base of data classes that hold arrays, with a one-line representation by shapes."""
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{name}={text}" for name, text in held(self).items())

@@ -1,4 +1,4 @@
-"""Body models: surfaces driven by shape coefficients and joint rotations."""
+"""Body models: surfaces as functions of shape coefficients and joint rotations."""
 
 from riemhuman.bodies.body_model import BodyModel
 from riemhuman.bodies.conversion import convert_model

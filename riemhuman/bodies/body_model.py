@@ -1,4 +1,4 @@
-"""A body model in SMPL's layout: linear shape space and linear blend skinning."""
+"""A body model in SMPL's layout, with its files and fits."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 
 
 class BodyModel(SkinnedModel):
-    """A parametric body: shape coefficients, joint rotations and a translation make a surface.
+    """A parametric body: a surface from shape coefficients, joint rotations and a translation.
 
     The model of Loper, Mahmood, Romero, Pons-Moll and Black, "SMPL: A Skinned Multi-Person
     Linear Model", ACM Trans. Graphics 34(6), 2015, equations 2 to 10: the shaped surface is
     v_template + shapedirs β, the joints are J(β) = J_regressor (v_template + shapedirs β),
-    and every vertex moves with the mean, by its weights, of the rigid motions of the joints.
+    and every vertex moves with the weighted mean of the rigid motions of the joints.
 
-    A joint's rotation is an axis-angle vector in the axes of the model's rest pose, carried
-    along by its parent joint. In the open model, x points to the body's left, y up and z
-    forward; so at rest a positive turn about x bends the trunk forward and swings a hanging
-    limb backward, one about y turns the front to the body's left, and one about z raises the
-    left arm sideways and lowers the right one.
+    The rotation of a joint is an axis-angle vector in the axes of the model's rest pose, which the
+    parent joint turns. In the open model, x points to the body's left, y up and z forward. So at
+    rest, a positive turn about x bends the trunk forward and swings a hanging limb backward, one
+    about y turns the front to the body's left, and one about z raises the left arm sideways and
+    lowers the right arm.
 
     Raises
     ------
     ArgumentError
         If shapes disagree, entries are not finite, weights do not sum to one, the joints do not
-        form one tree, or `dtype` is another type.
+        form one tree, or `dtype` is neither float64 nor float32.
 
     Examples
     --------
@@ -57,38 +57,38 @@ class BodyModel(SkinnedModel):
     ) -> BodyModel:
         """Read a model from a file in SMPL's layout: an .npz archive, or a .pkl file.
 
-        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as they are given out, with posedirs
-        whole, flattened or transposed and a dense or sparse J_regressor; `model_contents` says
-        what is used of them and what is left out. A .pkl file is read as data: nothing in
-        it is run, and chumpy is not needed.
+        Files of SMPL, SMPL-H, SMPL-X, STAR and SMAL are read as published, with posedirs in three
+        axes, flattened or transposed, and with a dense or sparse J_regressor; `model_contents`
+        tells what is used of a file and what is left out. A .pkl file is read as data: its code is
+        not run, and chumpy is not needed.
 
         Parameters
         ----------
-        path : path-like
+        path : path_like
             File with v_template, f, shapedirs, J_regressor, weights and kintree_table, and
-            perhaps posedirs and joint_names. Other fields are left unread.
+            optionally posedirs and joint_names. Other fields are ignored.
         n_betas : int, optional
             Number of shape coefficients to keep, the first ones; by default all, but 10 of a
             file that has 300 or more.
         dtype : data type
-            Precision of the surfaces, see `BodyModel`.
+            Precision of surfaces and joints, as for `BodyModel`.
 
         Returns
         -------
         model : BodyModel
-            The model.
 
         Raises
         ------
         ArgumentTypeError
-            If `path` is not a path or `n_betas` no whole number.
+            If `path` is not a path or `n_betas` not a whole number.
         ArgumentError
-            If `n_betas` is negative or more than the file has, or `dtype` is another type.
+            If `n_betas` is negative or more than the file has, or `dtype` is neither float64 nor
+            float32.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
-            If it is no such file, lacks a field, a field is malformed, or a .pkl file asks for
-            anything but arrays to be made.
+            If the file is damaged, lacks a field, has a malformed field, or is a .pkl file with
+            objects other than arrays.
         """
         dtype = precision(dtype)
         fields = read_model_fields(path, n_betas)
@@ -100,14 +100,14 @@ class BodyModel(SkinnedModel):
     def save(self, path: str | os.PathLike[str], *, single_precision: bool = False) -> None:
         """Write the model as a compressed .npz file in SMPL's layout.
 
-        The file appears whole or not at all: it is written beside `path` and then renamed.
+        The file appears whole or not at all.
 
         Parameters
         ----------
-        path : path-like
+        path : path_like
             File to write, with its suffix; an existing file is replaced.
         single_precision : bool
-            Whether real numbers are rounded to single precision, half the size.
+            Whether real numbers are rounded to single precision, which halves the size.
 
         Raises
         ------
@@ -134,13 +134,13 @@ class BodyModel(SkinnedModel):
     def fit(self, points: Any, **options: Any) -> ModelFit:
         """Fit shapes, poses and translations to surfaces.
 
-        See `riemhuman.bodies.fit_model`, which describes the method and the options.
+        See `riemhuman.bodies.fit_model` for the method, the options and the errors.
 
         Parameters
         ----------
         points : array_like, shape (..., n_points, 3)
             Registered surfaces, metres: one point for each vertex, unless the option
-            `correspondence` says otherwise.
+            `correspondence` is given.
         **options
             Further arguments of `fit_model`: correspondence, weights, loss, loss_scale,
             betas_prior, pose_prior, tolerance, max_iter.
@@ -148,13 +148,6 @@ class BodyModel(SkinnedModel):
         Returns
         -------
         fit : ModelFit
-            Betas, pose and trans, and the distances left.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an argument does not hold numbers of the right kind.
-        ArgumentError
-            If an argument has the wrong shape or is out of its range.
+            Betas, pose and trans, and the remaining distances.
         """
         return fit_model(self, points, **options)

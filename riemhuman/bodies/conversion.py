@@ -1,4 +1,4 @@
-"""Conversion of body models to plain archives, which can be read safely."""
+"""Conversion of body models to archives of plain arrays, which are safe to read."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ def convert_model(
 ) -> BodyModel:
     """Read a body model, check it, and write it as an .npz file in SMPL's layout.
 
-    The file written holds arrays alone: no pickled objects, no chumpy, no sparse matrices.
+    The new file holds only plain arrays: no pickled objects, no chumpy, no sparse matrices.
 
     Parameters
     ----------
@@ -24,24 +24,23 @@ def convert_model(
     target : path_like
         File to write, with its suffix; an existing file is replaced.
     n_betas : int, optional
-        Number of shape coefficients to keep, the first ones; by default as
-        `BodyModel.from_file`.
+        Number of shape coefficients to keep, as for `BodyModel.from_file`.
 
     Returns
     -------
     model : BodyModel
-        The model as written.
+        The model in the new file.
 
     Raises
     ------
     ArgumentTypeError
-        If a path is not a path or `n_betas` no whole number.
+        If a path is not a path or `n_betas` not a whole number.
     ArgumentError
         If `n_betas` is negative or more than the file has.
     FileError
         If a file is missing or cannot be read or written.
     FileFormatError
-        If `source` is no body model, or asks for anything but arrays to be made.
+        If `source` does not hold a body model, or is a .pkl file with objects other than arrays.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Correspondence between a surface and a body model, or a template, with another mesh."""
+"""Correspondence between the points of a surface and a body model or template of another mesh."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ def combination_of_vertices(
     ArgumentTypeError
         If it does not hold numbers of the right kind.
     ArgumentError
-        If it has another shape, leaves the model, or coordinates do not sum to one.
+        If it has another shape, refers to vertices or triangles that do not exist, or has rows that
+        do not sum to one.
     """
     n_vertices = model.n_vertices
     if correspondence is None:

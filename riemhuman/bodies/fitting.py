@@ -1,9 +1,9 @@
 """Fits of a body model to registered surfaces: shape, pose and translation.
 
-The steps are those of Levenberg and Marquardt, written out here rather than left to
-`scipy.optimize.least_squares`: that takes the derivatives of all residuals as one matrix, some
-40,000 by 90 for a body, and factors it anew in every step. The normal equations need the matrix
-only patch by patch, and most patches hang on few joints.
+The steps are those of Levenberg and Marquardt. `scipy.optimize.least_squares` would need the
+derivatives of all residuals as one matrix, some 40,000 by 90 for a body, and factorise it in every
+step. The normal equations need the matrix only patch by patch, and most patches depend on few
+joints.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ from riemhuman.units import refuse_other_scale
 
 LOSSES = ("squared", "huber", "geman-mcclure")
 
-# The first stage uses about so many points, and of each joint's at least these.
+# The first stage uses about this number of points in all, and at least this number for each joint.
 _FEW_POINTS = 1500
 _FEWEST_OF_A_JOINT = 20
 _CLOSED_FORM_ROUNDS = 2
 _LEAST_DAMPING = 1e-9
 _MOST_DAMPING = 1e6
-# A gain of this share of the cost cannot be told from rounding.
+# A gain below this share of the cost is indistinguishable from rounding.
 _ROUNDING = 1e-13
 
 # What to do about points of another size.
@@ -60,41 +60,40 @@ def fit_model(
 ) -> ModelFit:
     """Find the shape, pose and translation of a body model for registered surfaces.
 
-    Minimises Σ_i w_i ρ(‖x_i(β, ω, t) − y_i‖) + b ‖β‖² + p Σ_j ‖ω_j‖² for every surface by
-    itself: y are its points, x the model's, w the weights divided by their sum, ρ the loss, b and
-    p the priors, and j runs over the joints other than the root.
+    Minimises Σ_i w_i ρ(‖x_i(β, ω, t) − y_i‖) + b ‖β‖² + p Σ_j ‖ω_j‖² for each surface separately,
+    with its points y, the model's points x, the weights w divided by their sum, the loss ρ and the
+    priors b and p; j runs over the joints other than the root.
 
-    The start is in closed form: each joint's rotation by Kabsch's solution with the skinning
-    weights, then betas and translation by linear least squares. From there Gauss–Newton steps
-    with exact derivatives, damped as Levenberg and Marquardt have it, are taken on some 1,500
-    points and then on all; with a robust loss, the points are reweighted in every step.
+    The start has a closed form: the rotation of each joint by Kabsch's solution with the skinning
+    weights, then betas and translation by linear least squares. From there, Levenberg–Marquardt
+    steps with exact derivatives are taken on some 1,500 points and then on all. With a robust loss,
+    the points are reweighted in every step.
 
     Parameters
     ----------
     model : BodyModel
         The model.
     points : array_like, shape (..., n_points, 3)
-        Surfaces, metres: one point for each vertex of the model, unless `correspondence` says
-        otherwise.
+        Surfaces, metres: one point for each vertex of the model, unless `correspondence` is given.
     correspondence : array_like of int, pair, or sparse matrix, optional
-        Where each point lies on the model: numbers of vertices, shape (n_points,); or a pair of
+        Place of each point on the model: numbers of vertices, shape (n_points,); or a pair of
         numbers of triangles, shape (n_points,), and barycentric coordinates, shape
         (n_points, 3); or a matrix, shape (n_points, V), whose rows sum to one.
     weights : array_like, shape (n_points,), optional
-        How much each point counts, for instance areas; equal by default. Points of weight zero
-        are left out.
+        Weights of the points, for instance areas; equal by default. Points of weight zero are left
+        out.
     loss : {"squared", "huber", "geman-mcclure"}
         Loss ρ(r): r²; or r² up to the scale c and 2 c r − c² beyond; or r² c² / (r² + c²).
     loss_scale : float
         Scale c of the robust losses, metres.
     betas_prior : float
-        Weight b, square metres: 1e-6 lets one unit of a coefficient weigh as much as 1 mm of
-        mean distance.
+        Weight b, square metres: with 1e-6, one unit of a coefficient costs as much as 1 mm of
+        root mean square distance.
     pose_prior : float
-        Weight p, square metres a squared radian.
+        Weight p, square metres per squared radian.
     tolerance : float
-        The fit has come to rest when a step moves the points by less than this, in the root mean
-        square, metres.
+        The fit has converged when a step moves the points by less than this root mean square
+        distance, metres.
     max_iter : int
         Number of steps after which each stage of a fit stops.
 
@@ -107,14 +106,14 @@ def fit_model(
     ArgumentTypeError
         If an argument does not hold numbers of the right kind.
     ArgumentError
-        If a shape is wrong, an entry is not finite, `correspondence` leaves the model, weights
-        are negative or all zero, or another argument is out of its range; or if the points must
-        be in another unit than the model.
+        If a shape is wrong, an entry is not finite, `correspondence` refers to vertices or
+        triangles that do not exist, weights are negative or all zero, another argument is out of
+        its range, or the points are evidently in another unit than the model.
 
     Warns
     -----
     ConvergenceWarning
-        Once, if some fits stopped before they came to rest.
+        Once, if some fits stopped before they converged.
 
     Examples
     --------
@@ -177,7 +176,7 @@ def fit_model(
 
 
 class _Fitter:
-    """The fit of one surface after the other."""
+    """Fits of single surfaces, with common preparations."""
 
     def __init__(
         self,
@@ -230,7 +229,7 @@ class _Fitter:
         )
 
     def _start(self, target: np.ndarray) -> Posture:
-        """Return rotations in closed form, then betas and translation by least squares."""
+        """Return the closed-form start of a fit."""
         (equations, loss), skeleton = self._stages[0], self._skeleton
         betas, trans = np.zeros(skeleton.n_betas), np.zeros(3)
         linear = np.arange(3 * skeleton.n_joints, len(self._prior))
@@ -250,7 +249,7 @@ class _Fitter:
     def _descend(
         self, equations: Equations, loss: Loss, target: np.ndarray, posture: Posture
     ) -> tuple[Posture, int, bool]:
-        """Return the parameters at rest, the number of steps and whether they are at rest."""
+        """Return the last parameters, the number of steps and whether they have converged."""
         damping = _LEAST_DAMPING
         cost = self._cost(equations, loss, posture, target)
         for n_steps in range(1, self._max_iterations + 1):
@@ -297,7 +296,7 @@ def _relative(turns: np.ndarray, parents: np.ndarray) -> np.ndarray:
 
 
 def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
-    """Return about a joint's share of the few points of the first stage."""
+    """Return a joint's share of the points of the first stage."""
     wanted = max(_FEWEST_OF_A_JOINT, len(numbers) * _FEW_POINTS // max(n_points, 1))
     if wanted >= len(numbers):
         return numbers
@@ -305,7 +304,7 @@ def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
 
 
 def _losses(name: str, scale: float) -> tuple[Loss, ...]:
-    """Return the losses of one stage after the other, the one asked for last."""
+    """Return the losses of the stages in order; the requested one is last."""
     one_of(name, "loss", LOSSES)
 
     def squared(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -322,7 +321,7 @@ def _losses(name: str, scale: float) -> tuple[Loss, ...]:
         return squares * quotient, quotient**2
 
     if name == "geman-mcclure":
-        # It pays no heed to points far away, and so needs a start near the solution.
+        # This loss ignores points far away, and so needs a start near the solution.
         return huber, geman_mcclure
     return (squared,) if name == "squared" else (huber,)
 

@@ -1,12 +1,13 @@
 """The least-squares equations of a body model's fit: points, exact derivatives, normal equations.
 
 A vertex v of the shaped surface moves to x = Σ_k w_k (G_k v + t_k), with the joints' motions G, t.
-Turning joint j by a small δ, in the axes of the posed body, moves it by δ × a, where
+A turn of joint j by a small δ, in the axes of the posed body, moves x by δ × a, where
 
     a = Σ_k w_k (G_k v + t_k − p_j)   over the joints k below j (j included),
 
-and p_j is the place of the joint: so all derivatives with respect to rotations are cross products,
-and the axis-angle vector comes in by one 3 × 3 matrix a joint, after the sums over vertices.
+and p_j is the place of the joint. So all derivatives with respect to rotations are cross products,
+and one 3 × 3 matrix per joint converts them to derivatives with respect to the axis-angle vector,
+after the sums over vertices.
 """
 
 from __future__ import annotations
@@ -21,20 +22,20 @@ from scipy import linalg, sparse
 from riemhuman.bodies.joint_motions import JointMotions, Posture, Skeleton
 from riemhuman.bodies.skinned_model import SkinnedModel
 
-# Points taken together: their derivatives stay in the processor's cache, and most patches hang on
-# few joints, so that most columns are left out.
+# Number of points in a patch: their derivatives fit in the processor's cache, and most patches
+# depend on few joints, so that most columns are left out.
 _PATCH = 512
-# Which share of a joint's spread its parent's rotation counts for: enough to decide what the
-# points leave open, too little to matter where they do not.
+# Weight of the parent's rotation as a share of a joint's spread: enough to determine what the
+# points leave open, too little to matter elsewhere.
 _PULL = 1e-3
 
 Loss = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
-"""Takes squared distances to their loss and its derivative."""
+"""Maps squared distances to their loss and its derivative."""
 
 
 @dataclass(frozen=True)
 class _Patch:
-    """Some points, the vertices they lie on, and the joints these hang on."""
+    """Some points, the vertices that they combine, and the joints on which these depend."""
 
     points: np.ndarray
     combine: sparse.csr_array | None
@@ -48,7 +49,7 @@ class _Patch:
     columns: np.ndarray
 
     def combined(self, values: np.ndarray) -> np.ndarray:
-        """Take values at vertices, (n_vertices, ...), to values at points."""
+        """Map values at vertices, (n_vertices, ...), to values at points."""
         if self.combine is None:
             return values
         flat = self.combine @ values.reshape(len(values), -1)
@@ -67,7 +68,7 @@ class _Patch:
     def derivatives(
         self, motions: JointMotions, shaped: np.ndarray, turns: np.ndarray
     ) -> np.ndarray:
-        """Return derivatives of the points for turns in space, betas and trans: (n, 3, c)."""
+        """Return derivatives (n, 3, c) of the points by turns in space, betas and trans."""
         n_vertices, n_betas = len(shaped), self.shapedirs.shape[-1]
         n_turns = 3 * len(self.active)
         rows = np.zeros((n_vertices, 3, n_turns + n_betas + 3))
@@ -87,7 +88,7 @@ class _Patch:
         if self.posedirs is not None:
             of_features = self.posedirs.reshape(n_vertices * 3, -1, 9)
             offsets = np.einsum("rjk,jkc->rjc", of_features, motions.pose_feature_turns)
-            # Here every joint is active, in the order of the tree's table.
+            # With pose offsets, all joints are active, in the order of the tree's table.
             limbs = (3 * motions.limbs[:, np.newaxis] + np.arange(3)).ravel()
             rows[..., limbs] += np.matmul(turns, offsets.reshape(n_vertices, 3, -1))
 
@@ -109,9 +110,9 @@ class Equations:
     combine : scipy.sparse.csr_array, shape (n_points, V)
         The points as combinations of the model's vertices.
     shares : array, shape (n_points,)
-        How much each point counts; they sum to one.
+        Weights of the points, which sum to one.
     numbers : array of int, shape (n,)
-        Points in use.
+        Numbers of the points in use.
     """
 
     def __init__(
@@ -148,21 +149,21 @@ class Equations:
         return np.concatenate(parts) + posture.trans
 
     def cost(self, posture: Posture, target: np.ndarray, loss: Loss) -> float:
-        """Return the mean loss of the distances from points to where they belong.
+        """Return the mean loss of the distances from the points to their targets.
 
         Parameters
         ----------
         posture : Posture
             Parameters.
         target : array, shape (n_points, 3)
-            Where the points belong.
+            Targets of the points.
         loss : callable
-            Takes squared distances to their loss and its derivative.
+            Maps squared distances to their loss and its derivative.
 
         Returns
         -------
         cost : float
-            In square metres.
+            Square metres.
         """
         gaps = target[self._numbers] - self.points(posture)
         return float(self._shares[self._numbers] @ loss(np.sum(gaps**2, axis=-1))[0])
@@ -177,9 +178,9 @@ class Equations:
         posture : Posture
             Parameters.
         target : array, shape (n_points, 3)
-            Where the points belong.
+            Targets of the points.
         loss : callable
-            Takes squared distances to their loss and its derivative.
+            Maps squared distances to their loss and its derivative.
 
         Returns
         -------
@@ -213,7 +214,7 @@ class Equations:
         Parameters
         ----------
         target : array, shape (n_points, 3)
-            Where the points belong.
+            Targets of the points.
         betas : array, shape (B,)
             Shape coefficients.
 
@@ -243,7 +244,7 @@ class Equations:
 
 
 def by_main_joint(skeleton: Skeleton, weights: np.ndarray) -> list[np.ndarray]:
-    """Return the numbers of the points that each joint moves most, joint by joint down the tree.
+    """Return the numbers of the points that each joint moves most, in depth-first order of joints.
 
     Parameters
     ----------
@@ -255,7 +256,7 @@ def by_main_joint(skeleton: Skeleton, weights: np.ndarray) -> list[np.ndarray]:
     Returns
     -------
     numbers : list of array of int
-        One array a joint, perhaps empty.
+        One array per joint, possibly empty.
     """
     main = weights.argmax(axis=1)
     depth_first: list[int] = []
@@ -317,7 +318,7 @@ def least_squares_step(matrix: np.ndarray, right: np.ndarray, damping: float) ->
     step : array, shape (P,)
     """
     scale = np.sqrt(np.diag(matrix))
-    # A parameter that moves nothing stays where it is.
+    # A parameter without effect on the points does not change.
     scale[scale <= np.finfo(float).eps * scale.max(initial=0.0)] = np.inf
     system = matrix / np.outer(scale, scale) + np.diag(np.full(len(right), damping))
     system[np.isinf(scale), np.isinf(scale)] = 1.0

@@ -51,7 +51,7 @@ class Posture:
 
 
 class Skeleton:
-    """The joints of a body model: how they hang together and follow from the betas.
+    """The joints of a body model: their tree, and their places as functions of the betas.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ class JointMotions:
         self.local = rotation_matrix(posture.pose)
         self.turns = np.empty_like(self.local)
         self.places = np.empty_like(joints)
-        # The axes a joint's own rotation is written in: its parent's.
+        # The axes of a joint's own rotation are those of its parent.
         self.axes = np.tile(np.eye(3), (skeleton.n_joints, 1, 1))
         # Derivatives of the places with respect to the betas.
         self._place_shapes = np.empty_like(skeleton.joint_shapes)
@@ -128,17 +128,17 @@ class JointMotions:
 
     @cached_property
     def pose_feature(self) -> np.ndarray:
-        """The entries of R - I that pose-dependent displacements go with."""
+        """The entries of R - I, by which pose-dependent displacements are multiplied."""
         return (self.local[self.limbs] - np.eye(3)).ravel()
 
     @cached_property
     def pose_feature_turns(self) -> np.ndarray:
-        """Derivatives of the entries of R for small turns in space, shape (J - 1, 9, 3)."""
+        """Derivatives of the entries of R by small turns in space, shape (J - 1, 9, 3)."""
         axes, turns = self.axes[self.limbs], self.turns[self.limbs]
         products = np.einsum("jyx,cyz,jzw->jxwc", axes, _CROSS_WITH_AXES, turns)
         return products.reshape(len(self.limbs), 9, 3)
 
     @cached_property
     def turns_of_pose(self) -> np.ndarray:
-        """Matrices from changes of the axis-angle vectors to turns in space, (J, 3, 3)."""
+        """Matrices from changes of axis-angle vectors to turns in space, shape (J, 3, 3)."""
         return self.axes @ rotation_derivative(self.posture.pose)

@@ -9,7 +9,7 @@ import numpy as np
 from riemhuman.checks import integer_array
 from riemhuman.errors import ArgumentError
 
-# The root's parent, -1, as a file without signs has it.
+# The root's parent, -1, as an unsigned number.
 _UNSIGNED_ROOT = 2**32 - 1
 
 
@@ -19,8 +19,8 @@ def joint_parents(kintree_table: Any, n_joints: int) -> np.ndarray:
     Parameters
     ----------
     kintree_table : array_like of int, shape (2, J)
-        Row 1 numbers the joints, row 0 holds the number of each joint's parent; the root's
-        parent is -1 or 2**32 - 1.
+        Row 1 holds the number of each joint, row 0 that of its parent; the root's parent is -1 or
+        2**32 - 1.
     n_joints : int
         Number of joints J.
 
@@ -33,7 +33,7 @@ def joint_parents(kintree_table: Any, n_joints: int) -> np.ndarray:
     ArgumentTypeError
         If the table does not hold whole numbers.
     ArgumentError
-        If its shape is another, a number is missing or there twice, or there is not one root.
+        If its shape is wrong, a number is missing or repeated, or there is not exactly one root.
     """
     table = integer_array(kintree_table, "kintree_table", (2, n_joints))
     index = {int(number): j for j, number in enumerate(table[1])}
@@ -79,14 +79,14 @@ def root_first(parents: np.ndarray) -> tuple[int, ...]:
 
 
 def joints_between(parents: np.ndarray, first: int, last: int) -> list[int]:
-    """Return the joints on the way from one to another, both included.
+    """Return the joints on the path from one joint to another, both included.
 
     Parameters
     ----------
     parents : array of int, shape (J,)
         Index of each joint's parent, -1 for the root.
     first, last : int
-        Where the way begins and ends.
+        The ends of the path.
     """
     ways = []
     for joint in (first, last):

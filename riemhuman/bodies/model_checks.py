@@ -10,7 +10,7 @@ from numpy.typing import DTypeLike
 
 from riemhuman.errors import ArgumentError
 
-# Weights stored in single precision, or rounded for storage, sum to one within this.
+# Weights in single precision, or rounded for storage, sum to one within this tolerance.
 _SUM_TOLERANCE = 1e-3
 
 
@@ -27,7 +27,7 @@ def check_sums(rows: np.ndarray, name: str) -> None:
     Raises
     ------
     ArgumentError
-        If a row does not.
+        If there is such a row.
     """
     error = np.abs(rows.sum(axis=1) - 1.0)
     if error.size and error.max() > _SUM_TOLERANCE:
@@ -48,7 +48,7 @@ def check_weights(weights: np.ndarray) -> None:
     Raises
     ------
     ArgumentError
-        If they are or do not.
+        If there are such weights.
     """
     check_sums(weights, "weights")
     if weights.min() < 0:
@@ -72,7 +72,7 @@ def names_of_joints(names: Sequence[str] | None, n_joints: int) -> tuple[str, ..
     Raises
     ------
     ArgumentError
-        If they are not as many different names.
+        If the names are repeated or not one per joint.
     """
     if names is None:
         return tuple(f"joint_{j}" for j in range(n_joints))
@@ -82,7 +82,7 @@ def names_of_joints(names: Sequence[str] | None, n_joints: int) -> tuple[str, ..
 
 
 def precision(dtype: DTypeLike) -> np.dtype[Any]:
-    """Return a data type that surfaces may have.
+    """Return the data type of surfaces after checking it.
 
     Parameters
     ----------

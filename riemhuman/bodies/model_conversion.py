@@ -21,7 +21,7 @@ class ConvertedFit:
     fit : ModelFit
         Betas, pose and trans of the other model.
     distances : array, shape (..., n_points)
-        Distance of each vertex of the first model from where the other has it, metres.
+        Distance of each vertex of the first model from its place on the other, metres.
 
     Examples
     --------
@@ -57,10 +57,10 @@ def convert(
     correspondence: Any,
     **options: Any,
 ) -> ConvertedFit:
-    """Turn a fit of one body model into a fit of another.
+    """Convert a fit of one body model to a fit of another.
 
-    The other model is fitted to the surfaces that the first one gives, at the points where the map
-    puts the first one's vertices.
+    The other model is fitted to the surfaces of the first model. The correspondence places the
+    vertices of the first model on the other.
 
     Parameters
     ----------
@@ -69,23 +69,23 @@ def convert(
     model : BodyModel
         The first model.
     to : BodyModel
-        The other one, for instance SMPL, SMPL-H, SMPL-X or STAR.
+        The other model, for instance SMPL, SMPL-H, SMPL-X or STAR.
     correspondence : array_like of int, pair, or sparse matrix
-        Where each vertex of the first model lies on the other: numbers of vertices, shape (V,); a
+        Place of each vertex of the first model on the other: numbers of vertices, shape (V,); a
         pair of numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or a
-        matrix, whose rows sum to one.
+        matrix whose rows sum to one.
     **options
         Further arguments of `fit_model`.
 
     Returns
     -------
     converted : ConvertedFit
-        Prints how far apart the surfaces are.
+        As text, the mean and the largest distance between the surfaces.
 
     Raises
     ------
     ArgumentError
-        If the map does not fit the models.
+        If the correspondence does not match the models.
 
     Examples
     --------

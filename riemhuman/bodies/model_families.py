@@ -1,4 +1,4 @@
-"""Families of body models in SMPL's layout: what is read of a file, and what is ignored."""
+"""Families of body models in SMPL's layout, and the parts of their files that are used."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _SHAPES_OF_SMPLX = {400: 300, 20: 10}
 
 @dataclass(frozen=True)
 class ModelContents:
-    """What a file of a body model holds.
+    """The contents of a file of a body model.
 
     Attributes
     ----------
     family : str
         "SMPL", "SMPL-H", "SMPL-X", "STAR", "SMAL", or "SMPL's layout".
     n_shapes : int
-        Shape coefficients of the file, without expressions.
+        Number of shape coefficients in the file, without expressions.
     used : tuple of str
-        What is read.
+        Parts that are used.
     left_out : tuple of str
-        What is not, and why.
+        Parts that are left out.
 
     Examples
     --------
@@ -51,14 +51,14 @@ class ModelContents:
 
 
 def contents_of(fields: Mapping[str, Any], n_betas: int) -> ModelContents:
-    """Say what a file holds.
+    """Return the contents of a file.
 
     Parameters
     ----------
     fields : mapping of str to array
         Arrays of the file by SMPL's names.
     n_betas : int
-        Shape coefficients that are kept.
+        Number of shape coefficients to keep.
     """
     n_joints = last_length(fields["weights"])
     n_entries = np.size(fields.get("posedirs", ())) // max(1, np.size(fields["v_template"]))
@@ -97,11 +97,11 @@ def contents_of(fields: Mapping[str, Any], n_betas: int) -> ModelContents:
 
 
 def last_length(array: Any) -> int:
-    """Return the length of an array's last axis; of what is none, 0.
+    """Return the length of the last axis of an array, or 0 for a number.
 
     Parameters
     ----------
     array : array_like
-        Something out of a file.
+        A field of a file.
     """
     return (0, *np.shape(array))[-1]

@@ -1,4 +1,4 @@
-"""Files of body models in SMPL's layout: .npz archives, and the pickles of its makers."""
+"""Files of body models in SMPL's layout: .npz archives and pickles."""
 
 from __future__ import annotations
 
@@ -33,21 +33,20 @@ _FIELDS = {
 }
 _OPTIONAL_FIELDS = {"posedirs": "posedirs", "joint_names": "joint_names"}
 _PICKLES = (".pkl", ".pickle")
-# SMPL's files come with 10 shape coefficients or 300, of which 10 are in use.
+# SMPL's files have 10 shape coefficients or 300, of which 10 are commonly used.
 _MANY_BETAS = 300
 _USUAL_BETAS = 10
 
 
 def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) -> dict[str, Any]:
-    """Read the arrays of a body model, in the layouts that are about, and return one layout.
+    """Read the arrays of a body model in any of the published layouts.
 
     Parameters
     ----------
     path : path_like
-        An .npz file, or a .pkl file of Python 2 or 3, whose contents are not run.
+        An .npz file, or a .pkl file of Python 2 or 3, which is read as data.
     n_betas : int, optional
-        Number of shape coefficients to keep, the first ones; by default all, but 10 of a file
-        that has 300 or more.
+        Number of shape coefficients to keep, as for `BodyModel.from_file`.
 
     Returns
     -------
@@ -56,14 +55,8 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
 
     Raises
     ------
-    ArgumentTypeError
-        If `path` is not a path or `n_betas` no whole number.
-    ArgumentError
-        If `n_betas` is negative or more than the file has.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If it is of another kind, lacks a field, or asks for anything but arrays to be made.
+    ArgumentTypeError, ArgumentError, FileError, FileFormatError
+        As for `BodyModel.from_file`.
     """
     if n_betas is not None:
         whole_number(n_betas, "n_betas", minimum=0)
@@ -92,31 +85,31 @@ def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) 
 
 
 def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> ModelContents:
-    """Say what a file in SMPL's layout holds, what is read of it, and what is left out.
+    """Return the contents of a file in SMPL's layout: which parts are used and which left out.
 
-    Of SMPL-X, expressions, hand components and facial landmarks are left out; of STAR, whose pose
-    correctives are functions of quaternions, the pose correctives.
+    From files of SMPL-X, expressions, hand components and facial landmarks are left out; from files
+    of STAR, the pose correctives, which are functions of quaternions.
 
     Parameters
     ----------
     path : path_like
-        An .npz or .pkl file of SMPL, SMPL-H, SMPL-X, STAR, SMAL or the like.
+        An .npz or .pkl file of SMPL, SMPL-H, SMPL-X, STAR, SMAL or a model in their layout.
     n_betas : int, optional
-        Number of shape coefficients to keep, as of `BodyModel.from_file`.
+        Number of shape coefficients to keep, as for `BodyModel.from_file`.
 
     Returns
     -------
     contents : ModelContents
-        Its family, what is used and what is left out; as text, one sentence.
+        The family, the used parts and those left out; as text, one sentence.
 
     Raises
     ------
     ArgumentTypeError
-        If `path` is not a path or `n_betas` no whole number.
+        If `path` is not a path or `n_betas` not a whole number.
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If it is of another kind, lacks a field, or asks for anything but arrays to be made.
+        If the file is damaged, lacks a field, or is a .pkl file with objects other than arrays.
 
     Examples
     --------
@@ -165,7 +158,7 @@ def write_model_fields(path: str | os.PathLike[str], fields: Mapping[str, Any]) 
 
 
 def _dense(regressor: Any, shape_of_weights: tuple[int, ...]) -> np.ndarray:
-    """Return the joint regressor as an array; a sparse one may claim any shape."""
+    """Return the joint regressor as an array, after a check of the shape of a sparse one."""
     if not sparse.issparse(regressor):
         return np.atleast_1d(regressor)
     if regressor.shape[::-1] != shape_of_weights:
@@ -177,7 +170,7 @@ def _dense(regressor: Any, shape_of_weights: tuple[int, ...]) -> np.ndarray:
 
 
 def _posedirs(posedirs: np.ndarray, n_vertices: int, n_entries: int) -> np.ndarray:
-    """Return pose-dependent displacements as (V, 3, entries), from any layout that is about."""
+    """Return pose-dependent displacements as (V, 3, entries), from any published layout."""
     whole, rows = (n_vertices, 3, n_entries), (3 * n_vertices, n_entries)
     if posedirs.shape == rows:
         return posedirs.reshape(whole)

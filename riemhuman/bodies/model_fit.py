@@ -1,4 +1,4 @@
-"""What a fit of a body model finds."""
+"""The result of a fit of a body model."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from riemhuman.solvers.model_path import ModelParameters
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ModelFit(Record):
-    """Parameters of a body model that were fitted to surfaces, and how well they fit.
+    """Parameters of a body model that were fitted to surfaces, with the remaining distances.
 
     Attributes
     ----------
     betas : array, shape (..., B)
         Shape coefficients.
     pose : array, shape (..., J, 3)
-        Axis-angle rotation of each joint, radians, no more than half a turn.
+        Axis-angle rotation of each joint, radians, by at most half a turn.
     trans : array, shape (..., 3)
         Translation, metres.
     distances : array, shape (..., n_points)
-        Distance of each point from where the model has it, metres.
+        Distance of each point from its place on the model, metres.
     converged : array of bool, shape (...)
-        Whether the fit of each surface came to rest.
+        Whether the fit of each surface converged.
     n_iterations : array of int, shape (...)
         Gauss–Newton steps, both stages together.
 
@@ -57,5 +57,5 @@ class ModelFit(Record):
 
     @property
     def parameters(self) -> ModelParameters:
-        """The parameters alone: betas, pose and trans, as `ModelPath` takes them."""
+        """Betas, pose and trans as an argument of `ModelPath`."""
         return ModelParameters(self.betas, self.pose, self.trans)

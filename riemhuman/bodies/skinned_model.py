@@ -27,9 +27,9 @@ from riemhuman.surfaces.template import Template
 
 
 class SkinnedModel(InheritsDocstrings):
-    """The arrays of a body model, and the surfaces and joints that they make.
+    """The arrays of a body model, and its surfaces and joints.
 
-    `BodyModel` describes the model, and adds files and fits.
+    `BodyModel` describes the model and adds files and fits.
 
     Parameters
     ----------
@@ -44,15 +44,15 @@ class SkinnedModel(InheritsDocstrings):
     weights : array_like, shape (V, J)
         Skinning weights: not negative, each row sums to one.
     kintree_table : array_like of int, shape (2, J)
-        Row 1 numbers the joints, row 0 holds the number of each joint's parent; the root's
-        parent is -1 or 2**32 - 1.
+        Row 1 holds the number of each joint, row 0 that of its parent; the root's parent is -1 or
+        2**32 - 1.
     posedirs : array_like, shape (V, 3, 9 (J - 1)), optional
         Displacement for each entry of R - I of the joints other than the root.
     joint_names : sequence of str, optional
         Names of the joints; by default "joint_0", "joint_1", and so on.
     dtype : data type
-        Precision of surfaces and joints, float64 or float32: half the memory. The model itself
-        is kept in double precision.
+        Precision of surfaces and joints, float64 or float32, which halves their memory. The model
+        itself is kept in double precision.
 
     Examples
     --------
@@ -166,8 +166,8 @@ class SkinnedModel(InheritsDocstrings):
     def __call__(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
         """Return the surfaces with these shapes, poses and translations.
 
-        Leading axes of the arguments broadcast; differentiable with autograd in all three.
-        Loper et al. 2015, equations 2 to 10.
+        Leading axes of the arguments broadcast, and autograd can differentiate with respect to all
+        three. See Loper et al. 2015, equations 2 to 10.
 
         Parameters
         ----------
@@ -201,8 +201,7 @@ class SkinnedModel(InheritsDocstrings):
     def joints(self, betas: Any = None, pose: Any = None, trans: Any = None) -> Any:
         """Return the joints with these shapes, poses and translations.
 
-        Arguments as for the model itself; without a pose, the joints in the rest pose:
-        J(β) of Loper et al. 2015, equation 10.
+        Without a pose, these are the joints J(β) in the rest pose (Loper et al. 2015, equation 10).
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
-"""Linear blend skinning: the motions of joints along a tree, and vertices that follow them.
+"""Linear blend skinning: rigid motions of joints along a tree, and vertices that follow them.
 
-Free functions, differentiable with autograd; the equations are those of Loper, Mahmood, Romero,
+Autograd can differentiate the functions. The equations are those of Loper, Mahmood, Romero,
 Pons-Moll and Black, "SMPL: A Skinned Multi-Person Linear Model", ACM Trans. Graphics 34(6), 2015.
 """
 

@@ -1,4 +1,4 @@
-"""Data sets of registered bodies: the open set that ships, and readers of others."""
+"""Data sets of registered bodies: the open bodies and motions, and readers of other data sets."""
 
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies

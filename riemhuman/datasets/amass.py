@@ -1,4 +1,4 @@
-"""Motions of AMASS, computed frame by frame from a body model."""
+"""Motions of AMASS, whose frames a body model computes on access."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from riemhuman.storage.array_files import load_arrays, opened_archive
 from riemhuman.storage.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
 
-# The joints of SMPL's body, which all its family begin with: the parent of each.
+# Parents of the joints of SMPL's body, with which all models of its family begin.
 _BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
 _BODY, _FACE, _HANDS = len(_BODY_PARENTS), 3, 30
-# What the joints of a file or a model are, by their number.
+# Parts of the joints of a file or a model, by the number of joints.
 _LAYOUTS = {
     _BODY: ("body",),
     _BODY + 2: ("body", "still hands"),
@@ -40,19 +40,19 @@ _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose
 _NEEDED_POSES = ("root_orient", "pose_body")
 _NOT_MOTIONS = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
-# z up to y up: a quarter turn about x.
+# The quarter turn about x that takes z up to y up.
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _FRAMES_AT_A_TIME = 16
 _FILES_KEPT = 4
-# Of larger angles double precision keeps no digit of the turn.
+# In double precision, larger angles determine no digit of a rotation.
 _LARGEST_ANGLE = 1e12
 _LARGEST = 1e50
 
 
 class AmassMotion(Motion):
-    """One motion of AMASS, with the body model that it drives.
+    """One motion of AMASS with a body model.
 
-    Frame i is ``model(betas, pose_vectors[i], translations[i])``, made when it is asked for.
+    Frame i is ``model(betas, pose_vectors[i], translations[i])``, computed on access.
 
     Parameters
     ----------
@@ -61,13 +61,13 @@ class AmassMotion(Motion):
     model : BodyModel
         The model.
     gender : str
-        Gender the betas are for.
+        Gender of the betas.
     recorded_frames_per_second : float
         Frame rate of the file.
     numbers : array of int, shape (n_frames,)
         Frames of the file that are in use.
     frames_per_second : float
-        Frame rate of these.
+        Frame rate of these frames.
     up : {"y", "z"}
         Axis that points up.
     """
@@ -106,7 +106,7 @@ class AmassMotion(Motion):
 
     @property
     def gender(self) -> str:
-        """Gender the betas are for: "female", "male" or "neutral"."""
+        """Gender of the betas: "female", "male" or "neutral"."""
         return self._gender
 
     @property
@@ -116,7 +116,7 @@ class AmassMotion(Motion):
 
     @cached_property
     def betas(self) -> np.ndarray:
-        """Shape coefficients of the model, shape (B,); those the file lacks are zero."""
+        """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
         betas = self._recording().betas[: self._model.n_betas]
         return np.pad(betas, (0, self._model.n_betas - len(betas)))
 
@@ -139,7 +139,7 @@ class AmassMotion(Motion):
             found = self._path.stat()
         except OSError as error:
             raise FileError(f"{self._path} cannot be read: {error.strerror}") from error
-        # The clock may be set back, but hardly to the same moment for the same file.
+        # A file with the same times, size and number is taken for unchanged.
         state = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
         return _read(self._path, state)
 
@@ -152,7 +152,7 @@ class AmassMotion(Motion):
         pose = _of_model(recording.poses[chosen], self._model.n_joints)
         translations = recording.translations[chosen]
         if self._up == "y":
-            # The root turns about itself, so that turning the whole space moves it as well.
+            # Poses turn the root about itself, but a turn of space also moves it.
             root = self._root
             turn = Rotation.from_matrix(_TO_Y_UP)
             pose[:, 0] = (turn * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
@@ -163,7 +163,7 @@ class AmassMotion(Motion):
         frames = np.empty((len(numbers), self._model.n_vertices, 3))
         for first in range(0, len(numbers), _FRAMES_AT_A_TIME):
             some = numbers[first : first + _FRAMES_AT_A_TIME]
-            # Numbers too large for any body are seen by what they lead to.
+            # Numbers too large for any body are recognised by their coordinates below.
             with np.errstate(over="ignore", invalid="ignore"):
                 frames[first : first + len(some)] = self._model(self.betas, *self._parameters(some))
         if not np.abs(frames).max(initial=0.0) <= _LARGEST:
@@ -182,43 +182,43 @@ def load_amass(
 ) -> Motions[AmassMotion]:
     """Load motions of AMASS [1]_ for a body model; frames are computed on access.
 
-    The data set is not part of this library; its makers give it out to those who register. Files
-    in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are read.
-    A model and a file share the 22 joints of SMPL's body, and the 30 of the hands and 3 of the
-    face where both have them; what only the file has is left out, and what only the model has
-    (with 24 joints, two hands) is not turned. Soft-tissue coefficients (``dmpls``) are not used.
+    The data set is not part of this library and is available from its authors on registration.
+    Files in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are
+    read. Rotations of the 22 joints of SMPL's body are used, and those of the 30 joints of the
+    hands and the 3 of the face if both the model and the file have them; other joints of the model
+    do not turn. Soft-tissue coefficients (``dmpls``) are not used.
 
     Parameters
     ----------
     path : path_like
-        A file, or a folder: all .npz files below it, in the order of their names, other than
-        ``shape.npz`` and ``*_stagei.npz``, which hold no motion.
+        A file, or a folder with .npz files at any depth, which are read in the order of their
+        names; ``shape.npz`` and ``*_stagei.npz`` hold no motion and are skipped.
     model : BodyModel or mapping of str to BodyModel
         SMPL, SMPL-H or SMPL-X model, of 22, 24, 52 or 55 joints; or one for each gender in the
-        files, all with the same triangles. Betas mean what they should with the right one alone.
+        files, all with the same triangles. Betas are valid only for the model they belong to.
     frames_per_second : float, optional
-        Frame rate wanted, at most that of the files: the frames nearest in time are taken. By
-        default all frames.
+        Frame rate, at most that of the files: the frames nearest in time are used. By default all
+        frames are used.
     up : {"y", "z"}
-        "y" turns the files' motions, whose z axis points up, so that y does, as everywhere in
-        this library; "z" leaves them as they are.
+        "y" turns the motions of the files, whose z axis points up, to y up; "z" leaves them
+        unchanged.
 
     Returns
     -------
     motions : Motions
-        One for each file; its subject is the name of the folder the file is in.
+        One for each file; its subject is the name of the file's folder.
 
     Raises
     ------
     FileError
-        If the path holds no such file, or a file cannot be read.
+        If no file is found, or a file cannot be read.
     FileFormatError
-        If files lack fields or these are malformed: all such files are named, and what is wrong.
+        If files lack fields or fields are malformed; the message names every such file.
     ArgumentError
-        If the model has other joints than SMPL's, there is none for a gender, or the frame rate
-        is more than that of a file.
+        If the joints of the model are not SMPL's, a gender has no model, or the frame rate exceeds
+        that of a file.
     ArgumentTypeError
-        If an argument is not of a type named above.
+        If an argument has the wrong type.
 
     References
     ----------
@@ -252,7 +252,7 @@ def load_amass(
 
 
 class _Header(NamedTuple):
-    """What is read of a file when it is loaded."""
+    """The parts of a file that are read when it is loaded."""
 
     gender: str
     frames_per_second: float
@@ -260,7 +260,7 @@ class _Header(NamedTuple):
 
 
 class _Recording(NamedTuple):
-    """The numbers of a file."""
+    """The arrays of a file."""
 
     betas: np.ndarray
     poses: np.ndarray  # (T, joints, 3)
@@ -292,7 +292,7 @@ def _motion(
 
 
 def _models(model: Any) -> dict[str | None, BodyModel]:
-    """Return the model of each gender, or one for all under None."""
+    """Return the model of each gender, or one for all by the key None."""
     models = dict(model) if isinstance(model, Mapping) else {None: model}
     if not models:
         raise ArgumentError("model holds no model; at least one is needed")
@@ -314,7 +314,7 @@ def _models(model: Any) -> dict[str | None, BodyModel]:
 
 
 def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
-    """Return the rotations of a file's joints as those of a model's."""
+    """Return the rotations of a model's joints from those of a file's joints."""
     parts, start = {}, 0
     for part in _LAYOUTS[poses.shape[1]]:
         parts[part] = poses[:, start : start + _SIZES[part]]
@@ -336,7 +336,7 @@ def _find_files(path: str | os.PathLike[str]) -> list[Path]:
 
 
 def _read_header(file: Path) -> _Header:
-    """Return what must be known before frames are asked for; the rest stays unread."""
+    """Read gender, frame rate and number of frames of a file."""
     shapes, fields = _look_into(file)
     rate_name = next((name for name in _RATES if name in shapes), " or ".join(_RATES))
     needed = ["trans", "betas", rate_name]
@@ -364,7 +364,7 @@ def _read_header(file: Path) -> _Header:
 
 
 def _look_into(file: Path) -> tuple[dict[str, tuple[int, ...]], dict[str, np.ndarray]]:
-    """Return the shapes of the arrays of an archive, and frame rate and gender themselves."""
+    """Return the shapes of all arrays of a file, and the arrays of frame rate and gender."""
     with opened_archive(file) as archive:
         shapes = {name: archive.shape(name) for name in archive.names}
         fields = archive.arrays([name for name in (*_RATES, "gender") if name in shapes])
@@ -372,7 +372,7 @@ def _look_into(file: Path) -> tuple[dict[str, tuple[int, ...]], dict[str, np.nda
 
 
 def _gender(value: np.ndarray | None, file: Path) -> str:
-    """Return the gender a file says, which may be text, bytes, or bytes written as text."""
+    """Return the gender in a file, which may be text, bytes, or the text of bytes."""
     if value is None:
         return "neutral"
     if value.size != 1 or value.dtype.kind not in "SU":
@@ -384,7 +384,7 @@ def _gender(value: np.ndarray | None, file: Path) -> str:
 
 @lru_cache(maxsize=_FILES_KEPT)
 def _read(file: Path, state: tuple[int, ...]) -> _Recording:
-    """Return the numbers of a file, kept while it is in use and has not changed."""
+    """Return the arrays of a file, which are cached while the file does not change."""
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     try:
         betas = real_array(fields["betas"], "betas").ravel()

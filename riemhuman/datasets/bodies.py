@@ -1,4 +1,4 @@
-"""Registered bodies with labels, the common form of all data sets."""
+"""Registered bodies with labels, the common class of all data sets."""
 
 from __future__ import annotations
 
@@ -30,35 +30,36 @@ class Bodies:
     """Registered body surfaces with the person and the pose of each.
 
     ``bodies[3]`` is surface 3, shape (V, 3); ``bodies[2:8]``, ``bodies[mask]`` and
-    ``bodies[[0, 5]]`` are the `Bodies` chosen, and `select` chooses by person and pose.
+    ``bodies[[0, 5]]`` are `Bodies` with the chosen surfaces, and `select` chooses by person and
+    pose.
 
     Parameters
     ----------
     points : array_like, shape (n, V, 3)
         Surfaces in metres, y up, all with the template's triangles.
     subject : array_like of int, shape (n,)
-        Who is shown: an index into `subject_names`.
+        The person of each surface: an index into `subject_names`.
     pose : array_like of int, shape (n,)
-        Which pose is held: an index into `pose_names`.
+        The pose of each surface: an index into `pose_names`.
     template : Template
-        The surface all are registered to.
+        The template to which all surfaces are registered.
     model : BodyModel, optional
-        The body model the surfaces come from.
+        The body model of the surfaces.
     subject_names, pose_names : tuple of str
-        Readable names of the classes.
+        Names of the people and poses.
     betas : array_like, shape (n, B), optional
-        Shape coefficients, where known.
+        Shape coefficients.
     pose_vectors : array_like, shape (n, J, 3), optional
-        Axis-angle joint rotations in radians, where known.
+        Axis-angle joint rotations, radians.
     translations : array_like, shape (n, 3), optional
-        Translations in metres, where known.
+        Translations, metres.
     ids : tuple of str
-        What each surface is called, for instance its file; by default its number, from 0.
+        Name of each surface, for instance of its file; by default its number, from 0.
 
     Raises
     ------
     ArgumentError
-        If the lengths disagree, an index has no name, two surfaces are called alike, or an entry
+        If the lengths disagree, an index has no name, two surfaces have the same name, or an entry
         is not finite.
 
     Examples
@@ -148,19 +149,19 @@ class Bodies:
         Parameters
         ----------
         subject : int, str, or sequence of them, optional
-            Indices into `subject_names`, or names; by default everybody.
+            Indices into `subject_names`, or names; by default all people.
         pose : int, str, or sequence of them, optional
-            Indices into `pose_names`, or names; by default every pose.
+            Indices into `pose_names`, or names; by default all poses.
 
         Returns
         -------
         Bodies
-            In the order they have here; the names of all classes stay.
+            In the same order, with the names of all people and poses.
 
         Raises
         ------
         ArgumentError
-            If there is no such person or pose.
+            If a person or pose is unknown.
 
         Examples
         --------
@@ -177,12 +178,14 @@ class Bodies:
         return self._chosen(chosen)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the surfaces and their labels to an .npz file; the body model is left out.
+        """Write the surfaces and their labels, but not the body model, to an .npz file.
+
+        The file appears whole or not at all.
 
         Parameters
         ----------
         path : path_like
-            The file, with its ending; an existing file is replaced, whole or not at all.
+            The file, with its suffix; an existing file is replaced.
 
         Raises
         ------
@@ -203,7 +206,7 @@ class Bodies:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Bodies:
-        """Read surfaces and labels that `save` wrote.
+        """Read surfaces and labels that `save` has written.
 
         Parameters
         ----------
@@ -239,12 +242,12 @@ class Bodies:
             raise FileFormatError(f"{path} does not hold bodies: {error}") from error
 
     def to_frame(self) -> Any:
-        """Return the labels as a table of pandas, one row a surface.
+        """Return the labels as a pandas table with one row per surface.
 
         Returns
         -------
         pandas.DataFrame
-            The index holds `ids`; the columns are "subject" and "pose", by name.
+            The index holds `ids`; the columns "subject" and "pose" hold names.
 
         Raises
         ------
@@ -270,7 +273,7 @@ class Bodies:
         return surfaces_html(self.points, self.template.faces, repr(self).strip("<>"))
 
     def _chosen(self, index: Any) -> Bodies:
-        """Return the surfaces at the indices, or where the mask holds."""
+        """Return the surfaces at some indices, or where a mask is true."""
         index = np.asarray(index)
         is_mask = index.dtype == bool
         if index.ndim != 1 or not (is_mask or index.dtype.kind in "iu" or index.size == 0):
@@ -299,7 +302,7 @@ class Bodies:
 
 
 def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
-    """Return the labels of classes given by name or number."""
+    """Return the indices of people or poses given by name or index."""
     single = isinstance(wanted, str) or np.ndim(wanted) == 0
     labels = []
     for each in [wanted] if single else wanted:

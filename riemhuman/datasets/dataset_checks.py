@@ -1,4 +1,4 @@
-"""Property checks of data sets: what tables, reports and estimators require."""
+"""Checks of the properties that tables, reports and estimators require of data sets."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from riemhuman.protocols import Dataset
 from riemhuman.solvers.property_checks import PropertyReport, property_report
 
-# Surfaces that are read: data sets may be larger than memory.
+# Number of surfaces that are read, because data sets may be larger than memory.
 _N_READ = 8
 
 
 def check_dataset(dataset: Dataset) -> PropertyReport:
     """Check a data set against `riemhuman.protocols.Dataset`.
 
-    A few surfaces are read, one by one and as a slice; they must have the template's vertices, and
-    finite ones. There must be as many labels of each kind as surfaces, where there are any.
+    A few surfaces are read, one by one and as a slice: they must have as many vertices as the
+    template, with finite coordinates. Labels, if there are any, must be one per surface.
 
-    In a test of your own, ``report = check_dataset(dataset)`` is followed by
+    To use it in a test, write ``report = check_dataset(dataset)`` and
     ``assert report.passed, report``.
 
     Parameters
@@ -31,7 +31,7 @@ def check_dataset(dataset: Dataset) -> PropertyReport:
     Returns
     -------
     PropertyReport
-        Errors are the share of surfaces or labels that are wrong.
+        Errors are shares of wrong surfaces or kinds of labels.
 
     Examples
     --------

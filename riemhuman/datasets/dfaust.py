@@ -21,32 +21,33 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.optional import import_optional
+from riemhuman.representation import listed
 from riemhuman.storage.array_files import memory_of, room_of
 from riemhuman.storage.file_content import brief, check_file, file_path
-from riemhuman.surfaces.mesh_arrays import face_difference
+from riemhuman.surfaces.mesh_arrays import face_difference, read_only
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
 _FACES = "faces"
 _FRAMES_PER_SECOND = 60.0
-# Frames that lie together in the file are read together, as far as this.
+# Largest number of neighbouring frames that are read together.
 _SPAN = 64
 
 
 class DynamicFaustMotion(Motion):
-    """One sequence of Dynamic FAUST; frames are read from its file on access.
+    """One sequence of Dynamic FAUST, whose frames are read on access.
 
     Parameters
     ----------
     path : path_like
         HDF5 file.
     subject, sequence : str
-        Names, as in the file.
+        Names in the file.
     n_frames : int
         Number of frames in the file.
     faces : array of int, shape (F, 3)
         Triangles.
     step : int
-        Every so many-th frame is in use.
+        Distance of the frames that are in use: 1 for all frames.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class DynamicFaustMotion(Motion):
 
     @property
     def path(self) -> Path:
-        """The file the frames are read from."""
+        """The file."""
         return self._path
 
     def _frames(self, numbers: range) -> np.ndarray:
@@ -106,7 +107,7 @@ class DynamicFaustMotion(Motion):
         if bad:
             raise FileFormatError(
                 f"{self._path}: NaN or infinite coordinates in frames "
-                f"{_shortened([str(number) for number in bad])} of {key}"
+                f"{listed([str(number) for number in bad])} of {key}"
             )
         return frames
 
@@ -119,40 +120,40 @@ def load_dfaust(
 ) -> Motions[DynamicFaustMotion]:
     """Load registered sequences of Dynamic FAUST [1]_; frames are read on access.
 
-    The data set is not part of this library; its makers give it out to those who register. Needs
-    the extra ``data``.
+    The data set is not part of this library and is available from its authors on registration. The
+    reader needs the extra ``data``.
 
     Parameters
     ----------
     path : path_like
-        The folder with ``registrations_m.hdf5`` and ``registrations_f.hdf5``, or with one of
-        them; or a file.
+        A file, or the folder that contains ``registrations_m.hdf5``, ``registrations_f.hdf5`` or
+        both.
     subjects : sequence of str or int, or one of them, optional
-        People wanted, such as 50002; by default everybody there is.
+        People to load, such as 50002; by default all.
     sequences : sequence of str or str, optional
-        Motions wanted; by default all there are. Of people not asked for by name, those who lack
-        a motion are passed over in it.
+        Motions to load; by default all. Unless `subjects` are given, people who lack one of these
+        motions are skipped for it.
     frames_per_second : float
-        Frame rate wanted: that of the files, 60, or 60 divided by a whole number.
+        Frame rate: 60, as in the files, or 60 divided by a whole number.
 
     Returns
     -------
     motions : Motions
-        Every sequence of the first person, of the second, and so on; points in metres, y up, as
-        they are in the files.
+        All sequences of the first person, then of the second, and so on. Points are in metres, y
+        up, as in the files.
 
     Raises
     ------
     FileError
-        If the path holds no such file, or a file cannot be read.
+        If no file is found, or a file cannot be read.
     FileFormatError
-        If a file is not HDF5, holds no sequence, no triangles or others than the rest, or
-        sequences asked for are not numbers of shape (V, 3, n_frames): all of these are named.
+        If a file is not HDF5, has no sequences, no triangles or different triangles, or sequences
+        to load do not hold numbers of shape (V, 3, n_frames); the message names them all.
     ArgumentError
-        If a person or motion asked for is not there: the message says what is. If the frame rate
-        is another.
+        If a person or motion is not in the files, or the frame rate is another; the message names
+        what there is.
     ArgumentTypeError
-        If an argument is not of a type named above.
+        If an argument has the wrong type.
     MissingDependencyError
         If h5py is not installed.
 
@@ -197,7 +198,7 @@ def load_dfaust(
 
 
 class _Entry(NamedTuple):
-    """Where a sequence is, and what its dataset looks like without reading it."""
+    """The file of a sequence, and shape and type of its data."""
 
     file: Path
     shape: tuple[int, ...]
@@ -214,7 +215,7 @@ class _Entry(NamedTuple):
             return cls(file, tuple(getattr(dataset, "shape", None) or ()), kind)
 
     def problem(self, n_vertices: int) -> str | None:
-        """Say what is wrong with the dataset, if anything."""
+        """Describe what is wrong with the data, or return None."""
         if self.elsewhere:
             return "lies outside the file, or is larger than it can hold"
         if self.kind not in ("f", "i", "u"):
@@ -225,7 +226,7 @@ class _Entry(NamedTuple):
 
 
 def _lies_here(contents: Any, key: str) -> bool:
-    """Tell whether data are in the file itself, and take no more room than it may hold."""
+    """Tell whether data are in the file itself, and not much larger than their storage."""
     h5py = import_optional("h5py", "data")
     if not isinstance(contents.get(key, getlink=True), h5py.HardLink):
         return False
@@ -233,7 +234,7 @@ def _lies_here(contents: Any, key: str) -> bool:
     if not isinstance(found, h5py.Dataset):
         return True
     room = room_of(found.id.get_storage_size())
-    # To read a part of a chunk, HDF5 unpacks all of it, however much larger than the data it is.
+    # HDF5 unpacks a whole chunk to read a part of it, even if it is much larger than the data.
     shapes = [shape for shape in (found.shape, found.chunks) if shape is not None]
     fits = all(memory_of(shape, found.dtype) <= room for shape in shapes)
     return fits and not found.external and not found.is_virtual
@@ -241,7 +242,7 @@ def _lies_here(contents: Any, key: str) -> bool:
 
 @contextmanager
 def _damage_named(file: Path, what: str) -> Iterator[None]:
-    """Say what a damaged file makes the HDF5 library stumble over."""
+    """Raise a `FileFormatError` for any error of the HDF5 library."""
     try:
         yield
     except RiemhumanError:
@@ -254,7 +255,7 @@ def _damage_named(file: Path, what: str) -> Iterator[None]:
 
 def _names(contents: Any, file: Path) -> list[str]:
     with _damage_named(file, "its table of contents"):
-        # A name that is no text in UTF-8 comes as bytes; no sequence is called so.
+        # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
         return [name for name in contents if isinstance(name, str)]
 
 
@@ -270,7 +271,7 @@ def _step(frames_per_second: float) -> int:
 
 
 def _named(subjects: Any) -> Any:
-    """Return numbers of subjects as the names they are in the file."""
+    """Return subjects with numbers converted to names."""
     if isinstance(subjects, (int, np.integer)):
         return str(subjects)
     if isinstance(subjects, str) or not isinstance(subjects, Iterable):
@@ -292,7 +293,7 @@ def _find_files(path: str | os.PathLike[str]) -> list[Path]:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    """Open an HDF5 file for reading and close it afterwards, whatever happens."""
+    """Open an HDF5 file for reading, and close it in the end."""
     h5py = import_optional("h5py", "data")
     check_file(path)
     try:
@@ -306,12 +307,12 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _read_faces(contents: Any, file: Path, expected: np.ndarray | None) -> np.ndarray:
-    """Return the triangles of a file, which must be those of the file before."""
+    """Return the triangles of a file, which must be the expected ones."""
     names = _names(contents, file)
     if _FACES not in names:
         raise FileFormatError(
             f"{file} holds no dataset {_FACES!r} of triangles; found "
-            f"{_shortened(sorted(names)) or 'nothing'}"
+            f"{listed(sorted(names)) or 'nothing'}"
         )
     with _damage_named(file, _FACES):
         if not _lies_here(contents, _FACES):
@@ -331,14 +332,13 @@ def _read_faces(contents: Any, file: Path, expected: np.ndarray | None) -> np.nd
     difference = None if expected is None else face_difference(faces, expected)
     if difference:
         raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
-    faces.flags.writeable = False
-    return faces
+    return read_only(faces)
 
 
 def _wanted(
     found: Mapping[str, Mapping[str, Any]], subjects: Any, sequences: Any, source: str
 ) -> list[tuple[str, str]]:
-    """Return the pairs of subject and sequence to load, refusing what is not there."""
+    """Return the pairs of subject and sequence to load; refuse unknown ones."""
     performed = sorted(set().union(*found.values()))
     names = chosen(sequences, "sequences", performed, source)
     people = chosen(_named(subjects), "subjects", tuple(found), source)
@@ -360,7 +360,7 @@ def _refuse_malformed(
     pairs: Sequence[tuple[str, str]],
     n_vertices: int,
 ) -> None:
-    """Refuse sequences asked for that cannot be read, and name them all."""
+    """Refuse malformed sequences, and name them all."""
     problems = [
         f"{subject}_{sequence} of {entry.file} {problem}"
         for subject, sequence in pairs
@@ -377,9 +377,3 @@ def _refuse_malformed(
 
 def _listed(files: Sequence[Path]) -> str:
     return " and ".join(str(file) for file in files)
-
-
-def _shortened(names: Sequence[str]) -> str:
-    """Return at most ten names as a list."""
-    more = f" and {len(names) - 10} more" if len(names) > 10 else ""
-    return ", ".join(names[:10]) + more

@@ -1,4 +1,4 @@
-"""The training registrations of MPI FAUST, as users download them."""
+"""The training registrations of MPI FAUST."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from riemhuman.datasets.registered_meshes import (
     read_template,
 )
 from riemhuman.errors import FileError
+from riemhuman.representation import listed
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
@@ -34,21 +35,21 @@ def load_faust(
 ) -> Bodies:
     """Load the 100 training registrations of MPI FAUST: 10 people in 10 poses [1]_.
 
-    The data set is not part of this library; its makers give it out to those who register.
+    The data set is not part of this library and is available from its authors on registration.
 
     Parameters
     ----------
     folder : path_like
-        The folder that holds ``tr_reg_000.ply`` to ``tr_reg_099.ply``, or one above it:
-        ``registrations``, ``training``, ``MPI-FAUST`` or the folder of that. Files may end in
-        ``.ply``, ``.obj`` or ``.off``; should several be there, the first of these is read.
+        The folder ``registrations`` with the files ``tr_reg_000.ply`` to ``tr_reg_099.ply``, or
+        a folder above it: ``training``, ``MPI-FAUST`` or the folder that contains it. Files may
+        end in ``.ply``, ``.obj`` or ``.off``; of several formats, the first of these is read.
     template : Template or path_like, optional
         The template, or a mesh file with it; its triangles must be those of the registrations.
-        By default the first registration: a template is a body, and a mean of poses is none.
+        By default the first registration is the template, because a mean of poses is not a body.
     align : bool
-        Whether the registrations are rotated and moved (never scaled) onto the template.
+        Whether the registrations are rotated and translated (never scaled) onto the template.
     allow_missing : bool
-        Whether to load what is there when some of the 100 files are missing.
+        Whether to load the other registrations when some of the 100 files are missing.
 
     Returns
     -------
@@ -59,15 +60,15 @@ def load_faust(
     Raises
     ------
     FileError
-        If the folder holds no registrations or some are missing, or a file cannot be read.
+        If there are no registrations or some are missing, or a file cannot be read.
     FileFormatError
-        If a file is damaged, or has other triangles or another number of vertices than the rest.
+        If a file is damaged, or has other triangles or another number of vertices than the first.
     DegenerateSurfaceError
         If a triangle of the template has no area.
     ArgumentError
         If the template has other triangles or another number of vertices than the registrations.
     ArgumentTypeError
-        If the folder or the template is not of a type named above.
+        If the folder or the template has the wrong type.
 
     References
     ----------
@@ -125,17 +126,16 @@ def _find_registrations(folder: str | os.PathLike[str]) -> dict[int, Path]:
 
 
 def _preference(file: Path) -> tuple[int, str]:
-    """Order the files of one registration, should it be there more than once."""
+    """Return a sorting key for files of one registration in several formats."""
     return MESH_ENDINGS.index(file.suffix.lower()), file.name
 
 
 def _refuse_missing(files: dict[int, Path]) -> None:
     missing = sorted(set(range(_N_SUBJECTS * _N_POSES)) - set(files))
     if missing:
-        names = ", ".join(f"tr_reg_{number:03d}" for number in missing[:5])
-        more = f" and {len(missing) - 5} more" if len(missing) > 5 else ""
+        names = listed([f"tr_reg_{number:03d}" for number in missing], 5)
         folder = next(iter(files.values())).parent
         raise FileError(
             f"{folder}: {len(missing)} of {_N_SUBJECTS * _N_POSES} registrations are missing: "
-            f"{names}{more}; allow_missing=True loads the others"
+            f"{names}; allow_missing=True loads the others"
         )

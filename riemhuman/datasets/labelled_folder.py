@@ -22,6 +22,7 @@ from riemhuman.datasets.registered_meshes import (
     read_template,
 )
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.representation import listed
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.procrustes import procrustes
@@ -44,32 +45,31 @@ def load_bodies(
     allow_missing: bool = False,
     progress: bool = False,
 ) -> Bodies:
-    r"""Load the registered meshes of a folder, labelled by a table.
+    r"""Load the registered meshes of a folder with labels from a table.
 
     Parameters
     ----------
     folder : path_like
-        The folder that holds the meshes (``.ply``, ``.obj`` or ``.off``), all with the same
-        triangles. Its subfolders are not looked into.
+        The folder of the meshes (``.ply``, ``.obj`` or ``.off``), all with the same triangles.
+        Subfolders are ignored.
     labels : path_like, optional
         The table: comma-, semicolon- or tab-separated text whose first line names the columns.
-        ``file`` is the name of a mesh file, with or without its ending, ``subject`` and ``pose``
-        any text; other columns are not read. By default ``labels.csv`` in the folder.
+        ``file`` holds the name of a mesh file, with or without its suffix; ``subject`` and ``pose``
+        hold any text; other columns are ignored. By default ``labels.csv`` in the folder.
     template : Template or path_like, optional
         The template, or a mesh file with it; its triangles must be those of the meshes. By
-        default the first mesh: a template is a body, and a mean of poses is none.
+        default the first mesh is the template, because a mean of poses is not a body.
     align : bool
-        Whether the meshes are rotated and moved (never scaled) onto the template.
+        Whether the meshes are rotated and translated (never scaled) onto the template.
     scale : {"template"} or None
-        Whether a mesh more than eight times as large or as small as the first or the template is
-        refused, because it must be in another unit.
+        With "template", a mesh more than eight times as large or as small as the first or the
+        template is refused, because it is evidently in another unit.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the files, brought to metres; by default their numbers are taken as they are.
+        Unit of the files, converted to metres; by default coordinates are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up in the files, turned to y; by default they are not turned.
+        Axis that points up in the files, rotated to y; by default meshes are not rotated.
     allow_missing : bool
-        Whether to load what has both a mesh and a row, when some meshes have no row or some rows
-        no mesh.
+        Whether to leave out meshes without a row and rows without a mesh.
     progress : bool
         Whether to show a progress bar over files.
 
@@ -77,23 +77,23 @@ def load_bodies(
     -------
     bodies : Bodies
         The meshes in the natural order of their names (body_2 before body_10), with subjects and
-        poses numbered in the natural order of theirs.
+        poses numbered in the natural order of their names.
 
     Raises
     ------
     FileError
-        If the folder holds no mesh, there is no table, or a file cannot be read.
+        If the folder contains no meshes, the table does not exist, or a file cannot be read.
     FileFormatError
-        If the table lacks a column or an entry, or names a file twice; if meshes have no row in
-        it or rows no mesh; if a mesh is damaged or does not share the triangles and the unit of
-        the first.
+        If the table lacks a column or an entry or names a file twice, meshes have no row or rows no
+        mesh, or a mesh is damaged or differs from the first in its triangles or evidently in its
+        unit.
     DegenerateSurfaceError
         If a triangle of the template has no area.
     ArgumentError
         If the template has other triangles, another number of vertices or another unit than the
         meshes.
     ArgumentTypeError
-        If an argument is not of a type named above.
+        If an argument has the wrong type.
 
     Examples
     --------
@@ -154,9 +154,9 @@ def read_labels(
     Returns
     -------
     numbers : list of int
-        Which of the names have labels, ascending.
+        Indices of the names that have labels, ascending.
     labels : dict of str to list of str
-        The columns "subject" and "pose", one entry for each of these names.
+        The columns "subject" and "pose", with one entry for each of these names.
 
     Raises
     ------
@@ -182,7 +182,7 @@ class _Row(NamedTuple):
 
 
 def _read_rows(table: Path) -> list[_Row]:
-    """Read the table, naming the line where something is wrong with it."""
+    """Return the rows of a table; errors name the line."""
     if table.is_dir():
         raise FileError(f"{table} is a folder; a table of labels was expected")
     if not table.exists():
@@ -222,7 +222,7 @@ def _read_rows(table: Path) -> list[_Row]:
 def _matched(
     files: Sequence[Path], rows: Sequence[_Row], table: Path, allow_missing: bool = False
 ) -> dict[Path, _Row]:
-    """Return the row of every file, refusing or leaving out what has only one of both."""
+    """Return the row of every file; refuse or leave out files and rows without the other."""
     names = {file.name: file for file in files}
     stems: dict[str, list[Path]] = {}
     for file in files:
@@ -257,10 +257,7 @@ def _matched(
 
 
 def _listed(files: Sequence[Path | str]) -> str:
-    """Return at most five names as a list."""
-    names = [file[:60] if isinstance(file, str) else file.name for file in files]
-    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-    return ", ".join(names[:5]) + more
+    return listed([file[:60] if isinstance(file, str) else file.name for file in files], 5)
 
 
 def _numbered(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:

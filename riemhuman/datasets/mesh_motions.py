@@ -20,21 +20,21 @@ from riemhuman.errors import FileError
 
 
 class MeshMotion(Motion):
-    """A motion whose frames are the meshes of a folder, in natural order of their names.
+    """A motion whose frames are the meshes of a folder, in the natural order of their names.
 
     Parameters
     ----------
     folder : Path
         The folder.
     frames_per_second : float
-        Frame rate, which the files do not say.
+        Frame rate, which mesh files do not hold.
     unit, up : str, optional
-        Unit of the files, and the axis that points up, see `riemhuman.surfaces.upright`.
+        Unit of the files, and the axis that points up, as for `load_bodies`.
 
     Raises
     ------
     FileError
-        If there is no such folder, or it holds no mesh.
+        If the folder does not exist or has no meshes.
     """
 
     def __init__(
@@ -60,19 +60,19 @@ def load_mesh_motions(
     unit: str | None = None,
     up: str | None = None,
 ) -> Motions[MeshMotion]:
-    """Return the motions of a folder: itself, or every subfolder that holds meshes.
+    """Return the motion in a folder of meshes, or the motions in its subfolders.
 
-    Meshes are the frames, in natural order of their names (frame_2 before frame_10); they are
-    read when they are asked for.
+    Meshes are the frames, in the natural order of their names (frame_2 before frame_10), and are
+    read on access.
 
     Parameters
     ----------
     folder : path_like
         A folder of meshes, or of folders of meshes.
     frames_per_second : float
-        Frame rate, which the files do not say.
+        Frame rate, which mesh files do not hold.
     unit, up : str, optional
-        Unit of the files, and the axis that points up, see `riemhuman.surfaces.upright`.
+        Unit of the files, and the axis that points up, as for `load_bodies`.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def load_mesh_motions(
     Raises
     ------
     FileError
-        If there is no such folder, or no meshes are found.
+        If the folder does not exist, or no meshes are found.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Motions: surfaces in time, computed or read on access."""
+"""Motions: sequences of surfaces that are computed or read on access."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
 
 M = TypeVar("M", bound="Motion")
 
-# Frames made at a time: enough to share the cost of a call, few enough to stay small.
+# Frames per call of an iteration: enough to share its cost, few enough to need little memory.
 _FRAMES_AT_A_TIME = 16
 
 
 class Motion(ABC):
     """One person in one motion: a sequence of registered surfaces.
 
-    ``motion[i]`` is frame i, shape (V, 3); ``motion[i:j:k]`` are frames, shape (n, V, 3). Only
-    frames that are asked for are made, and none is kept: ``motion[:]`` is the whole motion.
+    ``motion[i]`` is frame i, shape (V, 3); ``motion[i:j:k]`` are frames, shape (n, V, 3), and
+    ``motion[:]`` is the whole motion. Frames are computed or read on access, and not kept.
 
     Parameters
     ----------
     subject, sequence : str
-        Who moves, and how.
+        Names of the person and of the motion.
     frames_per_second : float
         Frame rate.
     n_frames : int
@@ -58,7 +58,7 @@ class Motion(ABC):
 
     @property
     def subject(self) -> str:
-        """Who moves."""
+        """Name of the person."""
         return self._subject
 
     @property
@@ -118,7 +118,7 @@ class Motion(ABC):
 
 
 class Motions(tuple[M, ...]):
-    """Several motions: a tuple with a one-line representation.
+    """A tuple of motions with a one-line representation.
 
     Examples
     --------
@@ -147,30 +147,30 @@ def chosen(
     known: Sequence[str],
     source: str = "",
 ) -> tuple[str, ...]:
-    """Return the names asked for, all of them by default, after checking that they are known.
+    """Return the chosen names, by default all, after checking that they are known.
 
     Parameters
     ----------
     wanted : sequence of str or str, optional
-        Names asked for.
+        The chosen names.
     name : str
         Name of the argument, for messages.
     known : sequence of str
-        Names there are.
+        All names.
     source : str
-        Where they are, for messages.
+        Place of the names, for messages.
 
     Returns
     -------
     names : tuple of str
-        In the order asked for.
+        In the order of the argument.
 
     Raises
     ------
     ArgumentTypeError
-        If `wanted` is neither a name nor several.
+        If `wanted` is neither a name nor a list of names.
     ArgumentError
-        If none or an unknown name is asked for, or one twice.
+        If no name is chosen, or a name is unknown or repeated.
     """
     if wanted is None:
         return tuple(known)

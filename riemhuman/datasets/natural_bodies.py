@@ -1,4 +1,4 @@
-"""Traits of real people that a body model lacks: habits, self-contact and soft tissue."""
+"""Traits of real people that the open body model lacks: habits, self-contact and soft tissue."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from riemhuman.datasets.open_poses import (
 )
 from riemhuman.datasets.surface_noise import surface_noise
 
-# How far a person holds a pose from how it is written: standard deviations in degrees.
+# Deviations of a person from a pose as written: standard deviations in degrees.
 _OFFSET_DEGREES = {
     "pelvis": 1.5,
     "spine": 1.0,  # each of the three
@@ -32,19 +32,19 @@ _OFFSET_DEGREES = {
     "ankle": 2.0,
     "toes": 1.0,
 }
-# The share of its variance that is a habit, the same in every pose of the person.
+# The share of this variance that is a habit, the same in all poses of a person.
 _HABIT = 0.5
 _PLACE_TOUCHED_METRES = 0.025
 
-# Where the palm of the left hand faces in the model's rest pose, and half a hand's thickness.
+# Direction of the left palm in the model's rest pose, and half the thickness of a hand.
 _PALM = np.array([-0.669, -0.691, -0.274])
 _HALF_HAND_METRES = 0.012
-# How much it costs to miss the place, to hold the palm aslant, and to leave the written pose.
+# Scales of the costs of missing the place, of tilting the palm, and of leaving the written pose.
 _MISS_METRES, _ASLANT_RADIANS, _TURN_RADIANS = 0.003, 0.3, 0.4
 _N_STEPS = 20
 
-# A person's own surface, which no shape coefficient describes, and flesh that bulges or sinks in
-# about a joint, away from a point near it, in proportion to one minus the cosine of its angle.
+# Individual detail of the surface that no shape coefficient describes, and soft tissue that bulges
+# or sinks in around a point near a joint, in proportion to one minus the cosine of its angle.
 _DETAIL_METRES, _DETAIL_WAVELENGTHS = 0.0015, (0.08, 0.3)
 _BULGE_METRES, _BULGE_WIDTH, _BULGE_SHIFT = 0.02, 0.08, 0.03
 
@@ -52,10 +52,10 @@ _BULGE_METRES, _BULGE_WIDTH, _BULGE_SHIFT = 0.02, 0.08, 0.03
 def natural_performances(
     model: BodyModel, betas: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return how people hold the natural poses.
+    """Return the natural poses as people hold them.
 
-    Every person holds every pose a few degrees a joint from how it is written, in part the same
-    way in all of them. Where hands touch the body, the arms are moved until they do.
+    Every person deviates from every pose by a few degrees per joint, in part by the same habit in
+    all poses. Where hands touch the body, arms are moved until they do.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def natural_performances(
     betas : array, shape (n_people, B)
         Shape coefficients.
     rng : numpy.random.Generator
-        Where offsets and places are drawn from.
+        Source of random offsets and places.
 
     Returns
     -------
@@ -94,25 +94,25 @@ def natural_surfaces(
     poses: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the surfaces of one person, with detail and soft tissue of its own.
+    """Return the surfaces of one person, with individual detail and soft tissue.
 
     Parameters
     ----------
     model : BodyModel
         The open model, at any resolution.
     joints : array, shape (J, 3)
-        Joints of the mean body in the rest pose, about which flesh moves; metres.
+        Joints of the mean body in the rest pose, around which soft tissue moves, metres.
     betas : array, shape (B,)
         Shape coefficients.
     poses : array, shape (n_poses, J, 3)
         Pose vectors.
     rng : numpy.random.Generator
-        Where detail and tissue are drawn from.
+        Source of random detail and tissue.
 
     Returns
     -------
     points : array, shape (n_poses, V, 3)
-        Metres; the pelvis is where `model` puts it.
+        Metres; with the pelvis as `model` places it.
     """
     places = model.template.vertices
     detail = surface_noise(places, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
@@ -137,7 +137,7 @@ def _reaching(
     side: str,
     places: np.ndarray,
 ) -> np.ndarray:
-    """Return poses with one palm on the body, at places given on the left of the rest surface."""
+    """Return poses with one palm on the body, at places on the left side of the rest surface."""
     names, mirror = (
         model.joint_names,
         np.array([1.0 if side == "left" else -1.0, 1.0, 1.0]),
@@ -151,7 +151,7 @@ def _reaching(
     written = rotation_matrix(poses)
 
     def misses(turns: np.ndarray) -> np.ndarray:
-        """Return what is to become small, shape (people, m, 15), for turns (people, m, 9)."""
+        """Return the residuals, shape (people, m, 15), for turns (people, m, 9)."""
         rotations = np.repeat(written[:, None], turns.shape[1], axis=1)
         own = rotation_matrix(turns.reshape(*turns.shape[:-1], 3, 3))
         rotations[..., arm, :, :] = own @ rotations[..., arm, :, :]
@@ -166,7 +166,7 @@ def _reaching(
         )
         return np.concatenate(parts, axis=-1)
 
-    # Gauss and Newton's method for all people at once, with differences for derivatives.
+    # Gauss–Newton's method for all people at once, with finite differences.
     turns, step = np.zeros((len(betas), 9)), 1e-6
     nearby = np.concatenate([np.zeros((1, 9)), step * np.eye(9)])
     for _ in range(_N_STEPS):
@@ -184,7 +184,7 @@ def _reaching(
 def _touched(
     model: BodyModel, betas: np.ndarray, poses: np.ndarray, places: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return points of the posed bodies and the directions out of them, shapes (n_people, 3)."""
+    """Return points of the posed bodies and their outward normals, shapes (n_people, 3)."""
     arms = [name.endswith(("elbow", "wrist")) for name in model.joint_names]
     elsewhere = np.where(model.weights[:, arms].sum(axis=1) < 0.01, 0.0, np.inf)
     gaps = np.linalg.norm(model.template.vertices - places[:, None], axis=-1) + elsewhere

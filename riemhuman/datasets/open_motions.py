@@ -1,4 +1,4 @@
-"""The open motions: ten people in fourteen motions, computed from the body model that ships."""
+"""The open motions: ten people in fourteen motions, computed from the open body model."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS, Choreography, Cu
 from riemhuman.datasets.open_poses import pose_vectors
 from riemhuman.surfaces.template import Template
 
-# Shape coefficients in standard deviations; those not written are zero. None of these people is
-# among those of `load_open_bodies`.
+# Shape coefficients in standard deviations; the others are zero. None of these people is among
+# those of `load_open_bodies`.
 _SUBJECTS: dict[str, tuple[float, ...]] = {
     "tall sturdy woman": (0.5, 1.7, 0.5, -0.3, -0.5, -0.1, 0.3, -0.8, 0.3, 0.7),
     "slim young woman": (-1.3, 1.5, 1.1, 0.6, 0.1, 1.2, -0.4, -0.4, 0.4, 1.2),
@@ -32,7 +32,7 @@ _SUBJECTS: dict[str, tuple[float, ...]] = {
     "older heavy man": (0.5, -0.3, -0.7, 2.1, 0.3, -0.7, -0.3, 0.4, 0.8, 0.3),
 }
 
-# How much a performance differs at most from the motion as written.
+# Largest deviations of a performance from the motion as written.
 _TEMPO = 0.07
 _START = 0.1  # of a cycle
 _AMPLITUDE = 0.06  # each joint's, about its mean angle
@@ -43,9 +43,9 @@ _FRAMES_AT_A_TIME = 16
 
 
 class OpenMotion(Motion):
-    """One person of the open motions in one of them, with its ground truth.
+    """One person in one of the open motions, with the parameters of the body model.
 
-    Frame i is ``model(betas, pose_vectors[i], translations[i])``, made when it is asked for.
+    Frame i is ``model(betas, pose_vectors[i], translations[i])``, computed on access.
 
     Parameters
     ----------
@@ -130,36 +130,35 @@ def load_open_motions(
 ) -> Motions[OpenMotion]:
     """Return the open motions: ten people in fourteen motions of some seconds each.
 
-    The motions have the names of Dynamic FAUST's and are in their spirit: joint angles written
-    down over a cycle (`riemhuman.datasets.open_motion_curves`). Every person performs them a
-    little differently in tempo, start, amplitude and habit. The five women and five men are not
-    those of `load_open_bodies`, so that a basis learnt here is tested there on people it has
-    not seen. The same motions come at every call, whatever is chosen, and both resolutions show
-    the same performances.
+    The motions resemble those of Dynamic FAUST and have their names; they are defined by joint
+    angles over a cycle (`riemhuman.datasets.open_motion_curves`). Every person performs them with
+    slightly different tempo, start, amplitude and habit. The five women and five men are not those
+    of `load_open_bodies`, so that a basis learnt from these motions can be tested there on other
+    people. All calls return the same motions, and both resolutions show the same performances.
 
     Parameters
     ----------
     resolution : {"full", "coarse"}
         Resolution of the model, see `load_open_model`.
     subjects : sequence of str or str, optional
-        Names of the people wanted; all by default.
+        Names of the people; by default all.
     sequences : sequence of str or str, optional
-        Names of the motions wanted; all by default.
+        Names of the motions; by default all.
     frames_per_second : float
         Frame rate.
 
     Returns
     -------
     motions : Motions
-        Every motion of the first person, of the second, and so on. Frames are made when they are
-        asked for.
+        All motions of the first person, then of the second, and so on. Frames are computed on
+        access.
 
     Raises
     ------
     ArgumentTypeError
-        If names or the frame rate are of another type.
+        If names or the frame rate have the wrong type.
     ArgumentError
-        If there is no such resolution, person or motion, or the frame rate is not positive.
+        If the resolution, a person or a motion is unknown, or the frame rate is not positive.
 
     Examples
     --------
@@ -176,7 +175,7 @@ def load_open_motions(
 
 
 class _Performance:
-    """A choreography as one person performs it."""
+    """A choreography performed by one person."""
 
     def __init__(self, written: Choreography, rng: np.random.Generator) -> None:
         self._written = written
@@ -209,7 +208,7 @@ class _Performance:
 
 
 class _Turn:
-    """The rotation of one joint over the cycle, with its own amplitude, lag and habit."""
+    """The rotation of one joint over the cycle, with individual amplitude, lag and habit."""
 
     def __init__(
         self, axes: str, curves: Sequence[Curve], rng: np.random.Generator, delay: float
@@ -230,7 +229,7 @@ class _Turn:
 def _sided(
     written: Choreography,
 ) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
-    """Yield joint, axes, curves and delay in cycles; joints of both sides are split."""
+    """Yield joint, axes, curves and delay in cycles, with joints of both sides separately."""
     central = {
         "pelvis",
         "lower_spine",
@@ -257,9 +256,9 @@ def _negative(curve: Curve) -> Curve:
 
 
 def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
-    """Return a curve at phases in cycles: periodic, smooth, and within the values written."""
+    """Return a curve at phases in cycles: periodic, smooth, and within its written values."""
     written = np.atleast_1d(np.asarray(curve, dtype=np.float64))
-    # Its slope at a value depends on the two beside it.
+    # The slope at a value depends on the two values beside it.
     numbers = np.arange(-2, len(written) + 3)
     periodic = PchipInterpolator(numbers / len(written), written[numbers % len(written)])
     return periodic(phases % 1.0)

@@ -1,7 +1,7 @@
 """Poses of the open bodies, written as joint angles, and their conversion to pose vectors.
 
-Angles are degrees from the T-pose: arms straight out to the sides, legs straight down. There the
-axes are the body's own: x to its left, y up, z forward, so that
+Angles are degrees from the T-pose: arms straight out to the sides, legs straight down. In it, the
+axes are x to the body's left, y up and z forward, so that
 
 - trunk, neck and head: x bends forward, y turns to the left, z tilts to the right;
 - left shoulder: x turns the arm about itself, forward side down; -y swings it forward; z raises it;
@@ -9,8 +9,8 @@ axes are the body's own: x to its left, y up, z forward, so that
 - hip: -x lifts the thigh forward; y turns the left toes outward; z moves the left leg outward;
 - knee: x bends it; ankle and toes: x points them down.
 
-A joint without a side stands for both: the angles are the left one's, and the right one mirrors
-them (y and z change sign).
+A joint without a side stands for both: the angles are those of the left joint, and the right joint
+mirrors them (y and z change sign).
 """
 
 from __future__ import annotations
@@ -149,7 +149,7 @@ NATURAL_POSES: dict[str, dict[str, Angles]] = {
     "leg_raised": OPEN_POSES["leg_raised"],
     "squat": OPEN_POSES["squat"],
 }
-"""The ten poses of the natural open bodies: some alike, some whose hands touch the body."""
+"""The ten poses of the natural open bodies, some similar, some with hands on the body."""
 
 _HIP, _HEAD, _EAR = (0.155, 1.0, 0.01), (0.055, 1.715, 0.03), (0.08, 1.625, 0.04)
 TOUCHED: dict[str, dict[str, tuple[float, float, float]]] = {
@@ -157,7 +157,7 @@ TOUCHED: dict[str, dict[str, tuple[float, float, float]]] = {
     "hands_on_head": {"left": _HEAD, "right": _HEAD},
     "hand_on_ear": {"left": _HIP, "right": _EAR},
 }
-"""Where hands touch the body: points of the model's rest surface, metres, on its left side."""
+"""Points of the model's rest surface that hands touch, metres, on the left side of the body."""
 
 
 def joint_turns(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
@@ -166,19 +166,19 @@ def joint_turns(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
     Parameters
     ----------
     angles : mapping of str to tuple
-        Angles of some joints, as this module's tables write them; the others stay.
+        Angles of some joints, as in the tables of this module; other joints do not turn.
     model : BodyModel
         The open model, at any resolution.
 
     Returns
     -------
     turns : array, shape (J, 3, 3)
-        Rotation of each joint in the body's axes, carried along by its parent.
+        Rotation of each joint in the body's axes, which its parent turns.
 
     Raises
     ------
     ArgumentError
-        If the model has no joint of that name.
+        If the model has no joint of a name.
     """
     turns = np.tile(np.eye(3), (model.n_joints, 1, 1))
     sided = {name: turn for name, turn in angles.items() if name in model.joint_names}
@@ -206,7 +206,7 @@ def pose_vectors(turns: np.ndarray, model: BodyModel) -> np.ndarray:
     Parameters
     ----------
     turns : array_like, shape (..., J, 3, 3)
-        Rotation of each joint in the body's axes, carried along by its parent.
+        Rotation of each joint in the body's axes, which its parent turns.
     model : BodyModel
         The open model, at any resolution.
 

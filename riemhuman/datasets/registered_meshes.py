@@ -1,4 +1,4 @@
-"""Mesh files that share one triangulation, found in a folder and read together."""
+"""Mesh files of a folder that share one triangulation."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MESH_ENDINGS = (".ply", ".obj", ".off")
 def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the mesh files of a folder in natural order: body_2 comes before body_10.
 
-    Subfolders are not looked into, and hidden files are passed over.
+    Subfolders and hidden files are ignored.
 
     Parameters
     ----------
@@ -42,7 +42,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
     Raises
     ------
     FileError
-        If there is no such folder, it cannot be read, or it holds no mesh file.
+        If the folder does not exist, cannot be read, or has no mesh files.
     ArgumentTypeError
         If `folder` is not a path.
     """
@@ -61,7 +61,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 class RegisteredMeshes:
-    """Registered surfaces in files, read on access and not kept.
+    """Registered surfaces in files, which are read on access and not kept.
 
     ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3).
 
@@ -70,14 +70,14 @@ class RegisteredMeshes:
     files : sequence of path_like
         Mesh files (PLY, OBJ or OFF); at least one.
     reference : path_like, optional
-        Mesh file whose number of vertices and triangles all must have; by default the first.
+        Mesh file whose number of vertices and triangles all files must have; by default the first.
     scale : {"template"} or None
-        Whether a mesh more than eight times as large or as small as the reference is refused,
-        because it must be in another unit.
+        With "template", a mesh more than eight times as large or as small as the reference is
+        refused, because it is evidently in another unit.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the files, brought to metres; by default their numbers are taken as they are.
+        Unit of the files, converted to metres; by default coordinates are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up in the files, turned to y; by default they are not turned.
+        Axis that points up in the files, rotated to y; by default meshes are not rotated.
 
     Raises
     ------
@@ -114,7 +114,7 @@ class RegisteredMeshes:
 
     @property
     def faces(self) -> np.ndarray:
-        """The triangles they share, shape (F, 3)."""
+        """The common triangles, shape (F, 3)."""
         return self._faces
 
     @property
@@ -168,17 +168,8 @@ def load_registered(
 
     Parameters
     ----------
-    files : sequence of path_like
-        Mesh files (PLY, OBJ or OFF); at least one.
-    reference : path_like, optional
-        Mesh file whose number of vertices and triangles all must have; by default the first.
-    scale : {"template"} or None
-        Whether a mesh more than eight times as large or as small as the reference is refused,
-        because it must be in another unit.
-    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the files, brought to metres; by default their numbers are taken as they are.
-    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up in the files, turned to y; by default they are not turned.
+    files, reference, scale, unit, up
+        As for `RegisteredMeshes`.
     progress : bool
         Whether to show a progress bar over files.
 
@@ -187,7 +178,7 @@ def load_registered(
     points : array, shape (n, V, 3)
         Vertices of every mesh.
     faces : array of int, shape (F, 3)
-        The triangles they share.
+        The common triangles.
 
     Raises
     ------
@@ -196,8 +187,8 @@ def load_registered(
     FileError
         If a file is missing or cannot be read.
     FileFormatError
-        If a file is damaged, or has other triangles, another number of vertices or another unit of
-        length than the reference: it is named, and what differs.
+        If a file is damaged, or differs from the reference in its triangles, its number of vertices
+        or evidently in its unit; the message names the file and the difference.
     """
     meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up)
     if not progress:
@@ -213,22 +204,20 @@ def read_template(
     unit: str | None = None,
     up: str | None = None,
 ) -> Template:
-    """Return the given template, or else the first mesh.
+    """Return the given template, or the first mesh if none is given.
 
-    A template is a body. The mean of the vertices is none where poses differ: its arms shrink, and
-    their triangles lose their weight in every integral over the template. Unlike a medoid, the
-    first body costs nothing however many there are, and stays the same when more are added.
+    A template must be a body. The mean of the vertices is not a body if poses differ: its arms
+    shrink, and their triangles lose their weight in every integral over the template. Unlike a
+    medoid, the first body needs no computation and stays the same when bodies are added.
 
     Parameters
     ----------
     template : Template or path_like or None
-        The template, a mesh file with it, or none.
+        The template, a mesh file with it, or None.
     first_mesh : path_like
         The file of the first mesh.
-    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of a file, brought to metres; by default its numbers are taken as they are.
-    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up in a file, turned to y; by default it is not turned.
+    unit, up
+        Unit and vertical axis of a file, as for `RegisteredMeshes`.
 
     Raises
     ------
@@ -249,7 +238,7 @@ def read_template(
 def check_template(
     template: Template, points: np.ndarray, faces: np.ndarray, scale: str | None = "template"
 ) -> None:
-    """Refuse a template that meshes are not registered to.
+    """Refuse a template to which meshes are not registered.
 
     Parameters
     ----------
@@ -260,7 +249,7 @@ def check_template(
     faces : array of int, shape (F, 3)
         Their triangles.
     scale : {"template"} or None
-        Whether meshes more than eight times as large or as small are refused.
+        With "template", meshes more than eight times as large or as small are refused.
 
     Raises
     ------
@@ -289,7 +278,7 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
     Raises
     ------
     FileError
-        If there is no such folder.
+        If the folder does not exist.
     ArgumentTypeError
         If `folder` is not a path.
     """
@@ -302,16 +291,16 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
 
 
 def natural_key(name: str) -> tuple[object, ...]:
-    """Return a sorting key by which numbers within names count as numbers.
+    """Return a sorting key that compares numbers within names as numbers.
 
     Parameters
     ----------
     name : str
         A name.
     """
-    # Splitting at the digits alternates text and numbers, so that like is compared with like.
+    # The key alternates text and numbers, so that text is compared with text.
     texts = re.split(r"[0-9]+", name.casefold())
     digits = [found.lstrip("0") for found in re.findall(r"[0-9]+", name)]
-    # Of two numbers the one with more digits is larger; Python reads no number of thousands.
+    # A number with more digits is larger; Python refuses to convert thousands of digits.
     numbers = [(len(found), found) for found in digits]
     return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=(-1, ""))),), name

@@ -1,4 +1,4 @@
-"""Labelled meshes that are not registered, as in SHREC'14: a folder and a class file."""
+"""Labelled meshes that are not registered, such as SHREC'14: a folder with a class file."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import numpy as np
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
-from riemhuman.representation import Record
+from riemhuman.representation import Record, listed
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.mesh_files import load_mesh
@@ -30,9 +30,9 @@ class LabelledMeshes(Record):
     files : tuple of Path
         Mesh files.
     ids : tuple of str
-        What the class file calls each mesh.
+        Name of each mesh in the class file.
     subject : array of int, shape (n,)
-        Class of each mesh: an index into `subject_names`.
+        Class of each mesh, an index into `subject_names`.
     subject_names : tuple of str
         Names of the classes.
     scale : float
@@ -76,12 +76,12 @@ class LabelledMeshes(Record):
         return (self[index] for index in range(len(self)))
 
     def problems(self) -> dict[str, str]:
-        """Read every file, and return why some cannot be read.
+        """Read every file, and return the errors of those that cannot be read.
 
         Returns
         -------
         dict of str to str
-            Messages by id, of the files that are damaged alone.
+            Error messages by id.
         """
         found = {}
         for index, name in enumerate(self.ids):
@@ -101,40 +101,40 @@ def load_shrec14(
 ) -> LabelledMeshes:
     r"""Find the meshes of a SHREC'14 human data set, labelled by a class file.
 
-    The data sets are not part of this library [1]_. Their meshes are not registered to each other:
-    of the representations here, descriptors that need no template apply.
+    The data sets are not part of this library [1]_. Their meshes are not registered to each other,
+    so only descriptors that need no template apply to them.
 
     Parameters
     ----------
     folder : path_like
-        The folder of the mesh files (``.ply``, ``.obj`` or ``.off``), or one above it. Should a
-        mesh be there in several formats, the first of these is read.
+        The folder of the mesh files (``.ply``, ``.obj`` or ``.off``), or one above it. Of a mesh in
+        several formats, the first of these is read.
     classes : path_like, optional
         The class file, in the format of the Princeton Shape Benchmark [2]_. By default the only
         file in the folder, or below it, that ends in ``.cla``. Its ids are names of mesh files,
-        with or without ending; where they are bare numbers, the file of an id is the one whose
-        name has this number as its last.
+        with or without suffix. An id that is a number may also stand for the file whose name has
+        this number as its last.
     scale : float
-        Factor that makes metres of the files' unit.
+        Factor from the files' unit to metres.
     allow_missing : bool
-        Whether to go on with the others where the class file lists meshes that are not there.
+        Whether to leave out meshes that the class file lists and the folder lacks.
 
     Returns
     -------
     LabelledMeshes
-        In the order of the class file; nothing but file names has been read.
+        In the order of the class file; no mesh file has been read yet.
 
     Raises
     ------
     ArgumentTypeError
-        If a path is not one.
+        If a path argument is not a path.
     ArgumentError
         If the scale is not a positive number.
     FileError
-        If there is no such folder, it holds no mesh or no class file, several class files, or
-        lacks meshes that the class file lists.
+        If the folder does not exist, has no meshes, not exactly one class file, or lacks meshes
+        that the class file lists.
     FileFormatError
-        If the class file is damaged, by name and line, or an id fits several meshes.
+        If the class file is damaged, with its line, or an id matches several meshes.
 
     References
     ----------
@@ -160,19 +160,17 @@ def load_shrec14(
     class_file = _find_class_file(root) if classes is None else file_path(classes, "classes")
     members = read_classes(class_file)
     names, files = _find_meshes(root)
-    ids = [name for listed in members.values() for name in listed]
+    ids = [name for each in members.values() for name in each]
     found = {name: _file_of(name, names, class_file) for name in ids}
     missing = tuple(name for name in ids if found[name] is None)
     if missing and (not allow_missing or len(missing) == len(ids)):
-        listed = ", ".join(name[:60] for name in missing[:20]) + (
-            f" and {len(missing) - 20} more" if len(missing) > 20 else ""
-        )
+        names_missing = listed([name[:60] for name in missing], 20)
         rest = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
         raise FileError(
             f"{root} lacks {len(missing)} of the {len(ids)} meshes that {class_file} lists: "
-            f"{listed}{rest}"
+            f"{names_missing}{rest}"
         )
-    subjects = [number for number, listed in enumerate(members.values()) for _ in listed]
+    subjects = [number for number, each in enumerate(members.values()) for _ in each]
     kept = [(name, label) for name, label in zip(ids, subjects, strict=True) if found[name]]
     used = {found[name] for name, _ in kept}
     return LabelledMeshes(
@@ -189,9 +187,9 @@ def load_shrec14(
 def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
     """Read a class file of the Princeton Shape Benchmark.
 
-    Its first words are ``PSB 1`` and the numbers of classes and of meshes. Then come the classes:
-    name, name of the parent class or 0, number of meshes, and the id of each. Line breaks do not
-    matter.
+    Its first words are ``PSB 1`` and the numbers of classes and of meshes. The classes follow, each
+    with its name, the name of its parent class or 0, the number of its meshes, and their ids. Line
+    breaks have no meaning.
 
     Parameters
     ----------
@@ -201,7 +199,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
     Returns
     -------
     dict of str to tuple of str
-        Ids of the meshes by name of class; classes without meshes of their own are left out.
+        Ids of the meshes by the name of their class; classes without meshes are left out.
 
     Raises
     ------
@@ -245,7 +243,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
 
 
 class _Words:
-    """The words of a text, with the line each stands in."""
+    """The words of a text with their lines."""
 
     def __init__(self, file: Path, text: str) -> None:
         self._file = file
@@ -278,7 +276,7 @@ class _Words:
             self.refuse("the file has more words than its header declares")
 
     def _following(self) -> str:
-        """Return the next word, nothing at the end; line ends before it are counted."""
+        """Return the next word, empty at the end, and count the line ends before it."""
         line = self._line
         for match in self._matches:
             if match[0] not in ("\r\n", "\r", "\n"):
@@ -295,13 +293,13 @@ def _find_class_file(root: Path) -> Path:
             f"{root} holds no class file: no file there ends in .cla; name it, classes="
         )
     if len(found) > 1:
-        listed = ", ".join(str(file.relative_to(root)) for file in found)
-        raise FileError(f"{root} holds {len(found)} class files: {listed}; choose one, classes=")
+        several = ", ".join(str(file.relative_to(root)) for file in found)
+        raise FileError(f"{root} holds {len(found)} class files: {several}; choose one, classes=")
     return found[0]
 
 
 def _find_meshes(root: Path) -> tuple[dict[str, list[str]], dict[str, Path]]:
-    """Return keys of mesh files by last number in the name, and files by key: path but ending."""
+    """Return keys of mesh files by name and last number, and files by key, the path but suffix."""
     files: dict[str, Path] = {}
     for file in root.rglob("*"):
         if _is_visible(file, MESH_ENDINGS):
@@ -320,7 +318,7 @@ def _find_meshes(root: Path) -> tuple[dict[str, list[str]], dict[str, Path]]:
 
 
 def _file_of(name: str, names: Mapping[str, list[str]], class_file: Path) -> str | None:
-    """Return the key of the mesh file that an id means, if there is one."""
+    """Return the key of an id's mesh file, if there is one."""
     stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
     keys = names.get(stem, [])
     if not keys and re.fullmatch(r"[0-9]+", stem):
@@ -334,7 +332,7 @@ def _file_of(name: str, names: Mapping[str, list[str]], class_file: Path) -> str
 
 
 def _number(digits: str) -> str:
-    """Return a number as a key that no name of a file begins like."""
+    """Return a number as a key that differs from all names of files."""
     return f"/{digits.lstrip('0')}"
 
 

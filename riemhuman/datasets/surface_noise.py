@@ -15,19 +15,18 @@ def surface_noise(
 ) -> np.ndarray:
     """Return a sum of random plane waves at every point.
 
-    Both walls of a thin fold (lips, ears, nostrils) move alike, so that they do not run into each
-    other.
+    The two sides of a thin fold (lips, ears, nostrils) move alike, so that they do not intersect.
 
     Parameters
     ----------
     points : array, shape (V, 3)
-        Where the waves are evaluated, metres.
+        Points, metres.
     size : float
         Root mean square length of the displacement, metres.
     wavelengths : tuple of float
         Shortest and longest wave, metres.
     rng : numpy.random.Generator
-        Where the waves are drawn from.
+        Source of random waves.
 
     Returns
     -------

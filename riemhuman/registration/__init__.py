@@ -1,4 +1,4 @@
-"""From a raw scan to a registered body, without landmarks."""
+"""Registration of raw scans by a body model, without landmarks, or by a template."""
 
 from riemhuman.registration.folders import ScanRecord, read_records, register_folder
 from riemhuman.registration.results import RegisteredScan

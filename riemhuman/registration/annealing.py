@@ -1,4 +1,4 @@
-"""Fits of a body to loose points from one start: soft assignment under a falling temperature."""
+"""Fits of a body to loose points from one start, by soft assignment with falling deviations."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from riemhuman.registration.posing_equations import (
 )
 from riemhuman.registration.soft_assignment import assign
 
-# How many independent points the scan is worth when it is weighed against the prior.
+# Number of independent points that the scan counts as, relative to the prior.
 _WORTH = 300.0
 _LONGEST_TURN = 0.6
-# A landmark's share of all scan points.
+# Weight of a landmark, as a share of all scan points.
 _LANDMARK = 0.03
 
 
@@ -35,24 +35,24 @@ def annealed(
     signed: bool,
     landmarks: np.ndarray,
 ) -> tuple[Pose, float]:
-    """Return a body brought nearer to a scan, and the likelihood before the last step.
+    """Fit a body to a scan, and return it with the likelihood before the last step.
 
     Parameters
     ----------
     body : ModelSamples
         The model.
     start : Pose
-        Where to begin.
+        Start of the fit.
     prior : Prior
-        What is known of the pose.
+        Prior of pose and shape.
     scan, scan_normals : array, shape (m, 3), float32
         Points of the scan, metres, and unit normals.
     sigmas : array, shape (n_steps,)
         Standard deviation in each step, metres.
     signed : bool
-        Whether the normals have a sign.
+        Whether the signs of the normals are known.
     landmarks : array, shape (n, 3)
-        Where points of the body are known to be; NaN of all others.
+        Known places of points of the body; NaN for all others.
 
     Returns
     -------

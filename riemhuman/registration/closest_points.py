@@ -1,4 +1,4 @@
-"""The dense fit: closest points of scan and body, for the model's parameters and then freely."""
+"""The dense fit by closest points, first of the model's parameters and then of free vertices."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from riemhuman.registration.posing_equations import (
 )
 from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 
-# How many metres a normal turned by a radian is away.
+# Distance in metres that counts as much as a turn of the normal by a radian.
 _NORMAL_METRES = 0.05
-# Scan points that are averaged over, against noise.
+# Number of scan points in an average, against noise.
 _N_NEIGHBOURS = 4
 _BLUR_METRES = 0.008
 
 _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
 _MODEL_ALONG = 0.05
-# Weight of the prior: one unit of a coefficient counts as much as so much of mean distance.
+# Weight of the prior: one unit of a coefficient counts as much as this mean distance.
 _PRIOR_METRES = 1e-4
 
 _STIFFNESSES = (1e-3, 1e-3, 5e-4, 5e-4, 2e-4, 2e-4, 1e-4, 1e-4)
@@ -37,16 +37,16 @@ _CONJUGATE_STEPS, _CONJUGATE_TOLERANCE = 60, 3e-2
 
 
 class Matches(NamedTuple):
-    """What points of a body have found in a scan.
+    """The points of a scan that match the points of a body.
 
     Attributes
     ----------
     gaps : array, shape (n, 3)
-        From each point to where it belongs, metres.
+        Vectors from the points of the body to their matches, metres.
     normals : array, shape (n, 3)
-        Of the scan there.
+        Normals of the scan at the matches.
     weights : array, shape (n,)
-        How much each is to be believed, between 0 and 1.
+        Reliability of each match, between 0 and 1.
     """
 
     gaps: np.ndarray
@@ -55,7 +55,7 @@ class Matches(NamedTuple):
 
 
 class ScanTree:
-    """The points of a scan, to be found by place and normal.
+    """A search tree for the points of a scan by position and normal.
 
     Parameters
     ----------
@@ -68,14 +68,14 @@ class ScanTree:
         self._tree = cKDTree(np.concatenate([points, _NORMAL_METRES * normals], axis=1))
 
     def matches(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
-        """Return what points of a body find; far points count less (Geman and McClure).
+        """Match the points of a body; far matches count less (Geman and McClure).
 
         Parameters
         ----------
         points, normals : array, shape (n, 3)
             Points of a body and unit normals.
         scale : float
-            Distance at which a point counts a quarter, metres.
+            Distance at which a match counts a quarter, metres.
         """
         places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
         count = min(_N_NEIGHBOURS, len(self.points))
@@ -97,20 +97,20 @@ def fit_closest(
     scan: ScanTree,
     scales: tuple[float, ...] = _MODEL_SCALES,
 ) -> Pose:
-    """Return the parameters that bring a body's points to the closest ones of a scan.
+    """Return the parameters that bring a body's points to the closest points of a scan.
 
     Parameters
     ----------
     body : ModelSamples
         The model.
     pose : Pose
-        Where to begin.
+        Start of the fit.
     prior : Prior
-        What is known of the pose.
+        Prior of pose and shape.
     scan : ScanTree
         The scan.
     scales : tuple of float
-        How far points may be off in each step, metres.
+        Distance in each step at which a match counts a quarter, metres.
     """
     n_columns = 3 * len(body.parents) + len(pose.betas) + 3
     for scale in scales:
@@ -136,8 +136,8 @@ def fit_elastic(
 ) -> tuple[np.ndarray, Matches]:
     """Return a surface near a scan whose elastic distance from a reference is small.
 
-    Gauss–Newton steps for Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), where r are the gaps to
-    the scan, n its normals and d the elastic distance; the matrix of the metric is that at the
+    Gauss–Newton steps minimise Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), with the gaps r to
+    the scan, its normals n and the elastic distance d. They use the matrix of the metric at the
     reference, and conjugate gradients solve the equations.
 
     Parameters
@@ -145,21 +145,21 @@ def fit_elastic(
     metric : ElasticMetric
         The metric.
     start : array, shape (V, 3)
-        Where to begin, metres.
+        Start of the fit, metres.
     reference : array, shape (V, 3)
-        Surface f₀ whose shape is kept where the scan says nothing.
+        Surface f₀, whose shape is kept where the scan has no points.
     scan : ScanTree
         The scan.
     stiffnesses : tuple of float
         Weight α in each step.
     scale : float
-        Distance at which a point counts a quarter, metres.
+        Distance at which a match counts a quarter, metres.
 
     Returns
     -------
     points : array, shape (V, 3)
     matches : Matches
-        What the vertices have found at last.
+        The matches of the vertices in the end.
     """
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas

@@ -1,8 +1,8 @@
-"""Registration of folders of scans; a run that was stopped resumes.
+"""Registration of folders of scans, which an interrupted run resumes.
 
-The output holds ``NAME.ply`` for every scan that is to be trusted, so that it is a folder of
-registered meshes; ``untrusted/NAME.ply`` for the others; and ``registrations/NAME.npz`` with what
-is known of each.
+The output folder holds ``NAME.ply`` for every trusted registration, so that it is a folder of
+registered meshes, ``untrusted/NAME.ply`` for the others, and a record ``registrations/NAME.npz``
+of every scan.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from riemhuman.surfaces.mesh_files import save_mesh
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"
 _VERSION = 1
-# So many points of a scan are kept for pictures.
+# Number of points of a scan that are kept for pictures.
 _N_SHOWN = 12_000
 _FIELDS = ("trusted", "message", "likelihood", "median_distance", "matched_share")
 _ARRAYS = ("points", "faces", "up", "matched", "shown", "shown_distances", "betas", "pose", "trans")
@@ -44,20 +44,21 @@ class ScanRecord:
     Attributes
     ----------
     name : str
-        Name of the scan's file without its ending.
+        Name of the scan's file without its suffix.
     trusted : bool
-        Whether to believe it.
+        Whether the registration is trusted.
     message : str
-        Why not; or why the scan could not be registered at all.
+        Why the registration is not trusted, or why the scan could not be registered.
     likelihood : float
-        Mean log-likelihood of the scan; NaN where it could not be registered.
+        Mean log-likelihood of the scan; NaN if it could not be registered.
     median_distance : float
-        Of the scan's points from the body, metres.
+        Median distance of the scan's points from the body, metres.
     matched_share : float
-        Share of the vertices that saw scan.
+        Share of the vertices that match the scan.
     arrays : dict of str to array
-        The body's points and faces, the way up, the vertices matched, some points of the scan and
-        their distances, betas, pose and trans; empty where the scan could not be registered.
+        Points and faces of the body, the direction up, the matched vertices, some points of the
+        scan and their distances, and betas, pose and trans; empty if the scan could not be
+        registered.
 
     Examples
     --------
@@ -86,19 +87,19 @@ def register_folder(
 ) -> list[ScanRecord]:
     """Register the scans of a folder.
 
-    Scans that are in the output already, from the same file by the same model, are left as they
-    are. A scan that cannot be read or registered is recorded with the reason.
+    A scan that the output holds already, from the same file by the same model, is skipped. A scan
+    that cannot be read or registered is recorded with the reason.
 
     Parameters
     ----------
     registration : ScanRegistration
-        How to register.
+        The model and the options of the registration.
     scans : path_like
-        Folder with the scans, in the natural order of their names; subfolders are not looked into.
+        Folder with the scans, in the natural order of their names; subfolders are ignored.
     output : path_like
-        Folder to write, made if it is not there.
+        Folder to write, made if need be.
     sequence : bool
-        Whether each scan shows the person of the one before a moment later.
+        Whether the scans show one person in motion, so that each starts from the one before.
     progress : bool
         Whether to show a progress bar.
 
@@ -110,8 +111,8 @@ def register_folder(
     Raises
     ------
     FileError
-        If there is no such folder, it holds no scans, two scans have one name, or the output
-        cannot be written.
+        If the folder of scans does not exist or holds no scans, two scans have the same name, or
+        the output cannot be written.
 
     Examples
     --------
@@ -155,7 +156,7 @@ def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     Raises
     ------
     FileError
-        If there is no such folder, it holds no scans, or two of them have one name.
+        If the folder does not exist or holds no scans, or two scans have the same name.
     """
     place = existing_folder(folder)
     files = [each for each in place.iterdir() if each.suffix.lower() in SUFFIXES]
@@ -169,7 +170,7 @@ def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
-    """Return the records of the scans registered into a folder, the worst first.
+    """Return the records of the scans registered into a folder, untrusted ones first.
 
     Parameters
     ----------
@@ -184,7 +185,7 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
     Raises
     ------
     FileError
-        If nothing was registered into it.
+        If the folder holds no records.
     FileFormatError
         If a record is damaged.
 
@@ -203,17 +204,12 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
 
 
 def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
-    """Sort records so that those to check first come first.
+    """Return records in the order in which to check them: untrusted ones, then the least close.
 
     Parameters
     ----------
     records : list of ScanRecord
         Records.
-
-    Returns
-    -------
-    records : list of ScanRecord
-        Untrusted ones first, then by the median distance from the scan.
     """
     return sorted(
         records,
@@ -277,7 +273,7 @@ def _registered(
 
 
 def _identity(registration: ScanRegistration, sequence: bool) -> bytes:
-    """Return what a registration depends on beside the scan."""
+    """Return a digest of what a registration depends on beside the scan."""
     digest = hashlib.sha256(repr((_VERSION, registration.unit, registration.up, sequence)).encode())
     model = registration.model
     for array in (model.template.vertices, model.faces, model.shapedirs, model.weights):
@@ -286,7 +282,7 @@ def _identity(registration: ScanRegistration, sequence: bool) -> bytes:
 
 
 def _write(folder: Path, record: ScanRecord, key: str) -> None:
-    """Write the body, then the record that says it is there."""
+    """Write the body, and then its record, which marks it as complete."""
     (folder / f"{record.name}.ply").unlink(missing_ok=True)
     (folder / UNTRUSTED / f"{record.name}.ply").unlink(missing_ok=True)
     if record.arrays:
@@ -302,7 +298,7 @@ def _write(folder: Path, record: ScanRecord, key: str) -> None:
 
 
 def _kept(folder: Path, name: str, key: str) -> ScanRecord | None:
-    """Return the record of a scan that was registered before, if it is all there."""
+    """Return the record of a scan from an earlier run, if its files are complete."""
     file = folder / RECORDS / f"{name}.npz"
     if not file.is_file():
         return None
@@ -311,7 +307,7 @@ def _kept(folder: Path, name: str, key: str) -> ScanRecord | None:
             return None
         record = _read(file)
     except FileFormatError:
-        return None  # damaged: it is made anew
+        return None  # damaged: the scan is registered again
     place = folder if record.trusted else folder / UNTRUSTED
     if record.arrays and not (place / f"{name}.ply").is_file():
         return None

@@ -1,8 +1,8 @@
-"""Some points of a body model's surface, spread evenly, with all that moves them.
+"""Evenly spread points of a body model's surface, with everything that moves them.
 
 Registration follows a few hundred or a few thousand points of the surface instead of all its
-vertices. Each carries its skinning weights, shape directions, normal and share of the area. No
-coarser mesh is needed, so that any `BodyModel` will do.
+vertices. Each has its skinning weights, shape directions, normal and share of the area. No coarser
+mesh is needed, so that any `BodyModel` can be used.
 """
 
 from __future__ import annotations
@@ -26,23 +26,23 @@ class ModelSamples(NamedTuple):
     numbers : array of int, shape (n,)
         Vertices of the model; -1 for a joint.
     rest, normals : array, shape (n, 3)
-        Where they are, metres, and unit normals.
+        Positions, metres, and unit normals.
     areas : array, shape (n,)
-        Shares of the surface; they sum to one, and joints have none.
+        Shares of the surface, which sum to one; 0 for joints.
     shapedirs : array, shape (n, 3, B)
         Displacement for each shape coefficient.
     posedirs : array, shape (n, 3, P)
-        Displacement for each entry of R - I of the joints; P is zero without any.
+        Displacement for each entry of R - I of the joints; P is 0 for a model without posedirs.
     bones : array of int, shape (n, k)
         Joints that move the point.
     weights : array, shape (n, k)
-        How much each of them does.
+        Skinning weights of these joints.
     rest_joints : array, shape (J, 3)
         The joints, metres.
     joint_shapes : array, shape (J, 3, B)
         Their displacement for each shape coefficient.
     parents, order : array of int, shape (J,)
-        The parent of each joint, -1 of the root; and the joints, each after its parent.
+        The parent of each joint, -1 for the root; and the joints, each after its parent.
     """
 
     numbers: np.ndarray
@@ -60,16 +60,16 @@ class ModelSamples(NamedTuple):
 
 
 def sample_model(model: BodyModel, n_samples: int | None, skeleton: Skeleton) -> ModelSamples:
-    """Return points of the model's skin, and its joints after them.
+    """Return points of the model's skin, followed by its joints.
 
     Parameters
     ----------
     model : BodyModel
         The model.
     n_samples : int or None
-        About how many vertices to take; all of them where None.
+        Approximate number of vertices to take; None for all.
     skeleton : Skeleton
-        Its joints.
+        The joints of the model.
 
     Returns
     -------
@@ -84,8 +84,8 @@ def sample_model(model: BodyModel, n_samples: int | None, skeleton: Skeleton) ->
         shares = areas
     else:
         numbers = thinned(vertices, n_samples, np.random.default_rng(0))
-        # Both sides of a thin part have an area of their own: neighbours look alike in their
-        # normals, too.
+        # Neighbours are near in their normals too, so that the two sides of a thin part keep their
+        # own areas.
         near = np.concatenate([vertices, 0.05 * normals], axis=1)
         owners = cKDTree(near[numbers]).query(near)[1]
         shares = np.bincount(owners, areas, len(numbers))

@@ -17,7 +17,7 @@ class Pose(NamedTuple):
     Attributes
     ----------
     local : array, shape (J, 3, 3)
-        Rotation of each joint in the axes of the rest pose, carried along by its parent.
+        Rotation of each joint in the axes of the rest pose, which its parent turns.
     betas : array, shape (B,)
         Shape coefficients.
     trans : array, shape (3,)
@@ -33,7 +33,7 @@ class Pose(NamedTuple):
 def joint_motions(
     body: ModelSamples, pose: Pose
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return turns, places, shifts, the derivatives of shifts for betas, and axes of the joints.
+    """Return the rigid motions of the joints, x ↦ turn x + shift, and their derivatives by betas.
 
     Parameters
     ----------
@@ -45,8 +45,11 @@ def joint_motions(
     Returns
     -------
     turns : array, shape (J, 3, 3)
+        Rotations in space.
     places, shifts : array, shape (J, 3)
+        Positions of the joints, and shifts, metres.
     shift_shapes : array, shape (J, 3, B)
+        Derivatives of the shifts by the betas.
     axes : array, shape (J, 3, 3)
         The turn of each joint's parent.
     """
@@ -92,7 +95,7 @@ def joint_motions(
 
 @compiled
 def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
-    """Return the points of the shaped body before its joints turn.
+    """Return the points of the body with its shape and pose offsets, before its joints turn.
 
     Parameters
     ----------
@@ -125,7 +128,7 @@ def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
 
 @compiled
 def posed(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Return points of a posed body and their normals.
+    """Return the points of a posed body and their normals.
 
     Parameters
     ----------

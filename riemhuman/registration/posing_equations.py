@@ -27,18 +27,18 @@ from riemhuman.registration.posing import (
 
 
 class Prior(NamedTuple):
-    """What is known of a pose before a scan is seen.
+    """A normal prior of pose and shape.
 
     Attributes
     ----------
     local : array, shape (J, 3, 3)
-        The pose that joints are drawn to.
+        Mean rotations of the joints.
     precisions : array, shape (J,)
-        How strongly: inverse variances, in inverse squared radians; the root's is zero.
+        Inverse variances of the joints, in inverse squared radians; 0 for the root.
     betas : array, shape (B,)
-        The shape that the betas are drawn to.
+        Mean of the betas.
     betas_precision : float
-        How strongly.
+        Inverse variance of the betas.
     """
 
     local: np.ndarray
@@ -69,15 +69,15 @@ def add_normal_equations(
     shares : array, shape (n,)
         Weights s; points of weight zero are left out.
     gaps : array, shape (n, 3)
-        From points to where they belong, r.
+        Vectors r from the points to their targets.
     directions : array, shape (n, 3)
         Unit vectors d.
     along : float
         Weight τ across the directions d.
     matrix : array, shape (P, P)
-        Of turns of the joints in space, betas and trans: P = 3 J + B + 3.
+        Matrix for turns of the joints in space, betas and trans, P = 3 J + B + 3; added to.
     right : array, shape (P,)
-        Right-hand side.
+        Right-hand side; added to.
     """
     turns, places, shifts, shift_shapes, _ = joint_motions(body, pose)
     shaped = shaped_points(body, pose)
@@ -164,7 +164,7 @@ def add_prior(
     pose : Pose
         Parameters.
     prior : Prior
-        What is known.
+        The prior.
     size : float
         Its weight, square metres.
     matrix : array, shape (P, P)
@@ -207,7 +207,7 @@ def stepped(
     pose : Pose
         Parameters.
     matrix : array, shape (P, P)
-        Normal equations, changed.
+        Matrix of the normal equations, which is overwritten.
     right : array, shape (P,)
         Right-hand side.
     longest : float
@@ -238,7 +238,7 @@ def stepped(
 
 @compiled(forceinline=True, fastmath=SUM)
 def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Return the solution of positive definite equations, by the factors of Cholesky in place."""
+    """Solve positive definite equations by Cholesky factors, which overwrite the matrix."""
     solution = right.copy()
     for i in range(len(right)):
         for j in range(i):

@@ -1,4 +1,4 @@
-"""What registration returns."""
+"""The result of a registration."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ class RegisteredScan:
     Attributes
     ----------
     points : array, shape (V, 3)
-        The registered surface, metres, where the scan stands.
+        The registered surface at the place of the scan, metres.
     trusted : bool
-        Whether to believe it.
+        Whether the result passed all checks.
     message : str
-        Why it is not to be believed, or what was noticed.
+        The checks that the result failed.
     likelihood : float
-        Mean log-likelihood of the scan points under the fitted body of 1.8 square metres; NaN
-        without a body model.
+        Mean log-likelihood of the scan points under the fitted body, scaled to an area of 1.8
+        square metres; NaN without a body model.
     fit : ModelFit or None
         Betas, pose and trans of the model, and the distances of `points` from it; None without a
         body model.
     distances : array, shape (N,)
-        From each point of the scan to the registered surface, metres.
+        Distance of each point of the scan from the registered surface, metres.
     matched : array of bool, shape (V,)
-        Which vertices have found scan within 2 cm; the others are where the model and the elastic
-        metric put them.
+        Which vertices match points of the scan within 2 cm; the positions of the others follow
+        from the model and the elastic metric.
     correspondence : SurfacePlaces
-        Triangle and barycentric coordinates of the place on the surface that is nearest to each
-        point of the scan: what is known at places of the scan goes over to the body by it.
+        Triangle and barycentric coordinates of the point on the surface nearest to each point of
+        the scan, by which data on the scan are carried over to the body.
     background : array of bool, shape (N,)
-        Which points of the scan were taken for floor or strays.
+        Which points of the scan were classified as floor or strays.
     up : array, shape (3,)
-        Which way is up in the scan.
+        The direction up in the scan.
     unit : str
         The unit of the scan.
 

@@ -1,4 +1,4 @@
-"""Files of scans: meshes and loose points."""
+"""Reading of files of scans, which hold meshes or loose points."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.ply_files import has_ply_faces, read_ply_points
 
 SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
-"""Endings of the files of scans."""
+"""Suffixes of the files of scans."""
 
 _Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
 
 
 def read_scan(path: str | os.PathLike[str]) -> _Parts:
-    """Return points, triangles and normals of a file, in its unit.
+    """Return the points, triangles and normals of a file, in its unit.
 
     Parameters
     ----------
@@ -38,7 +38,7 @@ def read_scan(path: str | os.PathLike[str]) -> _Parts:
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If the ending is unknown or the file is damaged.
+        If the suffix is unknown or the file is damaged.
     """
     file = file_path(path)
     suffix = file.suffix.lower()
@@ -77,7 +77,7 @@ def _columns(values: np.ndarray, file: Path) -> _Parts:
     if values.shape[1] != 6:
         return points, None, None
     normals = np.asarray(values[:, 3:], dtype=np.float64)
-    # Six columns are as often a place and a colour.
+    # The last three of six columns are normals or colours.
     lengths = np.linalg.norm(normals, axis=1)
     return points, None, normals if np.all(np.abs(lengths - 1.0) < 0.01) else None
 

@@ -1,4 +1,4 @@
-"""Normals of loose points, with one side for all: outward."""
+"""Normals of loose points, consistently outward."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from riemhuman.surfaces.normals import unit_vectors
 
 _N_NEIGHBOURS = 14
 _NORMAL_METRES = 0.03
-# Meshes of which more of the edges join triangles that face different sides have no side.
+# A mesh has no consistent side if more than this share of its edges join triangles that face
+# different sides.
 _MIXED = 0.05
 
 
 def estimated_normals(points: np.ndarray) -> np.ndarray:
     """Return outward normals of loose points on a surface.
 
-    The direction of least spread of each point's neighbours; signs travel along the tree that
-    joins the points with the least turns (Hoppe et al. 1992), and each connected part has its
-    larger side outward.
+    A normal is the direction of least spread of a point's neighbours. Its sign follows from its
+    parent in the minimum spanning tree of turns (Hoppe et al. 1992), and each connected part is
+    oriented outward as a whole.
 
     Parameters
     ----------
@@ -62,7 +63,7 @@ def estimated_normals(points: np.ndarray) -> np.ndarray:
 
 
 def smoothed_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return normals averaged over neighbours on the same side of the surface.
+    """Return normals averaged over neighbours with similar normals.
 
     Parameters
     ----------
@@ -79,7 +80,7 @@ def smoothed_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
 
 
 def has_one_side(faces: np.ndarray) -> bool:
-    """Tell whether neighbouring triangles face the same side.
+    """Tell whether neighbouring triangles are consistently oriented, with few exceptions.
 
     Parameters
     ----------
@@ -89,13 +90,13 @@ def has_one_side(faces: np.ndarray) -> bool:
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     n_vertices = int(faces.max()) + 1
     forward = np.sort(edges[:, 0] * n_vertices + edges[:, 1])
-    # Two triangles that face the same side run through their edge in opposite directions.
+    # Two consistently oriented triangles pass their common edge in opposite directions.
     twice = np.count_nonzero(forward[1:] == forward[:-1])
     return bool(twice <= _MIXED * len(edges))
 
 
 def outward(points: np.ndarray, normals: np.ndarray) -> bool:
-    """Tell whether normals point away from the middle of their points.
+    """Tell whether normals point away from the centre of their points, on the whole.
 
     Parameters
     ----------

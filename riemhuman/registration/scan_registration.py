@@ -45,15 +45,15 @@ AXES = {
     "-y": (0.0, -1.0, 0.0),
     "-z": (0.0, 0.0, -1.0),
 }
-"""Names of the ways up."""
+"""Directions up by name."""
 
 _N_DENSE = 3000
 _MATCHED_METRES = 0.02
-# Joints that move a smaller share of the vertices say nothing.
+# Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
-# A frame may be less likely than the one before by so much before it is started anew.
+# A frame whose likelihood falls by more than this below the one before is searched from scratch.
 _WARM_LOSS = 0.25
-# Estimated normals of which fewer agree with the body are taken without their signs.
+# If a smaller share of the estimated normals agree with the body, their signs are ignored.
 _AGREEMENT = 0.85
 
 
@@ -61,26 +61,27 @@ _AGREEMENT = 0.85
 class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
-    Many starts, of headings and poses, are annealed by soft assignment and the likeliest goes on
-    (`riemhuman.registration.starts`). Closest points then decide its parameters, and at last the
-    surface leaves the model as far as the elastic metric (a, λ, c) = (1, 1, 1) allows.
+    Many starts with different headings and poses are fitted by soft assignment, and the likeliest
+    is kept (`riemhuman.registration.starts`). Closest points then determine its parameters, and
+    finally the surface may leave the model as far as the elastic metric (a, λ, c) = (1, 1, 1)
+    allows.
 
     Parameters
     ----------
     model : BodyModel, optional
-        The model; by default the open one at full resolution. Start poses are known for models
-        with its joint names and for those of the SMPL family; of others, only the rest pose.
+        The model; by default the open model at full resolution. Start poses exist for models with
+        its joint names and for the SMPL family; for other models, only the rest pose.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the scans; noticed from their sizes by default.
+        Unit of the scans; by default it is inferred from their sizes.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Which way is up in the scans; found by default, by the floor or by trying all six.
+        Direction up in the scans; by default it is inferred from the floor or by trying all six.
 
     Raises
     ------
     ArgumentTypeError
-        If `model` is no body model.
+        If `model` is not a body model.
     ArgumentError
-        If there is no such unit or axis.
+        If the unit or the axis is unknown.
 
     Examples
     --------
@@ -118,9 +119,9 @@ class ScanRegistration:
         scan : path, Scan, array_like or pair
             A file; points, shape (N, 3), or (N, 6) with normals; or vertices and faces.
         landmarks : mapping of str to array_like, shape (3,), optional
-            Where joints of the model are in the scan, in its unit, within some centimetres.
+            Positions of joints of the model in the scan, in its unit, within some centimetres.
         start : RegisteredScan, optional
-            A scan of the same person shortly before: the search begins there.
+            Registration of the same person a moment before, from which the search starts.
 
         Returns
         -------
@@ -129,10 +130,10 @@ class ScanRegistration:
         Raises
         ------
         ArgumentTypeError
-            If the scan holds no numbers.
+            If the scan does not hold numbers.
         ArgumentError
-            If a shape is wrong, an entry is not finite, too few points are left, the size is that
-            of no body, or the model has no joint of a landmark's name.
+            If a shape is wrong, an entry is not finite, too few points are left, the size is not
+            that of a body, or the model has no joint with the name of a landmark.
         FileError
             If the file is missing or cannot be read.
         FileFormatError
@@ -150,26 +151,25 @@ class ScanRegistration:
     ) -> list[RegisteredScan]:
         """Register scans of one person in motion, each started from the one before.
 
-        Where a start from the scan before leads to something less likely, or where that was not
-        to be trusted, the scan is started anew.
+        A scan is registered from scratch if the one before is not trusted, or if the start from it
+        leads to a much lower likelihood.
 
         Parameters
         ----------
         scans : iterable
-            Scans as `solve` takes them, in their order.
+            Scans as for `solve`, in order.
         progress : bool
             Whether to show a progress bar.
 
         Returns
         -------
         results : list of RegisteredScan
-            In the order of the scans; those that were finished, where it was interrupted from the
-            keyboard.
+            In the order of the scans; after an interruption from the keyboard, the finished ones.
 
         Raises
         ------
         RiemhumanError
-            As `solve` does.
+            As for `solve`.
         """
         results: list[RegisteredScan] = []
         try:
@@ -206,7 +206,7 @@ class ScanRegistration:
         landmarks: dict[int, np.ndarray],
         start: RegisteredScan | None,
     ) -> tuple[list[Candidate], ReadyScan]:
-        """Return the likeliest bodies, and the scan with normals that face as theirs do."""
+        """Return the likeliest bodies, and the scan with normals oriented like theirs."""
         up = ready.up if self.up is None else np.array(AXES[self.up])
 
         def found(signed: bool) -> list[Candidate]:
@@ -235,7 +235,7 @@ class ScanRegistration:
         return candidates, replace(ready, normals=faced)
 
     def _faced(self, ready: ReadyScan, pose: Pose) -> tuple[np.ndarray, float]:
-        """Return estimated normals on the side of the body's, and how many were there before."""
+        """Return estimated normals oriented like the body's, and the share that were before."""
         n_vertices, body = _N_DENSE, self._search.samples(_N_DENSE)
         points, normals = (each[body.numbers >= 0] for each in posed(body, pose))
         near = cKDTree(points).query(ready.points, k=min(5, n_vertices))[1]
@@ -253,7 +253,7 @@ class ScanRegistration:
         return float(triangle_areas(self.model(pose.betas), self.model.faces).sum())
 
     def _least_matched(self, matched: np.ndarray) -> tuple[str, float]:
-        """Return the joint whose vertices have found the least, and the share that found it."""
+        """Return the joint with the smallest share of matched vertices, and this share."""
         owners = self.model.weights.argmax(axis=1)
         counts = np.bincount(owners, minlength=self.model.n_joints)
         found = np.bincount(owners, matched, minlength=self.model.n_joints)

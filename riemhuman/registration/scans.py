@@ -1,4 +1,4 @@
-"""Preparation of raw scans: metres, normals, and no floor or stray points."""
+"""Preparation of raw scans: conversion to metres, normals, removal of floor and stray points."""
 
 from __future__ import annotations
 
@@ -24,16 +24,17 @@ from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 from riemhuman.units import UNITS
 
 FEWEST_POINTS = 200
-# So many points carry all that a fit can use.
+# A fit gains nothing from more points.
 MOST_POINTS = 20_000
 _FIRST_POINTS = 80_000
 
-# Extents of what is a body with its surroundings, metres: units differ by ten at least.
+# Smallest and largest extent of a body with its surroundings, metres. Their ratio is 10, as between
+# centimetres and millimetres, so that one unit fits at most.
 _EXTENTS = (0.4, 4.0)
 _NOTICED = ("metres", "centimetres", "millimetres")
 
 _CELL_METRES = 0.05
-# Separate parts with a smaller share of the points are strays.
+# Separate parts with a smaller share of the points count as strays.
 _STRAY = 0.004
 _FLOOR_METRES, _NEAR_FLOOR_METRES = 0.01, 0.02
 _FLOOR_SHARE, _ABOVE_FLOOR = 0.04, 0.97
@@ -49,11 +50,11 @@ class Scan:
     points : array, shape (N, 3)
         Points, metres.
     faces : array of int, shape (F, 3), or None
-        Triangles, if there are any.
+        Triangles of a mesh.
     normals : array, shape (N, 3), or None
-        Normals that came with loose points.
+        Normals in the file or array of loose points.
     unit : str
-        The unit that the scan came in.
+        The original unit of the scan.
 
     Examples
     --------
@@ -74,7 +75,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class ReadyScan:
-    """Evenly spread points of a scan, with notes on its preparation.
+    """Evenly spread points of a scan, ready for registration.
 
     Attributes
     ----------
@@ -83,7 +84,7 @@ class ReadyScan:
     background : array of bool, shape (N,)
         Which points of the whole scan are floor or strays.
     up : array, shape (3,), or None
-        Which way the floor has it.
+        Upward normal of the floor, if there is one.
     estimated : bool
         Whether the normals were estimated from the points alone, so that some may be flipped.
     """
@@ -101,12 +102,11 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     Parameters
     ----------
     path : path_like
-        A mesh (PLY, OBJ or OFF) or loose points (PLY, XYZ or NPY), by its ending. XYZ is text, a
-        point in every line: x, y, z, and perhaps its normal or, where a line has four or more
-        than six numbers, other values, which are ignored. NPY holds an array, shape (N, 3) or,
-        with normals, (N, 6).
+        A mesh (PLY, OBJ or OFF) or loose points (PLY, XYZ or NPY), by its suffix. A line of an XYZ
+        file holds x, y, z and possibly a unit normal; other values are ignored. An NPY file holds
+        an array, shape (N, 3), or (N, 6) with unit normals.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the file; noticed from the size by default.
+        Unit of the file; by default it is inferred from the size.
 
     Returns
     -------
@@ -116,11 +116,11 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     Raises
     ------
     ArgumentError
-        If there are fewer than 200 points, or the size is that of no body in any unit.
+        If there are fewer than 200 points, or the size is not that of a body in any unit.
     FileError
         If the file is missing or cannot be read.
     FileFormatError
-        If the ending is unknown, the file is damaged, or a coordinate is not finite.
+        If the suffix is unknown, the file is damaged, or a coordinate is not finite.
 
     Examples
     --------
@@ -143,15 +143,15 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
         A scan; a file; points, shape (N, 3), or with normals after them, shape (N, 6); or
         vertices and faces.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Its unit; noticed from the size by default.
+        Its unit; by default it is inferred from the size.
 
     Raises
     ------
     ArgumentTypeError
-        If it holds no numbers.
+        If it does not hold numbers.
     ArgumentError
         If a shape is wrong, an entry is not finite, there are fewer than 200 points, or the size
-        is that of no body in any unit.
+        is not that of a body in any unit.
     FileError
         If the file is missing or cannot be read.
     FileFormatError
@@ -181,7 +181,7 @@ def in_metres(
     unit: str | None,
     name: str = "scan",
 ) -> Scan:
-    """Return a scan in metres, its unit noticed from its size.
+    """Return a scan in metres, whose unit is given or inferred from its size.
 
     Parameters
     ----------
@@ -192,18 +192,18 @@ def in_metres(
     normals : array, shape (N, 3), or None
         Normals.
     unit : str or None
-        The unit, where it is known.
+        The unit, if it is known.
     name : str
-        What to call the scan in messages.
+        Name of the scan, for messages.
 
     Raises
     ------
     ArgumentError
-        If there are too few points, or the size is that of no body in any unit.
+        If there are too few points, or the size is not that of a body in any unit.
     """
     if len(points) < FEWEST_POINTS:
         raise ArgumentError(f"{name} has {len(points)} points; at least {FEWEST_POINTS} are needed")
-    # A few strays far away must not decide.
+    # Percentiles, because a few strays may be far away.
     low, high = np.percentile(points, [1.0, 99.0], axis=0)
     extent = float((high - low).max())
     if unit is None:
@@ -230,12 +230,12 @@ def made_ready(scan: Scan, *, surroundings: bool = True) -> ReadyScan:
     scan : Scan
         A scan.
     surroundings : bool
-        Whether there may be a floor and strays, which are then left out.
+        Whether to remove a floor and strays.
 
     Raises
     ------
     ArgumentError
-        If nothing is left.
+        If too few points are left.
     """
     rng = np.random.default_rng(0)
     numbers = np.arange(len(scan.points))
@@ -266,12 +266,12 @@ def made_ready(scan: Scan, *, surroundings: bool = True) -> ReadyScan:
         )
     points, normals = points[keep], normals[keep]
     if estimated and background.any():
-        normals = estimated_normals(points)  # the background has led signs astray
+        normals = estimated_normals(points)  # the background may have flipped signs
     return ReadyScan(points, normals, background, up, estimated)
 
 
 def _normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
-    """Return normals that came with a scan, or those of its triangles, smoothed and outward."""
+    """Return the normals of a scan or of its triangles, smoothed and outward."""
     points = scan.points[numbers]
     if scan.normals is not None:
         normals = scan.normals[numbers]
@@ -285,7 +285,7 @@ def _normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
 def _floor(
     points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, float] | None:
-    """Return the upward normal and the height of a plane with everything on one side of it."""
+    """Return the upward normal and the height of a wide plane with all other points above it."""
     best, support = None, _FLOOR_SHARE * len(points)
     for start in rng.choice(len(points), min(_N_PLANES, len(points)), replace=False):
         across = normals[start]
@@ -312,7 +312,7 @@ def _floor(
 
 
 def _strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Tell which points hang together with few others."""
+    """Tell which points belong to small separate parts."""
     strays = np.zeros(len(points), dtype=bool)
     chosen = points[wanted]
     if not len(chosen):

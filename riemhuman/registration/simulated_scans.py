@@ -23,16 +23,16 @@ _FLOOR_METRES, _FLOOR_SPACING = 1.6, 0.012
 
 @dataclass(frozen=True, eq=False)
 class SimulatedScan:
-    """A scan of a body, and the body itself.
+    """A simulated scan of a body, and the body itself.
 
     Attributes
     ----------
     points : array, shape (N, 3)
-        What the scanner has seen, metres.
+        Points of the scan, metres.
     faces : array of int, shape (F, 3), or None
-        Triangles of a mesh; None of loose points.
+        Triangles of a mesh; None for loose points.
     body : array, shape (V, 3)
-        The body where it stood when it was scanned, metres.
+        The body at the place of the scan, metres.
 
     Examples
     --------
@@ -49,7 +49,7 @@ class SimulatedScan:
 
     @property
     def surface(self) -> Any:
-        """What `ScanRegistration.solve` takes: points, or vertices and faces."""
+        """The scan as an argument of `ScanRegistration.solve`: points, or vertices and faces."""
         return self.points if self.faces is None else (self.points, self.faces)
 
 
@@ -69,9 +69,9 @@ def simulated_scan(
     floor: bool = False,
     n_strays: int = 0,
 ) -> SimulatedScan:
-    """Return a scan of a body.
+    """Return a simulated scan of a body.
 
-    The surface is sampled anew, so that nothing of the body's triangulation is left, and the body
+    The points are sampled from the surface, independently of the body's triangulation, and the body
     is turned about the vertical axis, y.
 
     Parameters
@@ -81,11 +81,11 @@ def simulated_scan(
     faces : array_like of int, shape (F, 3)
         Its triangles.
     rng : None, int or numpy.random.Generator
-        Random numbers.
+        Source of random numbers.
     n_points : int
-        About how many points to take.
+        Number of points before parts are removed, approximate for a mesh.
     mesh : bool
-        Whether the points are joined by new triangles.
+        Whether new triangles join the points.
     noise : float
         Standard deviation of the noise of every coordinate, metres.
     missing : float
@@ -95,14 +95,14 @@ def simulated_scan(
     clothing : float
         Largest distance of clothes from the body, metres.
     view : array_like, shape (3,), optional
-        Direction from the body to the scanner, before the body is turned; then only what can be
-        seen from there is left.
+        Direction from the body to the scanner, before the body is turned; only points visible from
+        there are kept. By default all points are kept.
     cut : pair of float
-        Heights that are missing at the feet and at the top, metres.
+        Heights removed at the feet and at the top, metres.
     floor : bool
-        Whether the floor is in the scan.
+        Whether the scan contains the floor.
     n_strays : int
-        Number of points in the air.
+        Number of stray points in the air.
 
     Returns
     -------
@@ -113,7 +113,7 @@ def simulated_scan(
     ArgumentTypeError
         If an argument does not hold numbers of the right kind.
     ArgumentError
-        If the surface is no mesh or a number is out of its range.
+        If the surface is not a mesh or a number is out of its range.
 
     Examples
     --------
@@ -163,10 +163,10 @@ def simulated_scan(
 def remeshed(
     points: np.ndarray, faces: np.ndarray, n_vertices: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface with about so many vertices at random places and other triangles.
+    """Return the surface with about a given number of random vertices and new triangles.
 
-    Every point of a refined surface goes to the vertex nearest along the edges; three regions
-    that meet make a triangle, as in Delaunay's triangulation.
+    Every point of a refined surface belongs to the region of the vertex nearest along the edges.
+    Three regions that meet form a triangle, as in a Delaunay triangulation.
 
     Parameters
     ----------
@@ -175,9 +175,9 @@ def remeshed(
     faces : array of int, shape (F, 3)
         Its triangles.
     n_vertices : int
-        Number of vertices.
+        Approximate number of vertices.
     rng : numpy.random.Generator
-        Where the vertices are drawn from.
+        Source of random numbers.
 
     Returns
     -------
@@ -188,7 +188,7 @@ def remeshed(
     while len(fine) < 8 * n_vertices:
         fine, triangles = _refined(fine, triangles)
     areas = triangle_areas(fine, triangles)
-    # Of four times as many points, those that are not close to one before.
+    # Draw four times as many points, and keep those that are not close to an earlier one.
     drawn = rng.choice(len(triangles), 4 * n_vertices, p=areas / areas.sum())
     drawn = np.unique(triangles[drawn, 0])
     rng.shuffle(drawn)
@@ -208,7 +208,7 @@ def remeshed(
 
 
 def _apart(fine: np.ndarray, drawn: np.ndarray, n_vertices: int, area: float) -> np.ndarray:
-    """Return about so many of the points drawn, none close to another."""
+    """Return about a given number of the drawn points, no two of them close together."""
     radius = 0.75 * np.sqrt(area / n_vertices)
     close = cKDTree(fine[drawn]).query_pairs(radius, output_type="ndarray")
     dropped = np.zeros(len(drawn), dtype=bool)
@@ -233,7 +233,7 @@ def _refined(points: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndar
 def _sampled(
     points: np.ndarray, faces: np.ndarray, n_points: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return points spread over the surface by its area."""
+    """Return points distributed uniformly over the surface."""
     corners = points[faces]
     areas = triangle_areas(points, faces)
     drawn = rng.choice(len(faces), n_points, p=areas / areas.sum())
@@ -250,7 +250,7 @@ def _sampled(
 def _clothed(
     points: np.ndarray, faces: np.ndarray, size: float, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the surface moved outward by up to a size, more here and less there."""
+    """Return the surface moved outward by varying distances up to a size."""
     waves = rng.standard_normal((8, 3))
     waves *= 2.0 * np.pi / 0.4 / np.linalg.norm(waves, axis=1, keepdims=True)
     depth = np.cos(points @ waves.T + rng.uniform(0, 2 * np.pi, 8)).sum(axis=1) / 4.0
@@ -266,7 +266,7 @@ def _visible(
     view: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Tell which points nothing hides from a scanner far away."""
+    """Tell which points are visible to a distant scanner."""
     view = view / np.linalg.norm(view)
     across = np.linalg.svd(view[np.newaxis])[2][1:]
     dense = _sampled(points, faces, 200_000, rng)

@@ -1,9 +1,9 @@
 """Soft assignment of scan points to body points: expectation step and likelihood.
 
 A scan point x with normal m belongs to the body's point v with normal n and share of area A with
-the probability P ∝ A exp(−|v − x|²/2σ² + κ (n·m − 1)); a uniform density stands for points that
-belong to none. It is the mixture of coherent point drift (Myronenko and Song 2010, equations 2 to
-4) with areas for weights and with the normals' von Mises–Fisher factor.
+the probability P ∝ A exp(−|v − x|²/2σ² + κ (n·m − 1)); a uniform density models points that belong
+to none. This is the mixture of coherent point drift (Myronenko and Song 2010, equations 2 to 4)
+with areas as weights and a von Mises–Fisher factor for the normals.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ KAPPA = 2.0
 """Concentration κ of the normals."""
 
 OUTLIERS = 0.05
-"""Share of scan points that may belong to nothing, spread over a cubic metre."""
+"""Expected share of scan points that do not belong to the body, spread over a cubic metre."""
 
 
 @compiled(forceinline=True, fastmath=SUM)
@@ -33,24 +33,24 @@ def assign(
     masses: np.ndarray,
     targets: np.ndarray,
 ) -> float:
-    """Fill what belongs to each point of a body; return the mean log-likelihood.
+    """Fill masses and targets of the body's points, and return the mean log-likelihood.
 
     Parameters
     ----------
     points, normals : array, shape (3, n), float32
-        Of the body.
+        Points and unit normals of the body.
     areas : array, shape (n,), float32
         Shares of the area.
     scan, scan_normals : array, shape (m, 3), float32
-        Of the scan; a normal of zero says nothing.
+        Points and unit normals of the scan.
     sigma : float
         Standard deviation σ, metres.
     signed : bool
-        Whether the normals of the scan have a sign.
+        Whether the signs of the scan's normals are known.
     masses : array, shape (n,), float32
-        Filled with how many scan points belong to each.
+        Filled with the expected number of scan points that belong to each point.
     targets : array, shape (3, n), float32
-        Filled with their sums.
+        Filled with the sums of these scan points.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def assign(
     """
     n = points.shape[1]
     share = np.empty(n, np.float32)
-    # exp(−t) as (1 − t/1024)^1024, which takes multiplications alone.
+    # exp(−t) as (1 − t/1024)^1024, which needs only multiplications.
     scale = np.float32(0.5 / (sigma * sigma) / 1024.0)
     angular = np.float32(KAPPA / 1024.0)
     one, zero = np.float32(1.0), np.float32(0.0)

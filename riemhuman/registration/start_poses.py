@@ -1,4 +1,4 @@
-"""Start poses of registration, and how far joints move from them."""
+"""Start poses of registration, and the expected deviations of joints from them."""
 
 from __future__ import annotations
 
@@ -76,9 +76,9 @@ _START_POSES: dict[str, dict[str, Angles]] = {
 _SIDED = ("walk", "knee", "one_arm", "lunge")
 
 FEW = ("a", "t", "up", "knee", "squat")
-"""Poses that tell which way is up."""
+"""The poses by which the direction up is found."""
 
-# SMPL's first joints, which SMPL-H and SMPL-X share, and what the open model calls them.
+# The first joints of SMPL, SMPL-H and SMPL-X by the names of the open model, and their parents.
 _SMPL_TREE = {
     "pelvis": -1,
     "left_hip": 0,
@@ -104,7 +104,7 @@ _SMPL_TREE = {
     "right_wrist": 19,
 }
 
-# How far a joint is from where a start has it: standard deviations in degrees.
+# Standard deviations of joints from a start pose, degrees.
 _DEGREES = {
     "spine": 10.0,
     "chest": 8.0,
@@ -123,17 +123,12 @@ _OTHER_DEGREES = 15.0
 
 
 def joint_names(model: BodyModel) -> tuple[str, ...]:
-    """Return the names of a model's joints, those of SMPL's joints where it has its tree.
+    """Return the names of a model's joints; those of SMPL's tree are named as in the open model.
 
     Parameters
     ----------
     model : BodyModel
         A model.
-
-    Returns
-    -------
-    names : tuple of str
-        As the open model has them, wherever a joint is known.
     """
     if "left_shoulder" in model.joint_names:
         return model.joint_names
@@ -148,8 +143,8 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
     Parameters
     ----------
     model : BodyModel
-        A model whose joints are named as the open model's, or hang together as SMPL's. Of any
-        other, the rest pose is the only start.
+        A model with the joint names of the open model or the tree of SMPL. For any other model, the
+        rest pose is the only start.
 
     Returns
     -------
@@ -174,7 +169,7 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
 
 
 def joint_precisions(model: BodyModel) -> np.ndarray:
-    """Return inverse variances of the joints' turns from a start pose, zero of the root.
+    """Return inverse variances of the joints' turns from a start pose, 0 for the root.
 
     Parameters
     ----------

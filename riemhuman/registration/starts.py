@@ -1,4 +1,4 @@
-"""The search over starts: headings, start poses and up directions; unlikely ones are dropped."""
+"""The search over headings, start poses and up directions, which drops unlikely starts."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ _N_THREADS = 2
 
 @dataclass(frozen=True)
 class Round:
-    """One round of the race.
+    """One round of the search.
 
     Attributes
     ----------
     n_model, n_scan : int
-        How many points of the body and of the scan to take.
+        Number of points of the body and of the scan.
     sigmas : tuple of float
         First and last standard deviation, metres.
     n_steps : int
-        How many steps.
+        Number of steps.
     n_best : int
-        How many go on.
+        Number of candidates that are kept.
     """
 
     n_model: int
@@ -51,29 +51,29 @@ ROUNDS = (
     Round(500, 800, (0.09, 0.04), 6, 6),
     Round(1000, 1500, (0.04, 0.015), 9, 3),
 )
-"""The rounds of a scan of which nothing is known."""
+"""The rounds for a scan without a known start."""
 
 WARM_ROUNDS = (
     Round(500, 800, (0.08, 0.04), 5, 1),
     Round(1000, 1500, (0.03, 0.015), 4, 1),
 )
-"""The rounds from a start that is known."""
+"""The rounds from a known start."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A body that one start has led to.
+    """A body fitted from one start.
 
     Attributes
     ----------
     pose : Pose
         Its parameters.
     prior : Prior
-        The prior it was drawn by.
+        The prior of the fit.
     likelihood : float
         Mean log-likelihood of the scan points in the last round.
     up : array, shape (3,)
-        Which way its start took for up.
+        The direction up of its start.
     """
 
     pose: Pose
@@ -83,7 +83,7 @@ class Candidate:
 
 
 class StartSearch:
-    """The race of starts for one body model.
+    """The search over starts for one body model.
 
     Parameters
     ----------
@@ -97,12 +97,12 @@ class StartSearch:
         self._samples: dict[int | None, ModelSamples] = {}
 
     def samples(self, n_samples: int | None) -> ModelSamples:
-        """Return about so many points of the model, kept for the next call.
+        """Return points of the model, which are computed once.
 
         Parameters
         ----------
         n_samples : int or None
-            How many; all where None.
+            Approximate number of points; None for all.
         """
         if n_samples not in self._samples:
             self._samples[n_samples] = sample_model(self.model, n_samples, self.skeleton)
@@ -115,7 +115,7 @@ class StartSearch:
 
     @cached_property
     def precisions(self) -> np.ndarray:
-        """Inverse variances of the joints' turns."""
+        """Inverse variances of the joints' turns from a start pose."""
         return joint_precisions(self.model)
 
     def run(
@@ -127,18 +127,18 @@ class StartSearch:
         signed: bool,
         landmarks: dict[int, np.ndarray],
     ) -> list[Candidate]:
-        """Return what the likeliest starts have led to, the best first.
+        """Return the bodies from the likeliest starts, the best first.
 
         Parameters
         ----------
         points, normals : array, shape (m, 3)
-            The scan, metres, spread evenly.
+            Evenly spread points of the scan, metres, and unit normals.
         up : array, shape (3,), or None
-            Which way is up; any axis where None.
+            The direction up; None to try all axes.
         signed : bool
-            Whether the normals have a sign.
+            Whether the signs of the normals are known.
         landmarks : dict of int to array, shape (3,)
-            Where joints are known to be.
+            Known positions of joints.
         """
         centre = points.mean(axis=0)
         first, *others = ROUNDS
@@ -166,20 +166,16 @@ class StartSearch:
         signed: bool,
         landmarks: dict[int, np.ndarray],
     ) -> Candidate:
-        """Return what one known start leads to.
+        """Return the body from one known start.
 
         Parameters
         ----------
         pose : Pose
-            Where to begin, the body of a moment ago.
+            The start, the body a moment before.
         up : array, shape (3,)
-            Which way was up.
-        points, normals : array, shape (m, 3)
-            The scan, metres, spread evenly.
-        signed : bool
-            Whether the normals have a sign.
-        landmarks : dict of int to array, shape (3,)
-            Where joints are known to be.
+            The direction up of the start.
+        points, normals, signed, landmarks
+            As for `run`.
         """
         found = [Candidate(pose, Prior(pose.local, self.precisions, pose.betas, 4.0), -np.inf, up)]
         for each in WARM_ROUNDS:
@@ -187,14 +183,14 @@ class StartSearch:
         return found[0]
 
     def likelihood(self, pose: Pose, points: np.ndarray, normals: np.ndarray) -> float:
-        """Return the mean log-likelihood of a scan as the last round has it.
+        """Return the mean log-likelihood of a scan with the last deviation of the last round.
 
         Parameters
         ----------
         pose : Pose
             Parameters of a body.
         points, normals : array, shape (m, 3)
-            The scan, metres, spread evenly.
+            Evenly spread points of the scan, metres, and unit normals.
         """
         last = ROUNDS[-1]
         prior = Prior(pose.local, self.precisions, pose.betas, 1.0)
@@ -236,7 +232,7 @@ class StartSearch:
         n_vertices = len(body.areas) - self.model.n_joints
         for joint, place in landmarks.items():
             known[n_vertices + joint] = place
-        # The likelihood is that before the last step, so one more step tells it.
+        # The likelihood is that before the last step, so one more step is needed.
         sigmas = np.append(np.geomspace(*each.sigmas, each.n_steps), each.sigmas[1])
 
         def advance(candidate: Candidate) -> Candidate:
@@ -258,7 +254,7 @@ class StartSearch:
 
 
 def _different(candidates: list[Candidate], body: ModelSamples) -> list[Candidate]:
-    """Return candidates without those that are next to a better one."""
+    """Return candidates without those that are close to a better one."""
     kept: list[Candidate] = []
     places: list[np.ndarray] = []
     for candidate in candidates:

@@ -6,31 +6,31 @@ import numpy as np
 
 
 def thinned(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the numbers of about so many points, no two of them close together.
+    """Return the numbers of about a given number of points, spread evenly.
 
-    One point is left in each cube of a grid, whose width is found by bisection. So parts where
-    points are dense do not outweigh the others.
+    One point is kept in each cube of a grid, whose width is found by bisection, so that dense parts
+    do not outweigh others.
 
     Parameters
     ----------
     points : array, shape (N, 3)
         Points.
     n_points : int
-        How many to leave, to within some per cent.
+        Number of points to keep, within some per cent.
     rng : numpy.random.Generator
-        Decides which point of a cube stays.
+        Source of random numbers, which choose the point of a cube.
 
     Returns
     -------
     numbers : array of int, shape (n,)
-        In ascending order; all where there are no more than `n_points`.
+        In ascending order; all if there are no more than `n_points`.
     """
     if len(points) <= n_points:
         return np.arange(len(points))
     order = rng.permutation(len(points))
     shuffled = points[order] - points.min(axis=0)
     low, high = 0.0, float(shuffled.max())
-    # The first estimate takes the points for a surface: cubes grow as the root of its area.
+    # The first estimate assumes a surface, where the number of cubes grows as 1/width².
     width = high / np.sqrt(n_points)
     best: np.ndarray = order[:n_points]
     for _ in range(12):

@@ -21,13 +21,13 @@ from riemhuman.surfaces.normals import vertex_normals
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
-# Templates are brought to the size of a body, for which all scales are made.
+# Templates are scaled to the size of a body, for which all lengths below were chosen.
 _SIZE = 2.0
 _RIGID_SCALES = (0.4, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.04)
 _FREE_SCALES = (0.1, 0.06, 0.03, 0.015)
 _STIFFNESSES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 _NEAR_METRES = 0.02
-# Less of the template, or of the scan, is not believed.
+# A registration is not trusted if a smaller share of the template, or of the scan, is matched.
 _LEAST_MATCHED, _LEAST_NEAR = 0.3, 0.8
 
 
@@ -36,8 +36,8 @@ class TemplateRegistration:
     """Registers scans by a template from a rough start: first rigidly, then elastically.
 
     Minimises Σ_i w_i ((n_i·r_i)² + τ ‖r_i‖²) + α d²(f, f₀) over the surfaces f, with the gaps r to
-    the closest points of the scan, its normals n, and the elastic distance d of (a, λ, c) =
-    (1, 1, 1) from the template where it was put rigidly, f₀. The stiffness α falls.
+    the closest points of the scan, its normals n, and the elastic distance d with (a, λ, c) =
+    (1, 1, 1) from the rigidly aligned template f₀. The stiffness α falls.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class TemplateRegistration:
     Raises
     ------
     ArgumentTypeError
-        If `template` is no template.
+        If `template` is not a `Template`.
 
     Examples
     --------
@@ -74,7 +74,8 @@ class TemplateRegistration:
         scan : path, Scan, array_like or pair
             A file; points, shape (N, 3), or (N, 6) with normals; or vertices and faces.
         start : array_like, shape (V, 3), optional
-            The template roughly where the scan is, in the scan's unit; by default as it stands.
+            The template roughly at the place of the scan, in the scan's unit; by default its own
+            vertices.
 
         Returns
         -------
@@ -106,7 +107,7 @@ class TemplateRegistration:
 
     @cached_property
     def _factor(self) -> float:
-        """What brings the template to the size of a body."""
+        """The factor that scales the template to the size of a body."""
         return _SIZE / float(np.linalg.norm(np.ptp(self.template.vertices, axis=0)))
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Trust in registrations: evidence for and against a result."""
+"""Checks by which registrations are trusted."""
 
 from __future__ import annotations
 
@@ -6,16 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# The likelihood is compared for bodies of one size: density falls as the area grows.
+# Likelihoods are compared for bodies of this area, because the density falls as the area grows.
 AREA = 1.8
-# Between right and wrong bodies of simulated scans, naked and in clothes of up to 3 cm: right ones
-# have likelihoods from 2.8 and leave the model by up to 5.3 mm; flipped ones have less or leave it
-# by more.
+# On simulated scans, naked and in clothes of up to 3 cm, right bodies have likelihoods from 2.8 and
+# leave the model by up to 5.3 mm; flipped bodies have lower likelihoods or leave it by more.
 LEAST_LIKELIHOOD = 2.6
 LEAST_MARGIN = 0.10
 RIVAL_METRES = 0.15
 NEAR_METRES, LEAST_NEAR = 0.05, 0.97
-# A limb held elsewhere finds little, and leaves more than so much of the scan without a body.
+# A limb held elsewhere has few matches, and leaves part of the scan far from the body.
 HELD_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_STRAIN = 0.006
 LARGEST_BETA = 3.0
@@ -23,25 +22,26 @@ LARGEST_BETA = 3.0
 
 @dataclass(frozen=True)
 class Evidence:
-    """Evidence for and against a registration.
+    """The quantities by which a registration is checked.
 
     Attributes
     ----------
     likelihood : float
         Mean log-likelihood of the scan points, for a body of 1.8 square metres.
     margin : float
-        How much more likely it is than the likeliest body elsewhere; infinite without any.
+        Difference from the log-likelihood of the likeliest body at another place; infinite if there
+        is none.
     near : float
         Share of the scan within 5 cm of the body.
     betas : float
         Root mean square of the shape coefficients.
     strain : float
-        Mean distance of the surface from what the model can show, metres: a body that faces the
-        wrong way must bend its surface to the scan.
+        Mean distance of the surface from the model, metres, which is large for a body that faces
+        the wrong way.
     limb : str
-        The joint whose vertices have found the least in the scan.
+        The joint with the smallest share of matched vertices.
     limb_matched : float
-        Share of those vertices that have found something.
+        This share.
     """
 
     likelihood: float
@@ -59,7 +59,7 @@ def doubts(evidence: Evidence) -> list[str]:
     Parameters
     ----------
     evidence : Evidence
-        What is known of it.
+        The quantities to check.
     """
     reasons = []
     if evidence.near < LEAST_NEAR:
@@ -74,7 +74,7 @@ def doubts(evidence: Evidence) -> list[str]:
             f"have {LEAST_LIKELIHOOD:g} and more)"
         )
     if reasons:
-        return reasons  # what is no body has no way to stand
+        return reasons  # the other checks make sense only for a body
     if evidence.margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
