@@ -175,12 +175,8 @@ class Equations:
 
         Parameters
         ----------
-        posture : Posture
-            Parameters.
-        target : array, shape (n_points, 3)
-            Targets of the points.
-        loss : callable
-            Maps squared distances to their loss and its derivative.
+        posture, target, loss
+            As for `cost`.
 
         Returns
         -------
@@ -206,10 +202,10 @@ class Equations:
         return change.T @ matrix @ change, change.T @ right
 
     def closed_form_turns(self, target: np.ndarray, betas: np.ndarray) -> np.ndarray:
-        """Return the turns of the joints that bring their points nearest to where they belong.
+        """Return the turns of the joints that bring their points nearest to their targets.
 
-        For every joint by itself, the rotation of Kabsch's solution with the skinning weights;
-        where its points do not decide it, the rotation of the parent.
+        For each joint separately, this is the rotation of Kabsch's solution with the skinning
+        weights, or the rotation of the parent where the points do not determine it.
 
         Parameters
         ----------

@@ -23,11 +23,6 @@ def check_sums(rows: np.ndarray, name: str) -> None:
         The matrix.
     name : str
         Its name, for messages.
-
-    Raises
-    ------
-    ArgumentError
-        If there is such a row.
     """
     error = np.abs(rows.sum(axis=1) - 1.0)
     if error.size and error.max() > _SUM_TOLERANCE:
@@ -44,11 +39,6 @@ def check_weights(weights: np.ndarray) -> None:
     ----------
     weights : array, shape (V, J)
         Skinning weights.
-
-    Raises
-    ------
-    ArgumentError
-        If there are such weights.
     """
     check_sums(weights, "weights")
     if weights.min() < 0:

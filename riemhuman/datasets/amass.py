@@ -14,12 +14,8 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.datasets.motions import Motion, Motions
-from riemhuman.errors import (
-    ArgumentError,
-    ArgumentTypeError,
-    FileError,
-    FileFormatError,
-)
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.kernels.tiles import slices
 from riemhuman.storage.array_files import load_arrays, opened_archive
 from riemhuman.storage.file_content import file_path
 from riemhuman.surfaces.mesh_arrays import face_difference
@@ -161,11 +157,10 @@ class AmassMotion(Motion):
 
     def _frames(self, numbers: range) -> np.ndarray:
         frames = np.empty((len(numbers), self._model.n_vertices, 3))
-        for first in range(0, len(numbers), _FRAMES_AT_A_TIME):
-            some = numbers[first : first + _FRAMES_AT_A_TIME]
+        for some in slices(len(numbers), _FRAMES_AT_A_TIME):
             # Numbers too large for any body are recognised by their coordinates below.
             with np.errstate(over="ignore", invalid="ignore"):
-                frames[first : first + len(some)] = self._model(self.betas, *self._parameters(some))
+                frames[some] = self._model(self.betas, *self._parameters(numbers[some]))
         if not np.abs(frames).max(initial=0.0) <= _LARGEST:
             raise FileFormatError(
                 f"{self._path}: its numbers lead to coordinates beyond {_LARGEST:g}"
@@ -337,7 +332,9 @@ def _find_files(path: str | os.PathLike[str]) -> list[Path]:
 
 def _read_header(file: Path) -> _Header:
     """Read gender, frame rate and number of frames of a file."""
-    shapes, fields = _look_into(file)
+    with opened_archive(file) as archive:
+        shapes = {name: archive.shape(name) for name in archive.names}
+        fields = archive.arrays([name for name in (*_RATES, "gender") if name in shapes])
     rate_name = next((name for name in _RATES if name in shapes), " or ".join(_RATES))
     needed = ["trans", "betas", rate_name]
     needed += _NEEDED_POSES if any(name in shapes for name in _NEEDED_POSES) else ["poses"]
@@ -361,14 +358,6 @@ def _read_header(file: Path) -> _Header:
     except (ArgumentError, ArgumentTypeError) as error:
         raise FileFormatError(f"{file}: {error}") from error
     return _Header(_gender(fields.get("gender"), file), rate, n_frames)
-
-
-def _look_into(file: Path) -> tuple[dict[str, tuple[int, ...]], dict[str, np.ndarray]]:
-    """Return the shapes of all arrays of a file, and the arrays of frame rate and gender."""
-    with opened_archive(file) as archive:
-        shapes = {name: archive.shape(name) for name in archive.names}
-        fields = archive.arrays([name for name in (*_RATES, "gender") if name in shapes])
-    return shapes, fields
 
 
 def _gender(value: np.ndarray | None, file: Path) -> str:

@@ -81,17 +81,12 @@ class _Source:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Build both resolutions and write them.
+    """Build both resolutions, write them, and return 0.
 
     Parameters
     ----------
     arguments : sequence of str, optional
         Command line; by default that of the process.
-
-    Returns
-    -------
-    status : int
-        0.
 
     Raises
     ------
@@ -223,7 +218,6 @@ def build_coarse(full: BodyModel, simplification: ModuleType) -> BodyModel:
     _, kept = cKDTree(full.template.vertices).query(vertices)
     if len(np.unique(kept)) != len(kept):
         raise FileFormatError("decimation put two vertices beside the same vertex of the skin")
-    _refuse_open(faces)
     betas = np.random.default_rng(SEED).standard_normal((N_SAMPLES, full.n_betas))
     samples = full.template.vertices[kept] + np.einsum("vcb,nb->nvc", full.shapedirs[kept], betas)
     joints = full.joints(betas)
@@ -310,13 +304,7 @@ def _largest_component(faces: np.ndarray, n_vertices: int) -> tuple[np.ndarray, 
     keep = labels == np.bincount(labels).argmax()
     number = np.cumsum(keep) - 1
     faces = number[faces[keep[faces[:, 0]]]]
-    _refuse_open(faces)
     return np.flatnonzero(keep), faces
-
-
-def _refuse_open(faces: np.ndarray) -> None:
-    if not is_closed(faces):
-        raise FileFormatError("the skin is not a closed, consistently oriented surface")
 
 
 def _principal_components(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -326,8 +314,7 @@ def _principal_components(samples: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     variances, scores = np.linalg.eigh(centred @ centred.T)
     directions = centred.T @ scores[:, ::-1][:, :N_BETAS] / np.sqrt(len(samples) - 1)
     directions = directions.reshape(*mean.shape, N_BETAS)
-    # The sign of an eigenvector is arbitrary: the largest displacement in the left half and the
-    # middle of the body shall be positive.
+    # Signs are arbitrary: make the largest displacement of the left half and the middle positive.
     left = directions[mean[:, 0] > -1e-6].reshape(-1, N_BETAS)
     largest = left[np.abs(left).argmax(axis=0), np.arange(N_BETAS)]
     explained = variances[::-1][:N_BETAS].sum() / variances.sum()
@@ -394,7 +381,9 @@ def _rounded_rows(rows: np.ndarray, step: float) -> np.ndarray:
 
 
 def _report(model: BodyModel, samples: np.ndarray, targets: np.ndarray) -> None:
-    """Print the errors of the regressed joints of sampled bodies."""
+    """Refuse an open skin, and print the errors of the regressed joints of sampled bodies."""
+    if not is_closed(model.faces):
+        raise FileFormatError("the skin is not a closed, consistently oriented surface")
     error = 1e3 * np.linalg.norm(model.joint_regressor @ samples - targets, axis=-1)
     worst = model.joint_names[int(error.max(axis=0).argmax())]
     _say(

@@ -15,6 +15,7 @@ from riemhuman.datasets.motions import Motion, Motions, chosen
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS, Choreography, Curve
 from riemhuman.datasets.open_poses import pose_vectors
+from riemhuman.kernels.tiles import slices
 from riemhuman.surfaces.template import Template
 
 # Shape coefficients in standard deviations; the others are zero. None of these people is among
@@ -114,11 +115,10 @@ class OpenMotion(Motion):
 
     def _frames(self, numbers: range) -> np.ndarray:
         frames = np.empty((len(numbers), self._model.n_vertices, 3))
-        for first in range(0, len(numbers), _FRAMES_AT_A_TIME):
-            some = np.asarray(numbers[first : first + _FRAMES_AT_A_TIME])
-            frames[first : first + len(some)] = self._model(
-                self.betas, self.pose_vectors[some], self.translations[some]
-            )
+        for some in slices(len(numbers), _FRAMES_AT_A_TIME):
+            chosen = np.asarray(numbers[some])
+            parameters = self.pose_vectors[chosen], self.translations[chosen]
+            frames[some] = self._model(self.betas, *parameters)
         return frames
 
 
@@ -230,15 +230,8 @@ def _sided(
     written: Choreography,
 ) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
     """Yield joint, axes, curves and delay in cycles, with joints of both sides separately."""
-    central = {
-        "pelvis",
-        "lower_spine",
-        "middle_spine",
-        "upper_spine",
-        "chest",
-        "neck",
-        "head",
-    }
+    spine = {"lower_spine", "middle_spine", "upper_spine"}
+    central = spine | {"pelvis", "chest", "neck", "head"}
     for joint, (axes, *curves) in written.angles.items():
         if joint in central or joint.startswith(("left_", "right_")):
             yield joint, axes, tuple(curves), 0.0

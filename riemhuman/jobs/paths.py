@@ -82,20 +82,8 @@ def path_job(
 
     Raises
     ------
-    ArgumentTypeError
-        If an argument has the wrong type, or the solver or the metric holds something that cannot
-        be recorded, such as an open file.
-    ArgumentError
-        If a point is not valid, or the folder holds a job on other points or with another solver
-        or metric, or anything but a job.
-    FileError
-        If another process is at work in the folder, it cannot be written, or the disk is too small.
-    FileFormatError
-        If a file of the job is damaged.
-    ClusterError
-        If a cluster has had no worker for a minute.
-    MissingDependencyError
-        If a client is given and distributed is not installed, or a worker lacks the library.
+    RiemhumanError
+        As for `pairwise_job`, where the solver is part of the job like the metric.
 
     Examples
     --------

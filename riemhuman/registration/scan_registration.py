@@ -37,15 +37,7 @@ from riemhuman.surfaces.distortion import triangle_areas
 from riemhuman.surfaces.nearest_places import nearest_places
 from riemhuman.units import UNITS
 
-AXES = {
-    "x": (1.0, 0.0, 0.0),
-    "y": (0.0, 1.0, 0.0),
-    "z": (0.0, 0.0, 1.0),
-    "-x": (-1.0, 0.0, 0.0),
-    "-y": (0.0, -1.0, 0.0),
-    "-z": (0.0, 0.0, -1.0),
-}
-"""Directions up by name."""
+_UP = dict(zip(("x", "y", "z", "-x", "-y", "-z"), (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
 _MATCHED_METRES = 0.02
@@ -103,7 +95,7 @@ class ScanRegistration:
         if not isinstance(model, BodyModel):
             raise ArgumentTypeError(f"model must be a BodyModel; found {type(model).__name__}")
         one_of(self.unit, "unit", (None, *UNITS))
-        one_of(self.up, "up", (None, *AXES))
+        one_of(self.up, "up", (None, *_UP))
 
     def solve(
         self,
@@ -207,7 +199,7 @@ class ScanRegistration:
         start: RegisteredScan | None,
     ) -> tuple[list[Candidate], ReadyScan]:
         """Return the likeliest bodies, and the scan with normals oriented like theirs."""
-        up = ready.up if self.up is None else np.array(AXES[self.up])
+        up = ready.up if self.up is None else _UP[self.up]
 
         def found(signed: bool) -> list[Candidate]:
             if start is not None and start.fit is not None:

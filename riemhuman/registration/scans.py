@@ -147,15 +147,8 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
 
     Raises
     ------
-    ArgumentTypeError
-        If it does not hold numbers.
-    ArgumentError
-        If a shape is wrong, an entry is not finite, there are fewer than 200 points, or the size
-        is not that of a body in any unit.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If the file is damaged.
+    RiemhumanError
+        As for `load_scan`, or if an array does not hold points.
     """
     if isinstance(scan, Scan):
         return scan

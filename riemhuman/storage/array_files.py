@@ -294,11 +294,6 @@ def check_text(array: np.ndarray) -> None:
     ----------
     array : array
         Any array.
-
-    Raises
-    ------
-    FileFormatError
-        If it has such code points.
     """
     if array.dtype.kind != "U" or array.size == 0 or array.dtype.itemsize == 0:
         return

@@ -68,13 +68,6 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
         The file; an existing file is replaced.
     text : str
         Its content.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file cannot be written.
     """
     write_bytes(path, text.encode("utf-8"))
 

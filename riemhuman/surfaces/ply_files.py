@@ -1,14 +1,12 @@
-"""PLY files: their vertices and triangles; other content is skipped.
+"""Reading of the vertices and triangles of PLY files.
 
-Elements come in any order, and each may have lists whose length changes from row to row, as colours
-of a vertex or neighbours of a face. What is not read is stepped over by its declared types.
+Elements come in any order and may have lists whose lengths differ between rows, such as the
+neighbours of a face. Other content is skipped by its declared types.
 """
 
 from __future__ import annotations
 
-import re
 from array import array
-from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -16,55 +14,19 @@ import numpy as np
 
 from riemhuman.errors import FileFormatError
 from riemhuman.surfaces.mesh_arrays import split_polygons
+from riemhuman.surfaces.ply_headers import SHOWN, Element, read_header, shown_line
 
-# The types of the format, their later names, and those that writers have added.
-_TYPES = {
-    **dict.fromkeys(("char", "int8"), "i1"),
-    **dict.fromkeys(("uchar", "uint8"), "u1"),
-    **dict.fromkeys(("short", "int16"), "i2"),
-    **dict.fromkeys(("ushort", "uint16"), "u2"),
-    **dict.fromkeys(("int", "int32"), "i4"),
-    **dict.fromkeys(("uint", "uint32"), "u4"),
-    **dict.fromkeys(("float", "float32"), "f4"),
-    **dict.fromkeys(("double", "float64"), "f8"),
-    "int64": "i8",
-    "uint64": "u8",
-    "float16": "f2",
-}
-_ENCODINGS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
 _POSITION, _NORMAL = ("x", "y", "z"), ("nx", "ny", "nz")
 _CORNERS = ("vertex_indices", "vertex_index")
 _NUMBERS: dict[str, Callable[[bytes], float]] = {"f": float, "i": int, "u": int}
-_SHOWN = 60
-# Larger whole numbers are not kept in double precision, nor are there as many vertices.
+# Double precision holds no larger whole numbers exactly.
 _WHOLE = 2**53
-# NumPy knows no larger row.
+# NumPy allows no larger rows.
 _LONGEST_ROW = 2**31 - 1
 
 
-class _Property(NamedTuple):
-    """A number in every row of an element, or a list of them."""
-
-    name: str
-    kind: str
-    length_kind: str | None  # None of a single number
-
-    @property
-    def least(self) -> int:
-        """Bytes that it takes in a row at least."""
-        return int((self.length_kind or self.kind)[1:])
-
-
-class _Element(NamedTuple):
-    """Rows that share their properties."""
-
-    name: str
-    n_rows: int
-    properties: list[_Property]
-
-
 class _Column(NamedTuple):
-    """The numbers of a property, row after row, and how many there are in each row."""
+    """The numbers of a property, row after row, and their count in each row."""
 
     values: np.ndarray
     lengths: np.ndarray
@@ -79,21 +41,21 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     content : bytes
-        The file: text, or binary of either byte order, with any of the three line ends.
+        The file: text, or binary of either byte order, with any line ends.
 
     Returns
     -------
     vertices : array, shape (V, 3)
     faces : array, shape (F, 3)
-        As the file has them; indices are not checked.
+        In the file's order; indices are not checked.
 
     Raises
     ------
     FileFormatError
-        If the file is damaged, holds no vertices, no faces or more than it declares, a property
-        that is needed is missing or there twice, or a face has fewer than three corners.
+        If the file is damaged, has no vertices, no faces or more data than it declares, a required
+        property is missing or declared twice, or a face has fewer than three corners.
     """
-    order, elements, body = _header(content)
+    order, elements, body = read_header(content)
     declared = {element.name: element.n_rows for element in elements}
     n_vertices, n_faces = (declared.get(name, 0) for name in ("vertex", "face"))
     if n_vertices == 0 or n_faces == 0:
@@ -107,7 +69,7 @@ def read_ply(content: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def read_ply_points(content: bytes) -> tuple[np.ndarray, np.ndarray | None]:
-    """Return the vertices of a PLY file that holds loose points, and their normals.
+    """Return the vertices of a PLY file of loose points, and their normals.
 
     Parameters
     ----------
@@ -118,14 +80,14 @@ def read_ply_points(content: bytes) -> tuple[np.ndarray, np.ndarray | None]:
     -------
     points : array, shape (N, 3)
     normals : array, shape (N, 3), or None
-        Where the file has them.
+        Unit normals or others, if the file has them.
 
     Raises
     ------
     FileFormatError
-        If the file is damaged or holds no vertices.
+        If the file is damaged or has no vertices.
     """
-    order, elements, body = _header(content)
+    order, elements, body = read_header(content)
     found = [element for element in elements if element.name == "vertex" and element.n_rows]
     if not found:
         raise FileFormatError("the PLY header declares no vertices")
@@ -137,7 +99,7 @@ def read_ply_points(content: bytes) -> tuple[np.ndarray, np.ndarray | None]:
 
 
 def has_ply_faces(content: bytes) -> bool:
-    """Tell whether a PLY file holds faces.
+    """Tell whether a PLY file has faces.
 
     Parameters
     ----------
@@ -149,16 +111,16 @@ def has_ply_faces(content: bytes) -> bool:
     FileFormatError
         If its header is damaged.
     """
-    return any(element.name == "face" and element.n_rows for element in _header(content)[1])
+    return any(element.name == "face" and element.n_rows for element in read_header(content)[1])
 
 
 def _tables(
     order: str,
-    elements: list[_Element],
+    elements: list[Element],
     body: bytes,
     wanted: dict[str, tuple[str, ...]],
 ) -> dict[str, _Columns]:
-    """Return the columns wanted of the elements of a file."""
+    """Return columns of the elements of a file, at least the wanted ones."""
     _check_positions(elements)
     read = (
         _binary_columns(body, elements, order, wanted) if order else _text_columns(body, elements)
@@ -170,74 +132,18 @@ def _stacked(columns: _Columns, names: tuple[str, ...]) -> np.ndarray:
     return np.stack([columns[name].values for name in names], axis=1)
 
 
-def _header(content: bytes) -> tuple[str, list[_Element], bytes]:
-    """Return the byte order, nothing for text, the elements, and what follows the header."""
-    first = re.match(rb"ply(\r\n|\n|\r)", content)
-    if not first:
-        raise FileFormatError("not a PLY file, for it does not begin with a line 'ply'")
-    order: str | None = None
-    elements: list[_Element] = []
-    start = first.end()
-    while True:
-        end = content.find(first[1], start)
-        if end < 0:
-            raise FileFormatError("the PLY header has no end")
-        line, start = content[start:end], end + len(first[1])
-        if line == b"end_header":
-            break
-        keyword, *words = line.split() or [b""]
-        if keyword in (b"comment", b"obj_info"):
-            continue
-        if not line.isascii():
-            raise _meaningless(line)
-        if keyword == b"format" and order is None and words[1:] == [b"1.0"]:
-            order = _ENCODINGS.get(words[0])
-        elif keyword == b"element" and len(words) == 2 and re.fullmatch(rb"\d{1,18}", words[1]):
-            elements.append(_Element(_word(words[0]), int(words[1]), []))
-        elif keyword == b"property" and elements and _types_known(words):
-            kinds = [_TYPES[_word(word)] for word in words[:-1] if word != b"list"]
-            added = _Property(_word(words[-1]), kinds[-1], kinds[0] if len(kinds) > 1 else None)
-            elements[-1].properties.append(added)
-        else:
-            raise _meaningless(line)
-    if order is None:
-        raise FileFormatError(
-            f"the PLY header must name one of the formats {b', '.join(_ENCODINGS).decode()}, "
-            "version 1.0"
-        )
-    for names in (
-        [element.name for element in elements],
-        *([each.name for each in element.properties] for element in elements),
-    ):
-        if len(names) > len(set(names)):
-            name = Counter(names).most_common(1)[0][0]
-            raise FileFormatError(f"the PLY header declares {name[:_SHOWN]} twice")
-    return order, elements, content[start:]
-
-
-def _types_known(words: list[bytes]) -> bool:
-    """Tell whether a property is declared as the format asks for; lengths are whole numbers."""
-    if words[:1] == [b"list"]:
-        return (
-            len(words) == 4
-            and all(_word(word) in _TYPES for word in words[1:3])
-            and (_TYPES[_word(words[1])][0] in "iu")
-        )
-    return len(words) == 2 and _word(words[0]) in _TYPES
-
-
-def _name_of_corners(elements: list[_Element]) -> str:
+def _name_of_corners(elements: list[Element]) -> str:
     (face,) = (element for element in elements if element.name == "face")
     found = [each for each in face.properties if each.name in _CORNERS]
     if len(found) != 1 or found[0].length_kind is None:
         raise FileFormatError(
             f"the faces of a PLY file must have one list {' or '.join(_CORNERS)}; found "
-            f"{', '.join(each.name[:_SHOWN] for each in face.properties[:10]) or 'none'}"
+            f"{', '.join(each.name[:SHOWN] for each in face.properties[:10]) or 'none'}"
         )
     return found[0].name
 
 
-def _check_positions(elements: list[_Element]) -> None:
+def _check_positions(elements: list[Element]) -> None:
     (vertex,) = (element for element in elements if element.name == "vertex")
     single = [each.name for each in vertex.properties if each.length_kind is None]
     missing = [axis for axis in "xyz" if axis not in single]
@@ -247,8 +153,8 @@ def _check_positions(elements: list[_Element]) -> None:
         )
 
 
-def _text_columns(body: bytes, elements: list[_Element]) -> Iterator[_Columns]:
-    """Yield the columns of every element of a text, in which each row is a line."""
+def _text_columns(body: bytes, elements: list[Element]) -> Iterator[_Columns]:
+    """Yield the columns of every element of a text file, in which each row is a line."""
     if b"_" in body:
         raise FileFormatError("the PLY file holds an underscore among its numbers")
     lines = iter(body.splitlines())
@@ -257,18 +163,18 @@ def _text_columns(body: bytes, elements: list[_Element]) -> Iterator[_Columns]:
     rest = next((line for line in lines if line.strip()), None)
     if rest is not None:
         raise FileFormatError(
-            f"the file has more lines than its PLY header declares: {_shown(rest)}"
+            f"the file has more lines than its PLY header declares: {shown_line(rest)}"
         )
 
 
-def _of_text(lines: Iterator[bytes], element: _Element) -> _Columns:
+def _of_text(lines: Iterator[bytes], element: Element) -> _Columns:
     parts = [(each, _NUMBERS[each.kind[0]], array("d"), array("d")) for each in element.properties]
     for row in range(element.n_rows):
         line = next(lines, None)
         if line is None:
             raise FileFormatError(
                 f"truncated: the PLY header declares {element.n_rows} rows of "
-                f"{element.name[:_SHOWN]}; {row} found"
+                f"{element.name[:SHOWN]}; {row} found"
             )
         words = line.split()
         position = 0
@@ -287,8 +193,8 @@ def _of_text(lines: Iterator[bytes], element: _Element) -> _Columns:
                 raise ValueError
         except (IndexError, OverflowError, ValueError) as error:
             raise FileFormatError(
-                f"row {row} of {element.name[:_SHOWN]} is not what the PLY header declares: "
-                f"{_shown(line)}"
+                f"row {row} of {element.name[:SHOWN]} is not what the PLY header declares: "
+                f"{shown_line(line)}"
             ) from error
     return {
         each.name: _Column(
@@ -300,26 +206,26 @@ def _of_text(lines: Iterator[bytes], element: _Element) -> _Columns:
 
 
 def _of_kind(numbers: array[float], kind: str, name: str) -> np.ndarray:
-    """Return numbers in the type that they are declared to have."""
+    """Return numbers in their declared type."""
     found = np.array(numbers)
     if kind[0] != "f" and found.size:
         limits = np.iinfo(kind)
         lowest, highest = max(limits.min, -_WHOLE), min(limits.max, _WHOLE)
         if not lowest <= found.min() <= found.max() <= highest:
             raise FileFormatError(
-                f"{name[:_SHOWN]} holds numbers beyond its type: {found.min():g} to {found.max():g}"
+                f"{name[:SHOWN]} holds numbers beyond its type: {found.min():g} to {found.max():g}"
             )
-    with np.errstate(over="ignore"):  # what becomes infinite is refused with its place
+    with np.errstate(over="ignore"):  # infinite numbers are refused later, by name
         return found.astype(kind)
 
 
 def _binary_columns(
     body: bytes,
-    elements: list[_Element],
+    elements: list[Element],
     order: str,
     wanted: dict[str, tuple[str, ...]],
 ) -> Iterator[_Columns]:
-    """Yield the columns wanted of every element of binary data."""
+    """Yield the wanted columns of every element of binary data."""
     start = 0
     for element in elements:
         least = sum(each.least for each in element.properties)
@@ -334,9 +240,9 @@ def _binary_columns(
 
 
 def _of_binary(
-    body: bytes, start: int, element: _Element, order: str, wanted: tuple[str, ...]
+    body: bytes, start: int, element: Element, order: str, wanted: tuple[str, ...]
 ) -> tuple[_Columns, int]:
-    """Return columns of an element, and where the next one begins."""
+    """Return the wanted columns of an element, and the start of the next element."""
     if element.n_rows == 0 or not element.properties:
         return {}, start
     table = _table(body, start, element, order)
@@ -350,8 +256,8 @@ def _of_binary(
     return columns, start + table.nbytes
 
 
-def _table(body: bytes, start: int, element: _Element, order: str) -> np.ndarray | None:
-    """Return the rows of an element as a table, if all its lists are as long as in the first."""
+def _table(body: bytes, start: int, element: Element, order: str) -> np.ndarray | None:
+    """Return the rows of an element as a table if all lists are as long as in the first row."""
     fields: list[tuple[str, str, tuple[int, ...]]] = []
     position = start
     for number, each in enumerate(element.properties):
@@ -373,9 +279,9 @@ def _table(body: bytes, start: int, element: _Element, order: str) -> np.ndarray
 
 
 def _row_by_row(
-    body: bytes, start: int, element: _Element, order: str, wanted: tuple[str, ...]
+    body: bytes, start: int, element: Element, order: str, wanted: tuple[str, ...]
 ) -> tuple[_Columns, int]:
-    """Return columns of an element whose lists differ in length, and where the next one begins."""
+    """Return what `_of_binary` does for an element whose lists differ in length."""
     parts = [(each, int(each.kind[1:]), array("q"), array("q")) for each in element.properties]
     position = start
     for row in range(element.n_rows):
@@ -386,7 +292,7 @@ def _row_by_row(
                 position += each.least
             if length < 0:
                 raise FileFormatError(
-                    f"{each.name[:_SHOWN]} of {element.name[:_SHOWN]} {row} has a negative length"
+                    f"{each.name[:SHOWN]} of {element.name[:SHOWN]} {row} has a negative length"
                 )
             if position + length * size > len(body):
                 raise _truncated(element)
@@ -405,25 +311,13 @@ def _row_by_row(
 
 
 def _length(body: bytes, position: int, kind: str, order: str) -> int:
-    """Return the length of a list, of which nothing is there where the data end before it."""
+    """Return the length of a list; missing bytes at the end of the data count as zero."""
     found = body[position : position + int(kind[1:])]
     return int.from_bytes(found, "little" if order == "<" else "big", signed=kind[0] == "i")
 
 
-def _truncated(element: _Element) -> FileFormatError:
+def _truncated(element: Element) -> FileFormatError:
     return FileFormatError(
-        f"truncated: {element.n_rows} rows of {element.name[:_SHOWN]}, as the PLY header declares, "
+        f"truncated: {element.n_rows} rows of {element.name[:SHOWN]}, as the PLY header declares, "
         "take more bytes than there are"
     )
-
-
-def _meaningless(line: bytes) -> FileFormatError:
-    return FileFormatError(f"the PLY header has a line that means nothing: {_shown(line)}")
-
-
-def _word(word: bytes) -> str:
-    return word.decode("latin-1")
-
-
-def _shown(line: bytes) -> str:
-    return repr(_word(line.strip())[:_SHOWN])
