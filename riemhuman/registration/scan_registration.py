@@ -35,9 +35,10 @@ from riemhuman.registration.trust import (
 )
 from riemhuman.surfaces.distortion import triangle_areas
 from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.upright import AXES
 from riemhuman.units import UNITS
 
-_UP = dict(zip(("x", "y", "z", "-x", "-y", "-z"), (*np.eye(3), *-np.eye(3)), strict=True))
+_UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
 _MATCHED_METRES = 0.02
