@@ -8,10 +8,7 @@ from riemhuman.bodies.body_model import BodyModel
 
 
 def convert_model(
-    source: str | os.PathLike[str],
-    target: str | os.PathLike[str],
-    *,
-    n_betas: int | None = None,
+    source: str | os.PathLike[str], target: str | os.PathLike[str], *, n_betas: int | None = None
 ) -> BodyModel:
     """Read a body model, check it, and write it as an .npz file in SMPL's layout.
 

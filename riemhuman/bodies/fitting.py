@@ -16,12 +16,7 @@ from scipy import sparse
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies.correspondence import combination_of_vertices
-from riemhuman.bodies.fitting_equations import (
-    Equations,
-    Loss,
-    by_main_joint,
-    least_squares_step,
-)
+from riemhuman.bodies.fitting_equations import Equations, Loss, by_main_joint, least_squares_step
 from riemhuman.bodies.joint_motions import Posture, Skeleton
 from riemhuman.bodies.model_fit import ModelFit
 from riemhuman.bodies.skinned_model import SkinnedModel

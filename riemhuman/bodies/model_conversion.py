@@ -50,12 +50,7 @@ class ConvertedFit:
 
 
 def convert(
-    fit: ModelFit,
-    model: BodyModel,
-    *,
-    to: BodyModel,
-    correspondence: Any,
-    **options: Any,
+    fit: ModelFit, model: BodyModel, *, to: BodyModel, correspondence: Any, **options: Any
 ) -> ConvertedFit:
     """Convert a fit of one body model to a fit of another.
 

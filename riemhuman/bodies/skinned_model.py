@@ -11,12 +11,7 @@ import numpy as onp
 from numpy.typing import DTypeLike
 
 from riemhuman.bodies.joint_tree import joint_parents, root_first
-from riemhuman.bodies.model_checks import (
-    check_sums,
-    check_weights,
-    names_of_joints,
-    precision,
-)
+from riemhuman.bodies.model_checks import check_sums, check_weights, names_of_joints, precision
 from riemhuman.bodies.skinning import chained_motions, skinned
 from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings

@@ -99,11 +99,7 @@ class Bodies:
                     f"{name}_names names only {len(names)} of them"
                 )
             self._keep(**{name: labels, f"{name}_names": names})
-        trailing = {
-            "betas": ("n_betas",),
-            "pose_vectors": ("n_joints", 3),
-            "translations": (3,),
-        }
+        trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
         for name, shape in trailing.items():
             if getattr(self, name) is not None:
                 array = real_array(getattr(self, name), name, (len(points), *shape), batched=False)

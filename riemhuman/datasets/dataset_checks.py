@@ -44,7 +44,7 @@ def check_dataset(dataset: Dataset) -> PropertyReport:
     needed = ("points", "template", "subject", "pose")
     lacking = [name for name in needed if not hasattr(dataset, name)]
     properties: dict[str, Callable[[], float]] = {
-        "it has points, template, subject and pose": lambda: float(len(lacking)),
+        "it has points, template, subject and pose": lambda: float(len(lacking))
     }
     if not lacking:
         properties |= {name: partial(error, dataset) for name, error in _ALL.items()}

@@ -356,9 +356,7 @@ def _wanted(
 
 
 def _refuse_malformed(
-    found: Mapping[str, Mapping[str, _Entry]],
-    pairs: Sequence[tuple[str, str]],
-    n_vertices: int,
+    found: Mapping[str, Mapping[str, _Entry]], pairs: Sequence[tuple[str, str]], n_vertices: int
 ) -> None:
     """Refuse malformed sequences, and name them all."""
     problems = [

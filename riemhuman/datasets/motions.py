@@ -142,10 +142,7 @@ class Motions(tuple[M, ...]):
 
 
 def chosen(
-    wanted: Sequence[str] | str | None,
-    name: str,
-    known: Sequence[str],
-    source: str = "",
+    wanted: Sequence[str] | str | None, name: str, known: Sequence[str], source: str = ""
 ) -> tuple[str, ...]:
     """Return the chosen names, by default all, after checking that they are known.
 

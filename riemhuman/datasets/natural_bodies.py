@@ -8,12 +8,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.bodies.joint_tree import root_first
 from riemhuman.bodies.skinning import chained_motions, skinned
-from riemhuman.datasets.open_poses import (
-    NATURAL_POSES,
-    TOUCHED,
-    joint_turns,
-    pose_vectors,
-)
+from riemhuman.datasets.open_poses import NATURAL_POSES, TOUCHED, joint_turns, pose_vectors
 from riemhuman.datasets.surface_noise import surface_noise
 
 # Deviations of a person from a pose as written: standard deviations in degrees.
@@ -131,17 +126,10 @@ def natural_surfaces(
 
 
 def _reaching(
-    model: BodyModel,
-    betas: np.ndarray,
-    poses: np.ndarray,
-    side: str,
-    places: np.ndarray,
+    model: BodyModel, betas: np.ndarray, poses: np.ndarray, side: str, places: np.ndarray
 ) -> np.ndarray:
     """Return poses with one palm on the body, at places on the left side of the rest surface."""
-    names, mirror = (
-        model.joint_names,
-        np.array([1.0 if side == "left" else -1.0, 1.0, 1.0]),
-    )
+    names, mirror = model.joint_names, np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
     arm = [names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow", "wrist")]
     targets, outward = _touched(model, betas, poses, places * mirror)
     joints, order = model.joints(betas), root_first(model.parents)

@@ -12,12 +12,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.natural_bodies import natural_performances, natural_surfaces
-from riemhuman.datasets.open_poses import (
-    NATURAL_POSES,
-    OPEN_POSES,
-    joint_turns,
-    pose_vectors,
-)
+from riemhuman.datasets.open_poses import NATURAL_POSES, OPEN_POSES, joint_turns, pose_vectors
 from riemhuman.datasets.surface_noise import surface_noise
 from riemhuman.kernels.threads import single_threaded_libraries
 
@@ -30,18 +25,7 @@ _SUBJECTS: dict[str, tuple[float, ...]] = {
     "tall slim woman": (0.8, 2.4, 1.2, 0.0, 0.3, 0.9, -1.7, -0.8, 0.8, 0.3),
     "short stout woman": (-1.5, 0.4, -0.2, 0.2, -0.4, -1.4, 2.1, 0.4, 0.4, 0.0),
     "athletic woman": (0.0, 2.2, 1.6, 0.2, 1.0, 0.4, -2.2, -0.2, -0.7, 0.2),
-    "older full-figured woman": (
-        -0.4,
-        -0.3,
-        -1.4,
-        -1.4,
-        -1.0,
-        -2.1,
-        0.8,
-        -0.3,
-        0.4,
-        -2.1,
-    ),
+    "older full-figured woman": (-0.4, -0.3, -1.4, -1.4, -1.0, -2.1, 0.8, -0.3, 0.4, -2.1),
     "petite woman": (-2.3, 1.0, 1.0, 0.9, -0.1, 1.5, 0.5, -0.8, 0.9, 1.7),
     "tall muscular man": (1.9, -0.8, 0.3, -2.4, 1.7, 1.1, 1.1, 1.0, -1.9, 0.5),
     "short stocky man": (-0.9, -1.8, 0.4, 1.1, -0.2, 0.0, 0.1, -2.1, -1.3, -0.6),

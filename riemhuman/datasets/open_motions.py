@@ -62,11 +62,7 @@ class OpenMotion(Motion):
         self, subject: str, sequence: str, model: BodyModel, frames_per_second: float
     ) -> None:
         written = OPEN_MOTIONS[sequence]
-        seed = [
-            _SEED,
-            list(_SUBJECTS).index(subject),
-            list(OPEN_MOTIONS).index(sequence),
-        ]
+        seed = [_SEED, list(_SUBJECTS).index(subject), list(OPEN_MOTIONS).index(sequence)]
         self._performance = _Performance(written, np.random.default_rng(seed))
         n_frames = int(self._performance.seconds * frames_per_second) + 1
         super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
@@ -226,9 +222,7 @@ class _Turn:
         return Rotation.from_euler(self._axes, angles, degrees=True).as_matrix()
 
 
-def _sided(
-    written: Choreography,
-) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
+def _sided(written: Choreography) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
     """Yield joint, axes, curves and delay in cycles, with joints of both sides separately."""
     spine = {"lower_spine", "middle_spine", "upper_spine"}
     central = spine | {"pelvis", "chest", "neck", "head"}

@@ -28,11 +28,7 @@ Angles = tuple[Any, ...]
 """Axes, then one angle for each: ("xz", 30, -70) turns by 30 about x, then by -70 about z."""
 
 OPEN_POSES: dict[str, dict[str, Angles]] = {
-    "t_like": {
-        "shoulder": ("z", -8),
-        "elbow": ("y", -8),
-        "hip": ("z", 6),
-    },
+    "t_like": {"shoulder": ("z", -8), "elbow": ("y", -8), "hip": ("z", 6)},
     "arms_up": {
         "collar": ("z", 18),
         "shoulder": ("z", 50),
@@ -46,11 +42,7 @@ OPEN_POSES: dict[str, dict[str, Angles]] = {
         "elbow": ("y", -10),
         "hip": ("z", 3),
     },
-    "bent_elbows": {
-        "shoulder": ("xz", 15, -68),
-        "elbow": ("y", -88),
-        "hip": ("z", 5),
-    },
+    "bent_elbows": {"shoulder": ("xz", 15, -68), "elbow": ("y", -88), "hip": ("z", 5)},
     "hands_on_hips": {
         "shoulder": ("xyz", 50, 12, -48),
         "elbow": ("y", -88),
@@ -118,11 +110,7 @@ OPEN_POSES: dict[str, dict[str, Angles]] = {
 }
 """The ten poses of the plain open bodies."""
 
-_A_STANCE: dict[str, Angles] = {
-    "shoulder": ("xz", 10, -58),
-    "elbow": ("y", -18),
-    "hip": ("z", 5),
-}
+_A_STANCE: dict[str, Angles] = {"shoulder": ("xz", 10, -58), "elbow": ("y", -18), "hip": ("z", 5)}
 _LEFT_HAND_ON_HIP: dict[str, Angles] = {
     f"left_{joint}": OPEN_POSES["hands_on_hips"][joint] for joint in ("shoulder", "elbow", "wrist")
 }
@@ -224,10 +212,7 @@ def pose_vectors(turns: np.ndarray, model: BodyModel) -> np.ndarray:
 
 def _mirrored(turn: Angles) -> Angles:
     axes, *degrees = turn
-    return (
-        axes,
-        *(a if axis == "x" else -a for axis, a in zip(axes, degrees, strict=True)),
-    )
+    return (axes, *(a if axis == "x" else -a for axis, a in zip(axes, degrees, strict=True)))
 
 
 def _rest_to_t_pose(model: BodyModel) -> np.ndarray:

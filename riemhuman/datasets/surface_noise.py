@@ -8,10 +8,7 @@ _N_WAVES = 12
 
 
 def surface_noise(
-    points: np.ndarray,
-    size: float,
-    wavelengths: tuple[float, float],
-    rng: np.random.Generator,
+    points: np.ndarray, size: float, wavelengths: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
     """Return a sum of random plane waves at every point.
 

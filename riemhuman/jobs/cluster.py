@@ -10,12 +10,7 @@ from typing import Any, Protocol
 
 from numpy import ndarray
 
-from riemhuman.errors import (
-    ArgumentTypeError,
-    ClusterError,
-    MissingDependencyError,
-    RiemhumanError,
-)
+from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.optional import import_optional
 from riemhuman.storage.file_content import brief

@@ -19,12 +19,7 @@ from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import GeodesicSolver
 from riemhuman.solvers.many_paths import ManyPaths
-from riemhuman.solvers.path_distances import (
-    PairsOfPoints,
-    PathDistances,
-    distances_of,
-    row_of,
-)
+from riemhuman.solvers.path_distances import PairsOfPoints, PathDistances, distances_of, row_of
 from riemhuman.storage.checksums import are_marks, mark
 from riemhuman.storage.fingerprint import describe, digest
 from riemhuman.storage.job_folder import JobFolder

@@ -9,12 +9,7 @@ import numpy as np
 from riemhuman.kernels.compiled import compiled
 from riemhuman.registration.model_samples import ModelSamples
 from riemhuman.registration.posing import Pose, posed
-from riemhuman.registration.posing_equations import (
-    Prior,
-    add_normal_equations,
-    add_prior,
-    stepped,
-)
+from riemhuman.registration.posing_equations import Prior, add_normal_equations, add_prior, stepped
 from riemhuman.registration.soft_assignment import assign
 
 # Number of independent points that the scan counts as, relative to the prior.

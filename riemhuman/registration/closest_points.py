@@ -11,12 +11,7 @@ from scipy.spatial import cKDTree
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.registration.model_samples import ModelSamples
 from riemhuman.registration.posing import Pose, posed
-from riemhuman.registration.posing_equations import (
-    Prior,
-    add_normal_equations,
-    add_prior,
-    stepped,
-)
+from riemhuman.registration.posing_equations import Prior, add_normal_equations, add_prior, stepped
 from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 
 # Distance in metres that counts as much as a turn of the normal by a radian.
@@ -176,9 +171,7 @@ def fit_elastic(
         inverse = np.linalg.inv(blocks + stiffness * diagonal)
 
         def apply(
-            vector: np.ndarray,
-            blocks: np.ndarray = blocks,
-            stiffness: float = stiffness,
+            vector: np.ndarray, blocks: np.ndarray = blocks, stiffness: float = stiffness
         ) -> np.ndarray:
             rows = np.einsum("nxy,ny->nx", blocks, vector.reshape(-1, 3))
             product: np.ndarray = rows.ravel() + stiffness * (elastic @ vector)

@@ -207,11 +207,7 @@ def rotation_vector(matrix: np.ndarray) -> np.ndarray:
     array, shape (3,)
     """
     sines = np.array(
-        [
-            matrix[2, 1] - matrix[1, 2],
-            matrix[0, 2] - matrix[2, 0],
-            matrix[1, 0] - matrix[0, 1],
-        ]
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
     )
     size = math.sqrt(sines[0] ** 2 + sines[1] ** 2 + sines[2] ** 2)
     angle = math.atan2(size, matrix[0, 0] + matrix[1, 1] + matrix[2, 2] - 1.0)

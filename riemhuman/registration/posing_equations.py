@@ -148,12 +148,7 @@ def add_normal_equations(
 
 @compiled
 def add_prior(
-    body: ModelSamples,
-    pose: Pose,
-    prior: Prior,
-    size: float,
-    matrix: np.ndarray,
-    right: np.ndarray,
+    body: ModelSamples, pose: Pose, prior: Prior, size: float, matrix: np.ndarray, right: np.ndarray
 ) -> None:
     """Add the equations of the prior, in the same coordinates.
 
@@ -192,11 +187,7 @@ def add_prior(
 
 @compiled
 def stepped(
-    body: ModelSamples,
-    pose: Pose,
-    matrix: np.ndarray,
-    right: np.ndarray,
-    longest: float,
+    body: ModelSamples, pose: Pose, matrix: np.ndarray, right: np.ndarray, longest: float
 ) -> Pose:
     """Return the parameters after the step that solves the equations.
 

@@ -194,10 +194,7 @@ class ScanRegistration:
         return places
 
     def _candidates(
-        self,
-        ready: ReadyScan,
-        landmarks: dict[int, np.ndarray],
-        start: RegisteredScan | None,
+        self, ready: ReadyScan, landmarks: dict[int, np.ndarray], start: RegisteredScan | None
     ) -> tuple[list[Candidate], ReadyScan]:
         """Return the likeliest bodies, and the scan with normals oriented like theirs."""
         up = ready.up if self.up is None else _UP[self.up]

@@ -7,16 +7,8 @@ import numpy as np
 from riemhuman.bodies import BodyModel, rotation_matrix
 from riemhuman.datasets.open_poses import Angles, joint_turns, pose_vectors
 
-_DOWN: dict[str, Angles] = {
-    "shoulder": ("xz", 10, -78),
-    "elbow": ("y", -10),
-    "hip": ("z", 3),
-}
-_A: dict[str, Angles] = {
-    "shoulder": ("xz", 10, -50),
-    "elbow": ("y", -18),
-    "hip": ("z", 6),
-}
+_DOWN: dict[str, Angles] = {"shoulder": ("xz", 10, -78), "elbow": ("y", -10), "hip": ("z", 3)}
+_A: dict[str, Angles] = {"shoulder": ("xz", 10, -50), "elbow": ("y", -18), "hip": ("z", 6)}
 _WALK: dict[str, Angles] = {
     "left_hip": ("x", -32),
     "left_knee": ("x", 15),
@@ -28,11 +20,7 @@ _WALK: dict[str, Angles] = {
     "right_elbow": ("y", 30),
 }
 _KNEE: dict[str, Angles] = {**_A, "left_hip": ("x", -85), "left_knee": ("x", 85)}
-_ONE_ARM: dict[str, Angles] = {
-    **_DOWN,
-    "right_shoulder": ("z", -55),
-    "right_elbow": ("y", 15),
-}
+_ONE_ARM: dict[str, Angles] = {**_DOWN, "right_shoulder": ("z", -55), "right_elbow": ("y", 15)}
 
 _START_POSES: dict[str, dict[str, Angles]] = {
     "a": _A,
@@ -60,18 +48,9 @@ _START_POSES: dict[str, dict[str, Angles]] = {
         "hip": ("x", -40),
         "shoulder": ("xzy", 0, -50, -40),
     },
-    "sit": {
-        "hip": ("x", -85),
-        "knee": ("x", 85),
-        **{k: _DOWN[k] for k in ("shoulder", "elbow")},
-    },
+    "sit": {"hip": ("x", -85), "knee": ("x", 85), **{k: _DOWN[k] for k in ("shoulder", "elbow")}},
     "wide": {"shoulder": ("z", 20), "hip": ("z", 22)},
-    "lunge": {
-        **_WALK,
-        "left_hip": ("x", -75),
-        "left_knee": ("x", 75),
-        "right_knee": ("x", 20),
-    },
+    "lunge": {**_WALK, "left_hip": ("x", -75), "left_knee": ("x", 75), "right_knee": ("x", 20)},
 }
 _SIDED = ("walk", "knee", "one_arm", "lunge")
 

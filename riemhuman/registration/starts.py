@@ -53,10 +53,7 @@ ROUNDS = (
 )
 """The rounds for a scan without a known start."""
 
-WARM_ROUNDS = (
-    Round(500, 800, (0.08, 0.04), 5, 1),
-    Round(1000, 1500, (0.03, 0.015), 4, 1),
-)
+WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.015), 4, 1))
 """The rounds from a known start."""
 
 
@@ -237,14 +234,7 @@ class StartSearch:
 
         def advance(candidate: Candidate) -> Candidate:
             pose, likelihood = annealed(
-                body,
-                candidate.pose,
-                candidate.prior,
-                scan,
-                scan_normals,
-                sigmas,
-                signed,
-                known,
+                body, candidate.pose, candidate.prior, scan, scan_normals, sigmas, signed, known
             )
             return Candidate(pose, candidate.prior, likelihood, candidate.up)
 

@@ -61,9 +61,7 @@ def save_arrays(
 
 
 def load_arrays(
-    path: str | os.PathLike[str],
-    required: Sequence[str],
-    optional: Sequence[str] | None = None,
+    path: str | os.PathLike[str], required: Sequence[str], optional: Sequence[str] | None = None
 ) -> dict[str, np.ndarray]:
     """Read the named arrays of an .npz file; pickled objects are refused.
 

@@ -168,11 +168,7 @@ class DeformationBasis(OrthonormalDeformations):
 
     @classmethod
     def from_laplacian(
-        cls,
-        template: Template,
-        n_components: int = 100,
-        *,
-        vertex_weights: ArrayLike | None = None,
+        cls, template: Template, n_components: int = 100, *, vertex_weights: ArrayLike | None = None
     ) -> DeformationBasis:
         """Return mesh harmonics of the template, each along x, then y, then z.
 
@@ -346,10 +342,7 @@ class DeformationBasis(OrthonormalDeformations):
         return basis
 
     def _described(
-        self,
-        variance: onp.ndarray | None,
-        ratio: onp.ndarray | None,
-        mean: onp.ndarray | None,
+        self, variance: onp.ndarray | None, ratio: onp.ndarray | None, mean: onp.ndarray | None
     ) -> DeformationBasis:
         """Set the statistics of the motions that the vectors come from."""
         self._explained_variance = None if variance is None else read_only(variance)

@@ -110,11 +110,7 @@ def lowest_eigenpairs(
         # More Lanczos vectors need fewer restarts, but more orthogonalisation.
         n_lanczos = min(n_vertices, max(20, 3 * n_more // 2))
         inverses, vectors = eigsh(
-            operator,
-            n_more,
-            which="LA",
-            v0=start - known @ (known.T @ start),
-            ncv=n_lanczos,
+            operator, n_more, which="LA", v0=start - known @ (known.T @ start), ncv=n_lanczos
         )
         return 1 / inverses - shift, vectors
 

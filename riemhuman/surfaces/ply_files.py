@@ -115,10 +115,7 @@ def has_ply_faces(content: bytes) -> bool:
 
 
 def _tables(
-    order: str,
-    elements: list[Element],
-    body: bytes,
-    wanted: dict[str, tuple[str, ...]],
+    order: str, elements: list[Element], body: bytes, wanted: dict[str, tuple[str, ...]]
 ) -> dict[str, _Columns]:
     """Return columns of the elements of a file, at least the wanted ones."""
     _check_positions(elements)
@@ -220,10 +217,7 @@ def _of_kind(numbers: array[float], kind: str, name: str) -> np.ndarray:
 
 
 def _binary_columns(
-    body: bytes,
-    elements: list[Element],
-    order: str,
-    wanted: dict[str, tuple[str, ...]],
+    body: bytes, elements: list[Element], order: str, wanted: dict[str, tuple[str, ...]]
 ) -> Iterator[_Columns]:
     """Yield the wanted columns of every element of binary data."""
     start = 0
