@@ -19,7 +19,7 @@ from riemhuman.storage.file_content import brief
 _TILES_A_THREAD = 3
 # How often a tile is tried again after an error, such as a file system that failed for a moment.
 _RETRIES = 3
-# A cluster is lost when it is found without a worker so often, so many seconds apart.
+# A cluster is lost after this many checks in a row without a worker, this many seconds apart.
 _PATIENCE, _SECONDS = 4, 15
 
 

@@ -56,7 +56,7 @@ MUTANTS = [
     Mutant(
         "jobs/pairwise.py",
         "    for name, array in zip(names, written, strict=True):\n",
-        "    room.write(_DIGESTS, (number, found))\n"
+        "    job.write(_DIGESTS, (number, found))\n"
         "    for name, array in zip(names, written, strict=True):\n",
         f"{JOB} -k interrupted_at_every",
     ),
@@ -74,14 +74,14 @@ MUTANTS = [
     ),
     Mutant(
         "jobs/pairwise.py",
-        "            _check_features(room, kept, blocks, tiles)\n            room.rename",
-        "            room.rename",
+        "            _check_features(job, kept, blocks, tiles)\n            job.rename",
+        "            job.rename",
         f"{JOB} -k damaged_features",
     ),
     Mutant(
         "jobs/pairwise.py",
-        "        room.remove(_DONE, _CHECKSUMS, *arrays)\n",
-        "        room.remove(_DONE, _CHECKSUMS)\n",
+        "        job.remove(_DONE, _CHECKSUMS, *arrays)\n",
+        "        job.remove(_DONE, _CHECKSUMS)\n",
         "trust/test_chaos.py",
     ),
     Mutant(
