@@ -123,7 +123,7 @@ def fit_model(
     surfaces = real_array(points, "points", ("n_points", 3))
     if surfaces.shape[-2] != n_points:
         raise ArgumentError(
-            f"points has {surfaces.shape[-2]} points a surface (shape {surfaces.shape}); "
+            f"points has {surfaces.shape[-2]} points per surface (shape {surfaces.shape}); "
             + (
                 f"the model has {n_points} vertices"
                 if correspondence is None

@@ -308,6 +308,7 @@ def _labels(wanted: Any, name: str, names: tuple[str, ...]) -> list[int]:
             labels.append(operator.index(each))
         else:
             raise ArgumentError(
-                f"{name} must name or number one of {', '.join(names[:20])}; found {each!r}"
+                f"{name} must be the name or index of one of {', '.join(names[:20])}; "
+                f"found {each!r}"
             )
     return labels

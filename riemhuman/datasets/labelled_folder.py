@@ -114,7 +114,7 @@ def load_bodies(
     if labels is None and not table.is_file():
         raise FileError(
             f"there is no table of labels {table}; write one with the columns "
-            f"{', '.join(_COLUMNS)}, or say where it is"
+            f"{', '.join(_COLUMNS)}, or give its path"
         )
     matched = _matched(files, _read_rows(table), table, allow_missing)
     files, rows = list(matched), list(matched.values())

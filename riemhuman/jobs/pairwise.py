@@ -345,7 +345,7 @@ def _unfinished(job: JobFolder, tiles: list[Tile]) -> list[tuple[int, Tile]]:
     """Return the tiles that are unfinished or damaged, with their numbers."""
     marks = np.array(job.read(_DONE))
     if not are_marks(marks):
-        raise FileFormatError(f"{job.path / _DONE} is damaged: it marks tiles as neither")
+        raise FileFormatError(f"{job.path / _DONE} is damaged: it does not hold marks of tiles")
     distances = job.read(_UNFINISHED_RESULT)
     todo = []
     for number, tile in enumerate(tiles):

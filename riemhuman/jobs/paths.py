@@ -161,7 +161,7 @@ def _unfinished(job: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterat
     """Yield the numbers of the blocks that are unfinished or damaged."""
     marks = np.array(job.read(_DONE))
     if not are_marks(marks):
-        raise FileFormatError(f"{job.path / _DONE} is damaged: it marks pairs as neither")
+        raise FileFormatError(f"{job.path / _DONE} is damaged: it does not hold marks of pairs")
     for number, block in enumerate(blocks):
         if marks[number]:
             found = np.array(job.read(_ROWS)[block])

@@ -122,7 +122,7 @@ class TemplateRegistration:
             found = tree.matches(points, vertex_normals(points, faces), scale)
             weights = found.weights * self.template.vertex_areas
             if not weights.any():
-                raise ArgumentError("no part of start faces as the scan beside it does")
+                raise ArgumentError("no part of start faces the same way as the scan near it")
             points = procrustes(points, to=points + found.gaps, scale=None, weights=weights)
         reference = points
         for scale in _FREE_SCALES:

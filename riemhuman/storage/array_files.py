@@ -190,7 +190,7 @@ def opened_archive(path: str | os.PathLike[str]) -> Iterator[ArrayArchive]:
         with file.open("rb") as stream, zipfile.ZipFile(stream) as archive:
             stream.seek(0)
             if stream.read(2) != b"PK":
-                raise FileFormatError("something stands before the archive")
+                raise FileFormatError("the archive does not begin at the first byte")
             yield ArrayArchive(archive, size)
     except OSError as error:
         raise FileError(f"{file} cannot be read: {brief(error)}") from error

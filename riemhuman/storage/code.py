@@ -55,8 +55,8 @@ def reached_by(function: types.FunctionType) -> dict[str, Any]:
             reached[name] = names[name]
         elif name in _HIDING:
             raise ArgumentTypeError(
-                f"{function.__qualname__} uses {name}, so that a job cannot tell what it reaches; "
-                "give the job a key for it, another one whenever its distances change"
+                f"{function.__qualname__} uses {name}, so a job cannot record what it reaches; "
+                "give the job a key, and another key whenever its distances change"
             )
         elif not hasattr(builtins, name):
             reached[name] = "undefined"

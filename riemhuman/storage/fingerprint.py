@@ -279,7 +279,7 @@ def _parameters(value: Any) -> dict[str, Any]:
         if key is None:
             raise ArgumentTypeError(
                 f"{kind.__qualname__} must keep its parameter {name} as an attribute of that name, "
-                "for a job to tell it from others; or give the job a key"
+                "so that a job can record it; or give the job a key"
             )
         kept[name] = getattr(value, key)
     return kept
@@ -303,6 +303,6 @@ def _public_attributes(value: Any) -> dict[str, Any]:
 
 def _cannot(value: Any) -> ArgumentTypeError:
     return ArgumentTypeError(
-        f"the metric depends on {type(value).__qualname__} {value!r:.100}, which a job cannot tell "
-        "from others; give the job a key for it, another one whenever its distances change"
+        f"the metric depends on {type(value).__qualname__} {value!r:.100}, which a job cannot "
+        "record; give the job a key, and another key whenever its distances change"
     )

@@ -1,4 +1,4 @@
-"""The folder of a job, in which one process works at a time and a kill leaves nothing ambiguous.
+"""The folder of a job: one process works in it at a time, and a kill leaves it consistent.
 
 Every file is written, or allocated in full on the disk, under a name that ends in ``.part``, and
 then renamed; so a file without this suffix is complete. Entries of a table are filled in place, and

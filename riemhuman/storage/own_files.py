@@ -103,7 +103,7 @@ def _refuse_others(file: Path, found: os.stat_result) -> None:
     if stat.S_ISLNK(found.st_mode):
         raise FileError(f"{file} is a link, which is not followed to write; move it away")
     if not stat.S_ISREG(found.st_mode):
-        raise FileError(f"{file} is no file of this library, nor any file; move it away")
+        raise FileError(f"{file} is not a regular file; move it away")
     # The count is 0 if another process has removed the file since it was opened.
     if found.st_nlink > 1:
-        raise FileError(f"{file} has another name too, under which it may be of use; move it away")
+        raise FileError(f"{file} has a second name, under which it may be in use; move it away")

@@ -152,7 +152,7 @@ class SparseRecord(Record):
             raise FileFormatError(f"holds a sparse matrix of shape {shortened(shape)}")
         data = self._part("data")
         if data.dtype.kind not in "fiub":
-            raise FileFormatError(f"holds a {self._layout} matrix of other things than numbers")
+            raise FileFormatError(f"holds a {self._layout} matrix whose data are not numbers")
         if self._layout == "coo":
             coords = self._state.get("coords") or (self._state.get("row"), self._state.get("col"))
             if not isinstance(coords, tuple) or len(coords) != 2:

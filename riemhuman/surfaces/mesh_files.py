@@ -177,7 +177,7 @@ def _read_off(content: bytes) -> _Mesh:
     rows = (words for words in lines if words)
     keyword, *counts = next(rows, [b""])
     if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
-        raise FileFormatError("not an OFF text file, for it does not begin with 'OFF'")
+        raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
     counts = counts or next(rows, [])
     if len(counts) not in (2, 3) or not all(re.fullmatch(rb"\d{1,18}", word) for word in counts):
         raise FileFormatError("OFF must be followed by the numbers of vertices and faces")

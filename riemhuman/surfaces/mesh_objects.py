@@ -230,7 +230,7 @@ def _counted(faces: ndarray) -> ndarray:
     while place < len(faces):
         count = int(faces[place])
         if count < 0 or place + 1 + count > len(faces):
-            raise ArgumentError(f"faces[{place}] = {count} corners are more than there are")
+            raise ArgumentError(f"faces[{place}] = {count} corners are more than the array holds")
         polygons.append(faces[place + 1 : place + 1 + count])
         place += 1 + count
     return _triangles(polygons)

@@ -92,7 +92,7 @@ def read_header(content: bytes) -> tuple[str, list[Element], bytes]:
     """
     first = re.match(rb"ply(\r\n|\n|\r)", content)
     if not first:
-        raise FileFormatError("not a PLY file, for it does not begin with a line 'ply'")
+        raise FileFormatError("not a PLY file: it does not begin with a line 'ply'")
     order: str | None = None
     elements: list[Element] = []
     start = first.end()
@@ -145,7 +145,7 @@ def _types_known(words: list[bytes]) -> bool:
 
 
 def _meaningless(line: bytes) -> FileFormatError:
-    return FileFormatError(f"the PLY header has a line that means nothing: {shown_line(line)}")
+    return FileFormatError(f"the PLY header has a line that is not valid: {shown_line(line)}")
 
 
 def _word(word: bytes) -> str:

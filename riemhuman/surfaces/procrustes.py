@@ -78,7 +78,7 @@ def procrustes(
     reference = real_array(to, "to", ("n_vertices", 3), batched=False)
     if surfaces.shape[-2] != len(reference):
         raise ArgumentError(
-            f"points has {surfaces.shape[-2]} vertices a surface (shape {surfaces.shape}); "
+            f"points has {surfaces.shape[-2]} vertices per surface (shape {surfaces.shape}); "
             f"to has {len(reference)}"
         )
     aligned = _align(surfaces, reference, _shares(weights, len(reference)), bool(scale))

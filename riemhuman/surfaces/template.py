@@ -324,7 +324,7 @@ class Template:
         points = real_array(points, name, ("n_vertices", 3))
         if points.shape[-2] != self.n_vertices:
             raise ArgumentError(
-                f"{name} has {points.shape[-2]} vertices a surface (shape {points.shape}); "
+                f"{name} has {points.shape[-2]} vertices per surface (shape {points.shape}); "
                 f"the template has {self.n_vertices}"
             )
         return points

@@ -361,11 +361,11 @@ def test_damped_steps(damping):
 BAD = {
     "another number of points": (
         {"points": np.zeros((7, 3))},
-        r"points has 7 points a surface \(shape \(7, 3\)\); the model has 1202 vertices",
+        r"points has 7 points per surface \(shape \(7, 3\)\); the model has 1202 vertices",
     ),
     "other than the map's": (
         {"correspondence": np.arange(5)},
-        r"points has 1202 points a surface .*; correspondence is for 5",
+        r"points has 1202 points per surface .*; correspondence is for 5",
     ),
     "flat": ({"points": np.zeros(1202)}, r"points must have shape \(\.\.\., n_points, 3\)"),
     "not a number": ({"points": np.full((1202, 3), np.nan)}, "points holds 3606 NaN"),

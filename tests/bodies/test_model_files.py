@@ -258,7 +258,7 @@ MALFORMED = {
     ),
     "sparse, of words": (
         {"J_regressor": Sparse(REGRESSOR, changes={"data": np.array(["a"])})},
-        "csc matrix of other things than numbers",
+        "csc matrix whose data are not numbers",
     ),
 }
 
