@@ -1,7 +1,7 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The command line: the library's everyday verbs on files.
+"""The command line: verbs that apply the library to files.
 
-Everything heavy is imported inside the verbs, so that help and usage errors come at once.
+Verbs import heavy packages when they run, so that help and usage errors appear at once.
 """
 
 from __future__ import annotations
@@ -73,11 +73,11 @@ _VERB_MODULES = (
     information,
     reports,
 )
-_MAIN_JOB = "tables"
+_DEFAULT_VERB = "tables"
 
 _DESCRIPTION = """\
 Distances, geodesics and means of registered human bodies: meshes that share one triangulation.
-The shape metric tells who it is, the pose metric how they stand.
+The shape metric compares people, the pose metric compares poses.
 """
 _EPILOG = """\
 Without a verb, `riemhuman [--faust FOLDER] ...` runs `riemhuman tables`.
@@ -85,8 +85,8 @@ Without a verb, `riemhuman [--faust FOLDER] ...` runs `riemhuman tables`.
 `pip install 'riemhuman[completion]'`, the shell completes verbs and options with
 `eval "$(register-python-argcomplete riemhuman)"`.
 
-exit codes: 0 done; 1 failure; 2 wrong usage, or data that cannot be used; 130 interrupted;
-141 the reader of the output has gone
+exit codes: 0 success; 1 failure; 2 wrong usage or unusable data; 130 interrupted;
+141 closed output pipe
 """
 
 
@@ -101,8 +101,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0; 1 for a failure; 2 where the data cannot be used; 130 if interrupted; 141
-        if what reads the output has gone.
+        Exit code: 0 for success; 1 for a failure; 2 for unusable data; 130 if interrupted; 141 if
+        the output pipe was closed.
 
     Raises
     ------
@@ -149,12 +149,12 @@ def _run(given: Sequence[str]) -> int:
     except MemoryError:
         if debug:
             raise
-        note("there is not enough memory; use fewer or coarser meshes")
+        note("not enough memory; use fewer or coarser meshes")
         return _FAILURE
     except Exception as error:
         if debug:
             raise
-        note(f"unexpected {type(error).__name__}: {error}; --debug shows where it comes from")
+        note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
         return _FAILURE
     return 0
 
@@ -181,9 +181,9 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _with_verb(given: Sequence[str]) -> list[str]:
-    """Return the arguments with the main job's verb where none is given."""
+    """Return the arguments, with the default verb if there is none."""
     before = [argument for argument in given[:1] if argument == "--debug"]
     rest = list(given[len(before) :])
     if not rest or (rest[0].startswith("-") and rest[0] not in ("-h", "--help", "--version")):
-        rest.insert(0, _MAIN_JOB)
+        rest.insert(0, _DEFAULT_VERB)
     return before + rest

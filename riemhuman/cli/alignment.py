@@ -1,4 +1,4 @@
-"""The verb ``align``: meshes without their rigid motions."""
+"""The verb ``align``: Procrustes alignment of meshes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from riemhuman.cli.inputs import add_template, meshes_named, path_argument, surfaces_in
 from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
 from riemhuman.storage.outputs import check_folder, whole_folder
 
@@ -22,16 +22,16 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "align",
         _align,
-        "registered meshes rotated and moved onto one",
-        "Rotates and moves meshes (never scales them) onto the template by Procrustes alignment,\n"
-        "and writes them under their names into a folder, with a page to look at them. Meshes in\n"
-        "another unit, or with another axis up, are brought to metres with y up.",
+        "registered meshes aligned with a template",
+        "Rotates and translates meshes onto the template by Procrustes alignment, without\n"
+        "scaling, and writes them under their names into a folder with a page that shows them.\n"
+        "--unit and --up convert meshes to metres with y up.",
         "  riemhuman align scans/ -o aligned/\n"
         "  riemhuman align scans/ -o aligned/ --template anna.ply\n"
         "  riemhuman align scans/ -o aligned/ --unit millimetres --up z\n",
@@ -39,17 +39,9 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
-    parser.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        metavar="FOLDER",
-        type=path_argument,
-        help="folder to write",
-    )
+    add_output(parser, "FOLDER", "folder to write")
     add_template(parser, "the first mesh", "to align with")
     add_json(parser)
-    add_force(parser)
     parser.set_defaults(align=True)
 
 
@@ -62,7 +54,7 @@ def _align(options: argparse.Namespace) -> None:
     names = [file.name for file in files]
     if len(set(names)) < len(names):
         raise ArgumentError(
-            "two meshes have the same name, and would overwrite each other in the folder"
+            "two meshes have the same name and would overwrite each other in the folder"
         )
     check_folder(options.output, _is_ours, force=options.force)
     reporter = Reporter(options.quiet)

@@ -1,4 +1,4 @@
-"""The verb ``basis``, and the options that choose the basis of deformations of others."""
+"""The verb ``basis``, and the options by which other verbs choose a basis of deformations."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import add_units, path_argument
 from riemhuman.cli.terminal import Reporter, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
 from riemhuman.storage.outputs import check_file
 
@@ -26,17 +26,17 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "basis",
         _basis,
         "a basis of deformations from motions",
-        "Writes the principal components of the deformations seen in motions, for geodesics\n"
-        "and means. Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes\n"
-        "that show one motion in the order of their names, or folders of such folders. They\n"
-        "need not fit in memory.",
+        "Writes the principal components of the deformations in motions, for geodesics and\n"
+        "means. Motions are files of Dynamic FAUST (.hdf5), folders of registered meshes that\n"
+        "show one motion in the order of their names, or folders of such folders. They need\n"
+        "not fit into memory.",
         "  riemhuman basis registrations_m.hdf5 registrations_f.hdf5 -o basis.npz\n"
         "  riemhuman basis registrations_m.hdf5 --sequences punching knees -o basis.npz\n"
         "  riemhuman basis walk/ jump/ -o basis.npz --step 5 --n-components 40\n"
@@ -46,7 +46,7 @@ def add_verbs(verbs: Verbs) -> None:
         "motions", metavar="MOTIONS", nargs="*", type=path_argument, help="HDF5 files or folders"
     )
     parser.add_argument(
-        "--open", action="store_true", help="the open motions that ship with the package"
+        "--open", action="store_true", help="use the open motions that ship with the package"
     )
     parser.add_argument(
         "--resolution",
@@ -60,22 +60,24 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "--sequences", nargs="+", metavar="NAME", help="with --open or HDF5: only these motions"
     )
+    add_output(parser, "NPZ")
     parser.add_argument(
-        "-o", "--output", required=True, metavar="NPZ", type=path_argument, help="file to write"
-    )
-    parser.add_argument(
-        "-n", "--n-components", type=int, default=100, metavar="K", help="components (default: 100)"
+        "-n",
+        "--n-components",
+        type=int,
+        default=100,
+        metavar="K",
+        help="components (default: 100)",
     )
     parser.add_argument(
         "--step",
         type=int,
         default=10,
         metavar="FRAMES",
-        help="frames between the two whose difference is a deformation (default: 10)",
+        help="number of frames between the two surfaces of a deformation (default: 10)",
     )
     add_units(parser)
     add_json(parser)
-    add_force(parser)
 
 
 def add_basis_options(parser: argparse.ArgumentParser) -> None:
@@ -104,7 +106,7 @@ def add_basis_options(parser: argparse.ArgumentParser) -> None:
 def chosen_basis(
     options: argparse.Namespace, template: Template, reporter: Reporter
 ) -> DeformationBasis:
-    """Return the basis that the options ask for.
+    """Return the basis that the options choose.
 
     Parameters
     ----------
@@ -113,7 +115,7 @@ def chosen_basis(
     template : Template
         The template.
     reporter : Reporter
-        Says what is being done.
+        Reports what the verb does.
 
     Returns
     -------
@@ -122,7 +124,7 @@ def chosen_basis(
     Raises
     ------
     ArgumentError
-        If the basis belongs to another template.
+        If the basis does not fit the template.
     """
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -172,13 +174,13 @@ def _basis(options: argparse.Namespace) -> None:
 
 
 def _motions(options: argparse.Namespace) -> list[Motion]:
-    """Return the motions asked for, to be read when their frames are."""
+    """Return the chosen motions, whose frames are read when they are needed."""
     from riemhuman import datasets
     from riemhuman.datasets.mesh_motions import load_mesh_motions
     from riemhuman.surfaces.mesh_arrays import face_difference
 
     if options.open == bool(options.motions):
-        raise ArgumentError("name HDF5 files or folders of motions, or give --open (not both)")
+        raise ArgumentError("give either HDF5 files or folders of motions, or --open")
     chosen = {"subjects": options.subjects, "sequences": options.sequences}
     if options.open:
         return list(datasets.load_open_motions(options.resolution, **chosen))

@@ -1,4 +1,4 @@
-"""The labelled bodies that verbs take: those that ship, those of MPI FAUST, or the user's own."""
+"""The options for labelled bodies: the open bodies, MPI FAUST, or a folder."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def add_body_sets(parser: argparse.ArgumentParser) -> None:
-    """Declare --open, --faust, --bodies and what goes with them.
+    """Declare the options that choose labelled bodies.
 
     Parameters
     ----------
@@ -25,8 +25,8 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
     source.add_argument(
         "--open",
         choices=("plain", "natural"),
-        help="which open bodies: made by the body model alone (plain, the default), "
-        "or with individual poses, self-contact and soft tissue (natural)",
+        help="open bodies of the body model alone (plain, the default), or with individual poses, "
+        "self-contact and soft tissue (natural)",
     )
     source.add_argument(
         "--faust",
@@ -42,13 +42,13 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
         "--reader",
         nargs=2,
         metavar=("NAME", "PATH"),
-        help="use the bodies that a reader of another package loads, see riemhuman.extensions",
+        help="use the bodies that another package's reader loads, see riemhuman.extensions",
     )
     parser.add_argument(
         "--people",
         metavar="SEED",
         type=int,
-        help="open bodies of ten other people, drawn with this seed",
+        help="open bodies of ten other people, drawn at random with this seed",
     )
     parser.add_argument(
         "--labels",
@@ -65,13 +65,13 @@ def add_body_sets(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--allow-missing",
         action="store_true",
-        help="with --faust or --bodies: leave out what lacks a file or a label",
+        help="with --faust or --bodies: leave out bodies without a file or a label",
     )
     add_units(parser)
 
 
 def check_body_sets(options: argparse.Namespace) -> None:
-    """Refuse options that do not go together.
+    """Refuse options that cannot be combined.
 
     Parameters
     ----------
@@ -81,35 +81,32 @@ def check_body_sets(options: argparse.Namespace) -> None:
     Raises
     ------
     ArgumentError
-        If labels are given without a folder, or other people for bodies that are not open, or a
-        reader that nobody made known.
+        If an option does not apply to the chosen bodies, or no package has the named reader.
     """
     if options.labels is not None and options.bodies is None:
-        raise ArgumentError("--labels goes with --bodies FOLDER")
+        raise ArgumentError("--labels needs --bodies FOLDER")
     if options.faust is None and options.bodies is None:
         given = [name for name in ("template", "allow_missing") if getattr(options, name)]
         if given:
-            raise ArgumentError(
-                f"--{given[0].replace('_', '-')} goes with --faust or --bodies FOLDER"
-            )
+            raise ArgumentError(f"--{given[0].replace('_', '-')} needs --faust or --bodies FOLDER")
     if options.bodies is None and (options.unit or options.up):
-        raise ArgumentError("--unit and --up go with --bodies FOLDER")
+        raise ArgumentError("--unit and --up need --bodies FOLDER")
     others = (options.bodies, options.faust, options.reader)
     if options.people is not None and any(other is not None for other in others):
-        raise ArgumentError("--people SEED goes with the open bodies")
+        raise ArgumentError("--people SEED is for the open bodies")
     if options.reader is not None:
         extension("readers", options.reader[0])
 
 
 def read_body_set(options: argparse.Namespace, resolution: str, *, bars: bool = False) -> Bodies:
-    """Return the bodies the command line asks for.
+    """Return the bodies that the options choose.
 
     Parameters
     ----------
     options : argparse.Namespace
         The command line.
     resolution : {"full", "coarse"}
-        Of the open bodies.
+        Resolution of the open bodies.
     bars : bool
         Whether to show progress bars.
 
@@ -138,6 +135,6 @@ def read_body_set(options: argparse.Namespace, resolution: str, *, bars: bool = 
         bodies = extension("readers", name)(path)
         report = datasets.check_dataset(bodies)
         if not report.passed:
-            raise ArgumentError(f"--reader {name} gives bodies that cannot be used. {report}")
+            raise ArgumentError(f"--reader {name} returns unusable bodies. {report}")
         return bodies
     return datasets.load_open_bodies(resolution, options.open or "plain", options.people)

@@ -1,4 +1,4 @@
-"""The verb ``components``: the directions in which bodies differ, and new bodies along them."""
+"""The verb ``components``: principal components of bodies, and new bodies."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from riemhuman.cli.metrics import (
 )
 from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, as_json, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
 from riemhuman.storage.outputs import check_folder, whole_folder
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 _SUMMARY = "summary.json"
 _PAGE = "components.html"
-_BUILD = (1.0, 1.0, 0.0)  # where a much smaller λ leaves triangles without a logarithm
+_BUILD = (1.0, 1.0, 0.0)  # with a much smaller λ, triangles have no logarithm
 _DEVIATIONS = 2.0
 _SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
 
@@ -40,7 +40,7 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
@@ -50,8 +50,8 @@ def add_verbs(verbs: Verbs) -> None:
         "Finds the directions in which meshes differ most, by principal component analysis of\n"
         "their logarithms at the Karcher mean. Writes a folder with the mean (mean.ply), the\n"
         "bodies two standard deviations from it along each component (component_1_minus.ply,\n"
-        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page to turn them\n"
-        "in (components.html), and summary.json.",
+        "component_1_plus.ply, ...), random bodies (sample_0000.ply, ...), a page that shows\n"
+        "them (components.html), and summary.json.",
         "  riemhuman components scans/ -o components/\n"
         "  riemhuman components scans/ -o components/ -n 5 --samples 20 --seed 7\n"
         "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
@@ -59,19 +59,17 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
+    add_output(parser, "FOLDER", "folder to write")
     parser.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        metavar="FOLDER",
-        type=path_argument,
-        help="folder to write",
+        "-n",
+        "--n-components",
+        type=int,
+        default=3,
+        metavar="K",
+        help="components (default: 3)",
     )
     parser.add_argument(
-        "-n", "--n-components", type=int, default=3, metavar="K", help="components (default: 3)"
-    )
-    parser.add_argument(
-        "--samples", type=int, default=0, metavar="N", help="random bodies to draw (default: 0)"
+        "--samples", type=int, default=0, metavar="N", help="number of random bodies (default: 0)"
     )
     parser.add_argument(
         "--seed", type=int, default=0, metavar="S", help="seed of the random bodies (default: 0)"
@@ -80,7 +78,6 @@ def add_verbs(verbs: Verbs) -> None:
     add_align(parser)
     add_metric_options(parser, _BUILD)
     add_json(parser)
-    add_force(parser)
 
 
 def _components(options: argparse.Namespace) -> None:
@@ -90,8 +87,8 @@ def _components(options: argparse.Namespace) -> None:
     check_metric_options(options)
     if options.metric == "shape":
         raise ArgumentError(
-            "the λ of --shape is too small for logarithms of people; leave it out: the default, "
-            "-a 1 -l 1 -c 0, describes body shape, too"
+            "the λ of --shape is too small for logarithms between people; leave out --shape: the "
+            "default, -a 1 -l 1 -c 0, also describes body shape"
         )
     count = whole_number(options.n_components, "-n", minimum=1)
     n_samples = whole_number(options.samples, "--samples", minimum=0)
@@ -102,10 +99,7 @@ def _components(options: argparse.Namespace) -> None:
     with reporter.task(f"Reading {len(files)} meshes"):
         surfaces = surfaces_in(files, options)
         if len(files) <= count:
-            raise ArgumentError(
-                f"-n {count} needs at least {count + 1} meshes, one more than components; "
-                f"found {len(files)}"
-            )
+            raise ArgumentError(f"-n {count} needs at least {count + 1} meshes; found {len(files)}")
         points = surfaces[:]
     metric = chosen_metric(options, surfaces.template)
     space = metric.space
@@ -113,7 +107,7 @@ def _components(options: argparse.Namespace) -> None:
     with reporter.task(f"Components of {len(files)}, {metric_name(metric)}"):
         nearest = NearestSurface(progress=reporter.bars)
         pca = TangentPCA(space, count, nearest=nearest).fit(points)
-    pca.nearest = None  # one bar over all bodies replaces one a body
+    pca.nearest = None  # one progress bar over all bodies replaces one per body
     with reporter.task(f"{1 + 2 * count + n_samples} bodies"):
         bodies = _bodies(pca, n_samples, options.seed, bars=reporter.bars)
 

@@ -1,14 +1,13 @@
-"""Verbs that measure distances: ``dist``, ``matrix`` and ``retrieve``."""
+"""The verbs ``dist``, ``matrix`` and ``retrieve``."""
 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.cli.bases import add_basis_options, chosen_basis
+from riemhuman.cli.csv_files import csv_text
 from riemhuman.cli.inputs import (
     add_template,
     path_argument,
@@ -26,7 +25,6 @@ from riemhuman.cli.metrics import (
 from riemhuman.cli.terminal import Reporter, note, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.cells import cell
 from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
@@ -44,7 +42,7 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     _add_dist(verbs)
     _add_matrix(verbs)
@@ -76,11 +74,11 @@ def _add_matrix(verbs: Verbs) -> None:
         "matrix",
         _matrix,
         "all distances within a folder of registered meshes",
-        "Writes all distances between the meshes of a folder, with their names: the arrays\n"
-        "distances (n, n), names (n,) and metric of an .npz file, and a table on request.\n"
-        "With --paths, finds a path of least energy over a basis for every pair, too: the file\n"
-        "then also holds the array lengths (n, n), and the table shows lengths. No path is\n"
-        "shorter than the distance; the geodesic distance lies between the two.",
+        "Writes all distances between the meshes of a folder, with their names: an .npz file with\n"
+        "the arrays distances (n, n), names (n,) and metric, a table (.csv), or both. With\n"
+        "--paths, it also finds a path of least energy over a basis for every pair; the file\n"
+        "then also has the array lengths (n, n), and the table shows lengths. The geodesic\n"
+        "distance lies between the distance and the length.",
         "  riemhuman matrix scans/ -o D.npz\n"
         "  riemhuman matrix scans/ -o D.npz --csv D.csv --pose --align\n"
         "  riemhuman matrix thousands/ -o D.npz --resume work/     # run it again to go on\n"
@@ -89,9 +87,9 @@ def _add_matrix(verbs: Verbs) -> None:
     )
     parser.add_argument("folder", metavar="FOLDER", type=path_argument, help="folder of meshes")
     parser.add_argument("-o", "--output", metavar="NPZ", type=path_argument, help="file to write")
-    parser.add_argument("--csv", metavar="CSV", help="write a table too; - is standard output")
+    parser.add_argument("--csv", metavar="CSV", help="table to write; - is standard output")
     parser.add_argument(
-        "--jobs", metavar="N", type=int, default=-1, help="threads (default: one a core)"
+        "--jobs", metavar="N", type=int, default=-1, help="threads (default: one per core)"
     )
     parser.add_argument(
         "--precision",
@@ -103,12 +101,14 @@ def _add_matrix(verbs: Verbs) -> None:
         "--resume",
         metavar="FOLDER",
         type=path_argument,
-        help="keep the work here, and resume it after an interruption: for matrices that "
-        "take hours",
+        help="folder that keeps the work, to resume it after an interruption",
     )
-    parser.add_argument("--paths", action="store_true", help="find paths, and their lengths, too")
+    parser.add_argument("--paths", action="store_true", help="also find paths and their lengths")
     parser.add_argument(
-        "--n-nodes", type=int, metavar="N", help=f"surfaces of a path (default: {_N_NODES})"
+        "--n-nodes",
+        type=int,
+        metavar="N",
+        help=f"number of surfaces of a path (default: {_N_NODES})",
     )
     add_basis_options(parser)
     add_template(parser, "the first mesh")
@@ -123,7 +123,7 @@ def _add_retrieve(verbs: Verbs) -> None:
         verbs,
         "retrieve",
         _retrieve,
-        "the meshes of a folder that are nearest to one",
+        "the meshes of a folder nearest to a query",
         "Prints the meshes of a folder that are nearest to a query, nearest first: rank,\n"
         "distance and file. If the query is in the folder, it is skipped.",
         "  riemhuman retrieve anna_1.ply scans/            # the same person\n"
@@ -132,7 +132,9 @@ def _add_retrieve(verbs: Verbs) -> None:
     )
     parser.add_argument("query", metavar="QUERY", type=path_argument, help="mesh file")
     parser.add_argument("folder", metavar="FOLDER", type=path_argument, help="folder of meshes")
-    parser.add_argument("-k", type=int, default=5, metavar="K", help="how many (default: 5)")
+    parser.add_argument(
+        "-k", type=int, default=5, metavar="K", help="number of meshes to print (default: 5)"
+    )
     add_template(parser, "QUERY")
     add_align(parser)
     add_metric_options(parser)
@@ -160,11 +162,11 @@ def _dist(options: argparse.Namespace) -> None:
 
 def _matrix(options: argparse.Namespace) -> None:
     from riemhuman.datasets.registered_meshes import find_meshes
-    from riemhuman.storage.whole_files import whole_file
+    from riemhuman.storage.whole_files import write_text
 
     check_metric_options(options)
     if options.output is None and options.csv is None:
-        raise ArgumentError("nothing to write: give -o NPZ, or --csv CSV, or both")
+        raise ArgumentError("nothing to write; give -o NPZ, --csv CSV, or both")
     if options.json and options.csv == "-":
         raise ArgumentError("--json and --csv - both write to standard output; leave one out")
     _check_paths(options)
@@ -191,8 +193,7 @@ def _matrix(options: argparse.Namespace) -> None:
     if options.output is not None:
         _save_matrix(options.output, matrices, names, metric_name(metric))
     if table is not None:
-        with whole_file(table) as neighbour:
-            neighbour.write_text(_as_table(shown, names), encoding="utf-8")
+        write_text(table, _as_table(shown, names))
     if options.csv == "-":
         say(_as_table(shown, names).rstrip("\n"))
     elif options.json:
@@ -206,14 +207,14 @@ def _matrix(options: argparse.Namespace) -> None:
 
 
 def _check_paths(options: argparse.Namespace) -> None:
-    """Refuse options that would have no effect."""
+    """Refuse options without effect."""
     of_paths = {"n_nodes": "--n-nodes", "basis": "--basis", "n_components": "--n-components"}
     for name, option in of_paths.items():
         if getattr(options, name) is not None and not options.paths:
-            raise ArgumentError(f"{option} is about paths; add --paths, or leave it out")
+            raise ArgumentError(f"{option} needs --paths; add that, or leave it out")
     if options.paths and options.precision != "double":
         raise ArgumentError(
-            f"--precision {options.precision} is about distances without --paths; leave out one"
+            f"--precision {options.precision} cannot be combined with --paths; leave out one"
         )
 
 
@@ -239,7 +240,7 @@ def _path_distances(
     from riemhuman.solvers import BasisPath, path_distances
 
     if len(surfaces) < 2:
-        raise ArgumentError(f"{options.folder} holds one mesh; paths are between two")
+        raise ArgumentError(f"{options.folder} holds one mesh; paths need two")
     basis = chosen_basis(options, surfaces.template, reporter)
     n_nodes = _N_NODES if options.n_nodes is None else options.n_nodes
     solver, points = BasisPath(basis, n_nodes=n_nodes), surfaces[:]
@@ -255,16 +256,16 @@ def _path_distances(
 
 
 def _note_kept(options: argparse.Namespace) -> None:
-    note(f"what is done is kept in {options.resume}; the same command goes on with it")
+    note(f"finished work is kept in {options.resume}; the same command continues it")
 
 
 def _excess(found: PathDistances) -> str:
-    """Return by how much paths are longer than the distances in closed form, in words."""
+    """Return a sentence on how much longer paths are than distances."""
     import numpy as np
 
     excess = found.excess[np.isfinite(found.excess)]
     if not len(excess):
-        return "all meshes are the same to this metric"
+        return "all distances are zero under this metric"
     return (
         f"paths are longer than distances by {np.median(excess):.2f} % in the median, "
         f"{excess.max():.2f} % at most"
@@ -281,13 +282,8 @@ def _save_matrix(path: Path, matrices: dict[str, ndarray], names: list[str], met
 
 
 def _as_table(distances: ndarray, names: list[str]) -> str:
-    """Return a matrix as comma-separated text with names, numbers with all their digits."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    cells = list(map(cell, names))
-    writer.writerow(["file", *cells])
-    writer.writerows([name, *row] for name, row in zip(cells, distances.tolist(), strict=True))
-    return stream.getvalue()
+    rows = zip(names, distances.tolist(), strict=True)
+    return csv_text([["file", *names], *([name, *row] for name, row in rows)])
 
 
 def _retrieve(options: argparse.Namespace) -> None:
@@ -301,7 +297,7 @@ def _retrieve(options: argparse.Namespace) -> None:
     reporter = Reporter(options.quiet)
     files = [file for file in find_meshes(options.folder) if not same_file(file, options.query)]
     if not files:
-        raise ArgumentError(f"{options.folder} holds no mesh but the query")
+        raise ArgumentError(f"{options.folder} holds no mesh other than the query")
     options.template = options.template or options.query
     query = surfaces_in([options.query], options)
     others: Any = surfaces_in(files, options)

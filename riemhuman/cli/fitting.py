@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from riemhuman.cli.inputs import add_units, meshes_named, path_argument, surfaces_in
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
 from riemhuman.storage.outputs import check_file
 
@@ -22,16 +22,16 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "fit",
         _fit,
         "shape and pose of a body model for registered meshes",
-        "Fits the shape coefficients, pose and translation of a body model to each mesh of its\n"
-        "triangulation, and writes them: the arrays betas, pose, trans,\n"
-        "distances and names of an .npz file.",
+        "Fits the shape coefficients, pose and translation of a body model to meshes that share\n"
+        "its triangulation, and writes the arrays betas, pose, trans, distances and names to an\n"
+        ".npz file.",
         "  riemhuman fit scans/ -o fits.npz                       # the open model\n"
         "  riemhuman fit anna.ply ben.ply -o fits.npz --model SMPL.npz\n"
         "  riemhuman fit scans/ -o fits.npz --picture fits.html --json\n",
@@ -39,9 +39,7 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="NPZ", type=path_argument, help="file to write"
-    )
+    add_output(parser, "NPZ")
     parser.add_argument(
         "--model", metavar="FILE", type=path_argument, help="body model (default: the open one)"
     )
@@ -53,7 +51,6 @@ def add_verbs(verbs: Verbs) -> None:
     add_units(parser)
     add_picture(parser)
     add_json(parser)
-    add_force(parser)
     parser.set_defaults(template=None, align=False)
 
 
@@ -87,7 +84,7 @@ def _fit(options: argparse.Namespace) -> None:
         ]
         titles = [title for file in files for title in (file.stem, f"{file.stem}, model")]
         write_picture(
-            options.picture, shown, surfaces.template.faces, titles, "Meshes, and the model beside"
+            options.picture, shown, surfaces.template.faces, titles, "Meshes, each beside its model"
         )
     means = [float(fit.mean_distance_mm) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
@@ -103,7 +100,7 @@ def _fit(options: argparse.Namespace) -> None:
         return
     for name, mean, done in zip(names, means, converged, strict=True):
         say(f"{mean:8.3f} mm  {name}{'' if done else '  (did not converge)'}")
-    say(f"written to {options.output}; mean distances of mesh and model")
+    say(f"written to {options.output}; mean distances between mesh and model")
 
 
 def _model(options: argparse.Namespace, n_vertices: int) -> BodyModel:
@@ -117,6 +114,6 @@ def _model(options: argparse.Namespace, n_vertices: int) -> BodyModel:
         if model.n_vertices == n_vertices:
             return model
     raise ArgumentError(
-        f"the meshes have {n_vertices:,} vertices, and the open model has 1,202 or 13,348; name "
-        "the model they are registered to: --model FILE"
+        f"the meshes have {n_vertices:,} vertices, but the open model has 1,202 or 13,348; give "
+        "the model that they are registered to with --model FILE"
     )

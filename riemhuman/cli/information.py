@@ -1,4 +1,4 @@
-"""The verb ``info``: what a file is, how large, and whether it is sound."""
+"""The verb ``info``: the kind, size and defects of a file."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "info",
         _info,
-        "what a file is, how large, and whether it is sound",
+        "the kind, size and defects of a file",
         "Describes a mesh (PLY, OBJ, OFF), a folder of meshes, an .npz file (basis, body model,\n"
-        "distance matrix, path or any arrays), an SMPL model's pickle (nothing in it is run) or\n"
+        "distance matrix, path or other arrays), an SMPL model's pickle (without running it) or\n"
         "an HDF5 file of Dynamic FAUST.",
         "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
         "  riemhuman info scans/              # do they share one triangulation?\n"

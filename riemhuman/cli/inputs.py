@@ -1,4 +1,4 @@
-"""Surfaces that verbs work on: registered mesh files, and the template they are measured over."""
+"""The registered mesh files that verbs read, and their template."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
 
 
-# As `riemhuman.units` and `riemhuman.surfaces.upright` have them, which load too much for help.
-_UNITS = ("metres", "centimetres", "millimetres", "inches")
-_AXES = ("x", "y", "z", "-x", "-y", "-z")
+# Copies from `riemhuman.units` and `riemhuman.surfaces.upright`, whose import would slow down help.
+UNITS = ("metres", "centimetres", "millimetres", "inches")
+AXES = ("x", "y", "z", "-x", "-y", "-z")
 
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Registered surfaces in files, read and aligned when they are asked for.
+    """Registered surfaces in files, which are read and aligned when they are accessed.
 
     ``surfaces[i]`` has shape (V, 3), ``surfaces[i:j]`` has shape (j - i, V, 3).
 
@@ -32,9 +32,9 @@ class Surfaces:
     meshes : RegisteredMeshes
         The files.
     template : Template
-        What they are measured over.
+        Template of the surfaces.
     align : bool
-        Whether rigid motions are taken out.
+        Whether to remove rigid motions.
     """
 
     meshes: RegisteredMeshes
@@ -62,16 +62,16 @@ def add_template(
     default: str,
     use: str = "whose triangle areas weight the metric",
 ) -> None:
-    """Declare the options that name the template and say whether sizes may differ.
+    """Declare the options for the template and the size of meshes.
 
     Parameters
     ----------
     parser : argparse.ArgumentParser
         Parser of the verb.
     default : str
-        What the template is without it.
+        The default template, for the help text.
     use : str
-        What the template is for.
+        The use of the template, for the help text.
     """
     parser.add_argument(
         "--template",
@@ -88,7 +88,7 @@ def add_template(
 
 
 def add_units(parser: argparse.ArgumentParser) -> None:
-    """Declare the options that say in which unit meshes are, and what points up.
+    """Declare the options for the unit and the upward axis of meshes.
 
     Parameters
     ----------
@@ -97,10 +97,10 @@ def add_units(parser: argparse.ArgumentParser) -> None:
     """
     parser.add_argument(
         "--unit",
-        choices=_UNITS,
-        help="unit of the files, which are brought to metres (default: left as they are)",
+        choices=UNITS,
+        help="unit of the files, to convert them to metres (default: no conversion)",
     )
-    parser.add_argument("--up", choices=_AXES, help="axis that points up in the files (default: y)")
+    parser.add_argument("--up", choices=AXES, help="axis that points up in the files (default: y)")
 
 
 def path_argument(text: str) -> Path:
@@ -121,7 +121,7 @@ def path_argument(text: str) -> Path:
 
 
 def meshes_named(paths: Sequence[Path]) -> list[Path]:
-    """Return the mesh files that arguments name: files, or folders of them.
+    """Return the mesh files that arguments name as files or folders.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def meshes_named(paths: Sequence[Path]) -> list[Path]:
     Returns
     -------
     list of Path
-        Files in the order of the arguments, those of a folder in natural order.
+        Files in the order of the arguments; those of a folder are in natural order.
     """
     from riemhuman.datasets.registered_meshes import find_meshes
 
@@ -142,14 +142,14 @@ def meshes_named(paths: Sequence[Path]) -> list[Path]:
 
 
 def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
-    """Return the surfaces in mesh files, measured over the template that the options ask for.
+    """Return the surfaces in mesh files, with the template that the options choose.
 
     Parameters
     ----------
     files : sequence of Path
         Mesh files.
     options : argparse.Namespace
-        Parsed options, with the file `template`, by default the first, `any_scale` and `align`.
+        Parsed options: `template`, by default the first file, `any_scale`, `align`, `unit`, `up`.
 
     Returns
     -------
@@ -166,7 +166,7 @@ def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
 
 
 def same_file(one: Path, other: Path) -> bool:
-    """Tell whether two paths lead to the same file.
+    """Return whether two paths lead to the same file.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The verb ``mean``: the body closest to a set of bodies."""
+"""The verb ``mean``: the Karcher mean of bodies."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from riemhuman.cli.metrics import (
 )
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.storage.outputs import check_file
 
 
@@ -27,14 +27,14 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "mean",
         _mean,
         "the Karcher mean of registered meshes",
-        "Writes the body with the least mean squared distance to the meshes, found over a\n"
+        "Writes the body with the least mean squared distance from the meshes, searched over a\n"
         "basis of deformations and the differences of the meshes.",
         "  riemhuman mean anna.ply ben.ply carl.ply -o mean.ply --align\n"
         "  riemhuman mean scans/ -o mean.obj --pose\n"
@@ -43,16 +43,13 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="MESH", type=path_argument, help="file to write"
-    )
+    add_output(parser, "MESH")
     add_basis_options(parser)
     add_template(parser, "the first mesh")
     add_align(parser)
     add_metric_options(parser, PATH_METRIC)
     add_picture(parser)
     add_json(parser)
-    add_force(parser)
 
 
 def _mean(options: argparse.Namespace) -> None:

@@ -1,14 +1,13 @@
-"""The verbs ``measure`` and ``compare``: girths, lengths and volumes, and what changed of them."""
+"""The verbs ``measure`` and ``compare``: girths, lengths and volumes, and their changes."""
 
 from __future__ import annotations
 
 import argparse
-import csv
-import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from riemhuman.cli.csv_files import write_csv
 from riemhuman.cli.inputs import add_units, meshes_named, path_argument
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
@@ -30,16 +29,16 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "measure",
         _measure,
         "girths, lengths, heights and volumes of registered meshes",
-        "Measures bodies registered to the open body model, or to a model and definitions of your\n"
-        "own, in metres, square and cubic metres and kilograms. Bodies are measured in the\n"
-        "standard pose, to which the body model brings them.",
+        "Measures bodies registered to the open body model, or to another model with --model and\n"
+        "--definitions, in metres, square metres, cubic metres and kilograms. A fit of the body\n"
+        "model brings bodies to the standard pose first; --as-is measures them as they stand.",
         "  riemhuman measure anna.ply\n"
         "  riemhuman measure scans/ -o table.csv\n"
         "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
@@ -59,7 +58,7 @@ def add_verbs(verbs: Verbs) -> None:
         help="draw every tape on the first body (.png, .svg or .pdf)",
     )
     _add_definitions(parser)
-    parser.add_argument("--as-is", action="store_true", help="measure bodies in their own pose")
+    parser.add_argument("--as-is", action="store_true", help="measure bodies as they stand")
     add_json(parser)
     add_force(parser)
 
@@ -67,10 +66,10 @@ def add_verbs(verbs: Verbs) -> None:
         verbs,
         "compare",
         _compare,
-        "what changed of one person between two visits",
-        "Brings two registered meshes of one person to the standard pose and says which\n"
-        "measurements changed. A change is marked where it exceeds twice the standard deviation\n"
-        "between poses of one person.",
+        "changes of one person between two visits",
+        "Brings two registered meshes of one person to the standard pose and prints how their\n"
+        "measurements changed. A change is marked if it exceeds two standard deviations of a\n"
+        "difference over poses of one person.",
         "  riemhuman compare visit1.ply visit2.ply\n"
         "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     )
@@ -96,7 +95,7 @@ def _add_definitions(parser: argparse.ArgumentParser) -> None:
         help="measurements and landmarks of the model (default: those of the open body model)",
     )
     parser.add_argument(
-        "--only", metavar="NAME", action="append", help="a measurement to take; may be repeated"
+        "--only", metavar="NAME", action="append", help="measurement to take; repeatable"
     )
     add_units(parser)
 
@@ -121,19 +120,17 @@ def _measure(options: argparse.Namespace) -> None:
         _draw(options.picture, own, straight[0], axes)
     names = [str(file) for file in files]
     if options.output is not None:
-        header = ["file", *_titles(measured)]
-        _write_csv(
-            options.output,
-            [header, *([name, *row] for name, row in zip(names, measured.values, strict=True))],
-        )
+        titles = [f"{n} ({u})" for n, u in zip(measured.names, measured.units, strict=True)]
+        rows = zip(names, measured.values.tolist(), strict=True)
+        write_csv(options.output, [["file", *titles], *([name, *row] for name, row in rows)])
     if options.json:
         units = dict(zip(measured.names, measured.units, strict=True))
-        rows = {
+        bodies = {
             name: dict(zip(measured.names, row.tolist(), strict=True))
             for name, row in zip(names, measured.values, strict=True)
         }
         pose = "as is" if options.as_is else "standard"
-        say_json({"pose": pose, "units": units, "bodies": rows, "output": options.output})
+        say_json({"pose": pose, "units": units, "bodies": bodies, "output": options.output})
         return
     _say_table(files, measured)
     for path in (options.output, options.picture):
@@ -162,7 +159,7 @@ def _compare(options: argparse.Namespace) -> None:
     )
     columns = ["measurement", "unit", "before", "after", "change", "noise", "seen"]
     if options.output is not None:
-        _write_csv(options.output, [columns, *([*row[:-1], bool(row[-1])] for row in rows)])
+        write_csv(options.output, [columns, *([*row[:-1], bool(row[-1])] for row in rows)])
     outward = 1000.0 * result.displacements
     if options.json:
         say_json(
@@ -195,14 +192,14 @@ def _compare(options: argparse.Namespace) -> None:
 
 
 def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measurements, ndarray]:
-    """Return what is measured, and the meshes in files."""
+    """Return the measurements, and the meshes in files."""
     from riemhuman.bodies import BodyModel
     from riemhuman.datasets.registered_meshes import RegisteredMeshes
     from riemhuman.measurements import Measurements, open_measurements
     from riemhuman.surfaces.template import Template
 
     if options.definitions is not None and options.model is None:
-        raise ArgumentError("--definitions JSON goes with --model NPZ")
+        raise ArgumentError("--definitions JSON needs --model NPZ")
     meshes = RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
     template = Template(meshes[0], meshes.faces)
     if options.model is not None:
@@ -213,8 +210,8 @@ def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measureme
         found = open_measurements(template)
         if found is None:
             raise ArgumentError(
-                f"{files[0]} has {template.n_vertices} vertices and {template.n_faces} triangles "
-                "that are not the open body model's; register it, or give --model and --definitions"
+                f"{files[0]} has {template.n_vertices} vertices and {template.n_faces} triangles, "
+                "not those of the open body model; register it, or give --model and --definitions"
             )
         own = Measurements(found)
     if options.only:
@@ -231,19 +228,6 @@ def _draw(path: Path, own: Measurements, surface: ndarray, axes: str) -> None:
         figure = plot_tapes(surface, own.definitions.faces, own.tapes(surface, axes=axes))
         with whole_file(path) as neighbour:
             figure.savefig(neighbour, dpi=200, facecolor="white")
-
-
-def _write_csv(path: Path, rows: Sequence[Sequence[object]]) -> None:
-    from riemhuman.storage.whole_files import whole_file
-
-    stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(rows)
-    with whole_file(path) as neighbour:
-        neighbour.write_text(stream.getvalue(), encoding="utf-8")
-
-
-def _titles(measured: MeasuredBodies) -> list[str]:
-    return [f"{n} ({u})" for n, u in zip(measured.names, measured.units, strict=True)]
 
 
 def _say_table(files: Sequence[Path], measured: MeasuredBodies) -> None:

@@ -1,4 +1,4 @@
-"""What can be said of a single mesh: its size, and whether it is sound."""
+"""The size and the defects of a single mesh."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def mesh_facts(vertices: np.ndarray, faces: np.ndarray) -> dict[str, Any]:
     Parameters
     ----------
     vertices : array, shape (V, 3)
-        Positions in the unit of the file.
+        Vertex positions, in the unit of the file.
     faces : array of int, shape (F, 3)
         Triangles.
 
     Returns
     -------
     dict
-        Numbers and words by name, in plain types.
+        Numbers and strings by name, in types that JSON can hold.
     """
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     _, n_triangles = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
@@ -59,15 +59,15 @@ def mesh_facts(vertices: np.ndarray, faces: np.ndarray) -> dict[str, Any]:
 
 
 def _n_degenerate(vertices: np.ndarray, faces: np.ndarray) -> int:
-    """Count triangles whose height is within rounding of zero."""
+    """Return the number of triangles whose height is zero up to rounding."""
     corners = vertices[faces]
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
     return int((2 * triangle_areas(vertices, faces) <= 1e-12 * longest**2).sum())
 
 
 def _unit(extent: float) -> str:
-    """Guess the unit in which a body has this largest extent."""
-    return " or ".join(body_units(extent)) or "none in which this is the size of a human body"
+    """Return the units in which a body can have this largest extent."""
+    return " or ".join(body_units(extent)) or "none: no human body has this size"
 
 
 def _template_problem(vertices: np.ndarray, faces: np.ndarray) -> str | None:

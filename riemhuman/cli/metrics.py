@@ -1,4 +1,4 @@
-"""The options that choose a metric, common to the verbs that measure."""
+"""The options that choose a metric."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 # Triples of a, λ and c.
 _PRESETS = {"shape": (1.0, 1e-4, 0.0), "pose": (0.0, 0.0, 1.0)}
-PATH_METRIC = (1.0, 1.0, 0.1)  # where the shape metric would let limbs melt on their way
+PATH_METRIC = (1.0, 1.0, 0.1)  # limbs would shrink along paths of the shape metric
 
 
 def add_metric_options(
@@ -27,60 +27,47 @@ def add_metric_options(
     parser : argparse.ArgumentParser
         Parser of the verb.
     default : tuple of float
-        (a, λ, c) without any option.
+        Default weights (a, λ, c).
     """
     a, lam, c = default
     name = "--shape" if default == _PRESETS["shape"] else f"-a {a:g} -l {lam:g} -c {c:g}"
     group = parser.add_argument_group(
         "metric",
-        f"a · Ebin(λ) + c · normals; by default {name}; -a, -l and -c change one weight each",
+        f"a · Ebin(λ) + c · normals (default: {name}); -a, -l and -c change one weight each",
     )
     presets = group.add_mutually_exclusive_group()
-    presets.add_argument(
-        "--shape",
-        dest="metric",
-        action="store_const",
-        const="shape",
-        help="tells who it is: (a, λ, c) = (1, 0.0001, 0)",
-    )
-    presets.add_argument(
-        "--pose",
-        dest="metric",
-        action="store_const",
-        const="pose",
-        help="tells how they stand: (a, λ, c) = (0, 0, 1)",
-    )
-    presets.add_argument(
-        "--srnf",
-        dest="metric",
-        action="store_const",
-        const="srnf",
-        help="square root normal fields, to compare with",
-    )
+    for preset, text in (
+        ("shape", "compares people: (a, λ, c) = (1, 0.0001, 0)"),
+        ("pose", "compares poses: (a, λ, c) = (0, 0, 1)"),
+        ("srnf", "square root normal fields, for comparison"),
+    ):
+        presets.add_argument(
+            f"--{preset}", dest="metric", action="store_const", const=preset, help=text
+        )
     presets.add_argument(
         "--metric",
         dest="extension",
         metavar="NAME",
-        help="a metric that another package registers, see riemhuman.extensions",
+        help="metric of another package, see riemhuman.extensions",
     )
     group.add_argument(
-        "-a", type=float, metavar="A", help=f"weight of the change of metric ({a:g})"
+        "-a", type=float, metavar="A", help=f"weight of the metric part (default: {a:g})"
     )
     group.add_argument(
         "-l",
         "--lam",
         type=float,
         metavar="LAMBDA",
-        help=f"λ, weight of the change of area within it ({lam:g})",
+        help=f"weight λ of area within the metric part (default: {lam:g})",
     )
     group.add_argument(
-        "-c", type=float, metavar="C", help=f"weight of the change of normals ({c:g})"
+        "-c", type=float, metavar="C", help=f"weight of the normal part (default: {c:g})"
     )
     parser.set_defaults(default_metric=default)
 
 
 def add_align(parser: argparse.ArgumentParser) -> None:
-    """Declare the options on how surfaces are compared.
+    """Declare the option that removes rigid motions.
 
     Parameters
     ----------
@@ -90,12 +77,12 @@ def add_align(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--align",
         action="store_true",
-        help="remove rigid motions first, by Procrustes alignment with the template",
+        help="first remove rigid motions, by Procrustes alignment with the template",
     )
 
 
 def check_metric_options(options: argparse.Namespace) -> None:
-    """Refuse options that contradict each other, before any file is read.
+    """Refuse contradictory options before any file is read.
 
     Parameters
     ----------
@@ -105,13 +92,13 @@ def check_metric_options(options: argparse.Namespace) -> None:
     Raises
     ------
     ArgumentError
-        If a preset and weights of its own are asked for, or a metric that nobody made known.
+        If a preset is combined with weights, or no package has the named metric.
     """
     own = [name for name in ("a", "lam", "c") if getattr(options, name) is not None]
     preset = options.metric or (options.extension and f"metric {options.extension}")
     if preset and own:
         raise ArgumentError(
-            f"--{preset} sets all weights; leave it out, or "
+            f"--{preset} sets all weights; leave it out, or leave out "
             f"{', '.join('-l' if name == 'lam' else f'-{name}' for name in own)}"
         )
     if options.extension:
@@ -135,14 +122,14 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
     Raises
     ------
     ArgumentError
-        If the options contradict each other or make no metric.
+        If the options contradict each other, or the weights do not define a metric.
     """
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.geometry.elastic_metric import ElasticMetric
     from riemhuman.geometry.srnf import SRNFMetric
 
     check_metric_options(options)
-    # Whoever read the surfaces has seen to it that they share a unit.
+    # Surfaces share a unit: this is checked when they are read.
     space = AlignedSurfaces(template, equip=False, scale=None)
     if options.extension:
         return extension("metrics", options.extension)(space)
@@ -157,7 +144,7 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
 
 
 def metric_record(metric: RiemannianMetric) -> dict[str, Any]:
-    """Return what a metric is, for JSON.
+    """Return the name and the weights of a metric, for JSON.
 
     Parameters
     ----------
@@ -167,7 +154,7 @@ def metric_record(metric: RiemannianMetric) -> dict[str, Any]:
     Returns
     -------
     dict
-        Its name, and its weights where it has any.
+        The name, and the weights of a metric of the paper's family.
     """
     from riemhuman.geometry.elastic_metric import ElasticMetric
     from riemhuman.geometry.srnf import SRNFMetric
@@ -178,7 +165,7 @@ def metric_record(metric: RiemannianMetric) -> dict[str, Any]:
 
 
 def metric_name(metric: RiemannianMetric) -> str:
-    """Return what a metric is, for people.
+    """Return the name of a metric, for messages.
 
     Parameters
     ----------

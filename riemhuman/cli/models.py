@@ -1,4 +1,4 @@
-"""The verb ``convert-model``: SMPL's pickles as plain arrays."""
+"""The verb ``convert-model``: plain arrays from pickles of SMPL."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 
 from riemhuman.cli.inputs import path_argument
 from riemhuman.cli.terminal import Reporter, say
-from riemhuman.cli.verbs import Verbs, add_force, add_verb
+from riemhuman.cli.verbs import Verbs, add_output, add_verb
 from riemhuman.storage.outputs import check_file
 
 
@@ -16,30 +16,27 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "convert-model",
         _convert,
-        "a body model's pickle as plain arrays",
+        "plain arrays from a body model's pickle",
         "Writes a model of the SMPL family as an .npz file of plain arrays, which loads without\n"
-        "running code. A pickle is code: only what is known to be harmless is run, and anything\n"
-        "else is refused by name.",
+        "running code. A pickle is code: only calls known to be harmless are run; any other call\n"
+        "is refused by name.",
         "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
         "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
     )
     parser.add_argument("source", metavar="MODEL", type=path_argument, help=".pkl or .npz file")
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="NPZ", type=path_argument, help="file to write"
-    )
+    add_output(parser, "NPZ")
     parser.add_argument(
         "--n-betas",
         type=int,
         metavar="B",
-        help="shape coefficients to keep (default: all, but 10 of 300 or more)",
+        help="number of shape coefficients to keep (default: 10 of 300 or more, else all)",
     )
-    add_force(parser)
 
 
 def _convert(options: argparse.Namespace) -> None:

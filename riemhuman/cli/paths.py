@@ -48,7 +48,7 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
@@ -56,10 +56,10 @@ def add_verbs(verbs: Verbs) -> None:
         _geodesic,
         "a path of least energy between two registered meshes",
         "Finds a path of least energy between two meshes over a basis of deformations.\n"
-        "A folder receives the meshes time_00.ply, time_01.ply, ..., path.glb (an animation\n"
+        "Writes a folder with the meshes time_00.ply, time_01.ply, ..., path.glb (an animation\n"
         "with morph targets, for Blender and web viewers), path.png (a filmstrip), path.html\n"
-        "(an interactive page) and summary.json. An output that ends in .glb, .png, .html\n"
-        "or .npz (the array path) is written as that file alone.",
+        "(an interactive page) and summary.json. If the output ends in .glb, .png, .html or\n"
+        ".npz (the array path), writes only that file.",
         "  riemhuman geodesic sit.ply stand.ply -o path/\n"
         "  riemhuman geodesic sit.ply stand.ply -o path.glb --n-nodes 21\n"
         "  riemhuman geodesic a.ply b.ply -o path/ --basis basis.npz -a 1 -l 1 -c 0 --json\n",
@@ -67,10 +67,14 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument("a_file", metavar="A", type=path_argument, help="mesh to start from")
     parser.add_argument("b_file", metavar="B", type=path_argument, help="mesh to end at")
     parser.add_argument(
-        "-o", "--output", metavar="PATH", required=True, help="folder, or file, to write"
+        "-o", "--output", metavar="PATH", required=True, help="folder or file to write"
     )
     parser.add_argument(
-        "--n-nodes", type=int, default=11, metavar="N", help="surfaces of the path (default: 11)"
+        "--n-nodes",
+        type=int,
+        default=11,
+        metavar="N",
+        help="surfaces of the path (default: 11)",
     )
     add_basis_options(parser)
     add_template(parser, "A")
@@ -145,7 +149,7 @@ def _record(
 
 
 def _described(record: dict[str, Any], result: PathResult) -> str:
-    """Return what is shown, for the page."""
+    """Return the description of the path for its page."""
     weights = record["metric"]
     named = {"elastic": "(a, λ, c) = ({a:g}, {lam:g}, {c:g})"}.get(weights["name"], "{name}")
     return (
@@ -206,7 +210,7 @@ def _write_npz(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
 
 
 def _check_dependency(ending: str) -> None:
-    """Refuse before the work begins what could not be drawn after it."""
+    """Refuse a picture before the work if it could not be drawn after it."""
     from riemhuman.optional import import_optional
 
     if ending == ".png":

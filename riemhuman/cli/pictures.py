@@ -1,4 +1,4 @@
-"""Pictures of bodies that verbs have made: a PNG, or a page to turn them in."""
+"""Pictures of the bodies that verbs write: a PNG file or an interactive page."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _HEIGHT = 400
 
 
 def add_picture(parser: argparse.ArgumentParser) -> None:
-    """Declare the option for a picture of what was made.
+    """Declare the option for a picture of the result.
 
     Parameters
     ----------
@@ -29,12 +29,12 @@ def add_picture(parser: argparse.ArgumentParser) -> None:
         "--picture",
         metavar="FILE",
         type=path_argument,
-        help="a picture too: .png, or .html to turn the bodies",
+        help="picture to write: .png, or .html for an interactive page",
     )
 
 
 def check_picture(options: argparse.Namespace) -> None:
-    """Refuse a picture that could not be written once the work is done.
+    """Refuse a picture before the work if it could not be written after it.
 
     Parameters
     ----------
@@ -53,15 +53,15 @@ def write_picture(
     Parameters
     ----------
     path : Path or None
-        The file, with the ending .png or .html; nothing is written without it.
+        The file, with the ending .png or .html; if None, nothing is written.
     surfaces : sequence of array, each of shape (V, 3)
-        Bodies; of more than eight, a PNG shows eight.
+        Bodies; a PNG shows at most eight.
     faces : array of int, shape (F, 3)
         Triangles.
     names : sequence of str
-        What is written below each on a page.
+        Labels of the bodies on a page.
     title : str
-        What is shown.
+        Title of a page.
     """
     from riemhuman.plots.viewer import view_bodies
     from riemhuman.storage.whole_files import whole_file

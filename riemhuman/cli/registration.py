@@ -1,4 +1,4 @@
-"""The verb ``register``: scans become bodies that share one triangulation."""
+"""The verb ``register``: bodies that share one triangulation, from scans."""
 
 from __future__ import annotations
 
@@ -6,17 +6,15 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from riemhuman.cli.inputs import path_argument
+from riemhuman.cli.inputs import AXES, UNITS, path_argument
 from riemhuman.cli.terminal import Reporter, note, say
-from riemhuman.cli.verbs import Verbs, add_force, add_verb
+from riemhuman.cli.verbs import Verbs, add_output, add_verb
 from riemhuman.errors import ArgumentError, FileError
 from riemhuman.storage.outputs import check_file
 
 if TYPE_CHECKING:
     from riemhuman.registration import ScanRegistration
 
-_UNITS = ("metres", "centimetres", "millimetres", "inches")
-_AXES = ("x", "y", "z", "-x", "-y", "-z")
 _ENDINGS = (".ply", ".obj", ".off")
 
 
@@ -26,61 +24,55 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "register",
         _register,
-        "raw scans as registered bodies",
+        "registered bodies from raw scans",
         "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
-        "without landmarks, and writes the body in the model's triangulation. From a\n"
-        "folder, every scan is registered, and index.html shows them, the worst first.\n"
-        "A body that is not trusted is not written; in a folder it goes to untrusted/.\n"
-        "Run again after an interruption, it continues.",
+        "without landmarks, and writes the body in the model's triangulation. For a folder,\n"
+        "it registers every scan, and index.html shows the results, the worst first. It does\n"
+        "not write a body that it does not trust; for a folder, such bodies go to untrusted/.\n"
+        "After an interruption, the same command continues.",
         "  riemhuman register scan.ply -o body.ply\n"
         "  riemhuman register scans/ -o bodies/\n"
         "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
         "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n",
     )
     parser.add_argument("scans", metavar="SCAN", type=path_argument, help="a scan or a folder")
-    parser.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        metavar="BODY",
-        type=path_argument,
-        help="mesh to write, or folder of meshes",
-    )
+    add_output(parser, "BODY", "mesh to write, or folder of meshes")
     parser.add_argument(
         "--model", metavar="FILE", type=path_argument, help="body model (default: the open one)"
     )
     parser.add_argument(
-        "--coarse", action="store_true", help="the open model with 1,202 vertices, for a quick look"
+        "--coarse",
+        action="store_true",
+        help="use the open model with 1,202 vertices (faster)",
     )
-    parser.add_argument("--unit", choices=_UNITS, help="unit of the scans (default: by their size)")
+    parser.add_argument("--unit", choices=UNITS, help="unit of the scans (default: by their size)")
     parser.add_argument(
-        "--up", choices=_AXES, help="axis that points up in the scans (default: found)"
+        "--up", choices=AXES, help="axis that points up in the scans (default: found by the fit)"
     )
     parser.add_argument(
         "--sequence",
         action="store_true",
-        help="the scans of the folder show one person in motion; each starts from the last",
+        help="the scans show one person in motion; each fit starts from the previous one",
     )
     parser.add_argument(
-        "--untrusted", action="store_true", help="write a body even if it is not trusted"
+        "--untrusted", action="store_true", help="also write a body that is not trusted"
     )
-    add_force(parser)
 
 
 def _register(options: argparse.Namespace) -> None:
     if options.model is not None and options.coarse:
-        raise ArgumentError("--coarse is for the open model; leave out --model or --coarse")
+        raise ArgumentError("--coarse cannot be combined with --model; leave out one")
     if options.scans.is_dir():
         _register_folder(options)
         return
     if options.sequence:
-        raise ArgumentError(f"--sequence needs a folder of scans; {options.scans} is none")
+        raise ArgumentError(f"--sequence needs a folder of scans; {options.scans} is not a folder")
     _register_file(options)
 
 
@@ -111,7 +103,7 @@ def _register_file(options: argparse.Namespace) -> None:
     if not result.trusted:
         reason = f"{options.scans} is not registered: {result.message}"
         if not options.untrusted:
-            raise ArgumentError(f"{reason}; --untrusted writes the body all the same")
+            raise ArgumentError(f"{reason}; --untrusted writes the body nevertheless")
         note(reason)
     save_mesh(options.output, result.points, registration.model.faces)
     distance = 1000.0 * np.median(result.distances[~result.background])
@@ -128,7 +120,7 @@ def _register_folder(options: argparse.Namespace) -> None:
 
     if options.untrusted:
         raise ArgumentError(
-            "--untrusted is for one scan; of a folder, see untrusted/ in the output"
+            "--untrusted is for one scan; for a folder, see untrusted/ in the output"
         )
     output: Path = options.output
     if output.resolve() == options.scans.resolve():
@@ -147,5 +139,5 @@ def _register_folder(options: argparse.Namespace) -> None:
         if not record.trusted:
             note(f"{record.name} is not trusted: {record.message}")
     trusted = sum(record.trusted for record in records)
-    say(f"{trusted} of {len(records)} scans are bodies in {output}")
+    say(f"{trusted} of {len(records)} scans are registered in {output}")
     say(str(page))

@@ -1,4 +1,4 @@
-"""The verb ``report``: the paper's experiments as a page."""
+"""The verb ``report``: a page with the paper's experiments."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "report",
         _report,
-        "the paper's experiments as a page with pictures",
+        "a page with the paper's experiments",
         "Repeats the paper's experiments and writes a report into a folder: index.html, which\n"
-        "opens without a network, figures, tables, matrices and their provenance. Without --faust\n"
-        "or --bodies, it takes the open bodies that ship with the package. Results of an earlier\n"
-        "run are reused.",
+        "needs no network connection, figures, tables, matrices and their provenance. The default\n"
+        "data are the open bodies that ship with the package. Results of an earlier run are\n"
+        "reused.",
         "  riemhuman report\n"
         "  riemhuman report --quick -o quick-report\n"
         "  riemhuman report --open natural -o natural-report\n"
@@ -56,7 +56,7 @@ def add_verbs(verbs: Verbs) -> None:
         "--scans",
         metavar="FOLDER",
         type=path_argument,
-        help="show the scans that riemhuman register brought to the bodies of this folder",
+        help="also show the scans that riemhuman register has registered into this folder",
     )
     parser.add_argument("--quick", action="store_true", help="a smaller report, in half a minute")
 

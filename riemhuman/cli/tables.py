@@ -1,4 +1,4 @@
-"""The main job: tables of who it is, and how they stand."""
+"""The verb ``tables``: retrieval of people and of poses."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "tables",
         _run,
         "retrieval tables: who is it, how do they stand? (the default)",
-        "Distances between registered human bodies, and how well they tell who it is\n"
-        "(shape) and how they stand (pose). Without options: the 100 open bodies that ship\n"
-        "with the package, ten people in ten poses.",
+        "Computes all distances between registered human bodies, and prints how well they find\n"
+        "the same person (shape) and the same pose. The default data are the 100 open bodies\n"
+        "that ship with the package, ten people in ten poses.",
         "  riemhuman\n"
         "  riemhuman tables --resolution coarse\n"
-        "  riemhuman tables --open natural --people 1    # ten people nothing was tuned on\n"
+        "  riemhuman tables --open natural --people 1    # ten people not used in tuning\n"
         "  riemhuman tables --faust ~/MPI-FAUST\n"
         "  riemhuman tables --bodies scans/ --labels scans/labels.csv\n"
-        "  riemhuman tables --all --resolution coarse    # descriptors and model vectors too\n",
+        "  riemhuman tables --all --resolution coarse    # also descriptors and model vectors\n",
     )
     add_body_sets(parser)
     parser.add_argument(
@@ -103,7 +103,7 @@ def _run(options: argparse.Namespace) -> None:
     for title, rows in tables.items():
         say(f"\n{retrieval.format_table(title, rows)}")
     say(
-        "\nPer cent, every body against all others: NN nearest neighbour, FT and ST first and "
+        "\nPer cent, each body against all others: NN nearest neighbour, FT and ST first and "
         "second tier."
     )
 
@@ -121,7 +121,7 @@ def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
         return
     say(f"\n{retrieval.format_benchmark(records)}")
     say(
-        "\nPer cent, every body against all others: NN nearest neighbour, FT and ST first and "
+        "\nPer cent, each body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
     )
     if any(record.representation.endswith(LEARNED) for record in records):
@@ -129,7 +129,7 @@ def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
 
 
 def _about_codes() -> str:
-    """Return whose networks found the codes, and what the paper prints for the originals."""
+    """Return a note on the networks of the codes, with the paper's scores of the originals."""
     from riemhuman.report.paper import PAPER_TABLES
 
     printed = [
@@ -139,15 +139,15 @@ def _about_codes() -> str:
         if row[0].startswith(("GDVAE", "Zhou"))
     ]
     return (
-        "Codes: networks after GDVAE and after Zhou et al., trained here on open bodies of other "
-        "people in other\nposes; the paper prints for the originals, on FAUST (NN, FT, ST):\n"
+        "Codes are from networks after GDVAE and Zhou et al., trained on open bodies of other "
+        "people in other\nposes. The paper's scores of the originals on FAUST (NN, FT, ST):\n"
         + "\n".join(f"  {line}" for line in printed)
     )
 
 
 @contextmanager
 def _timed(task: str) -> Iterator[None]:
-    """Say what is being done, and how long it took."""
+    """Print the task, and then the time that it took."""
     sys.stdout.write(f"{task} ... ")
     sys.stdout.flush()
     start = time.perf_counter()

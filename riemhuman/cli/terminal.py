@@ -1,4 +1,4 @@
-"""What the command line says: results on standard output, everything else on standard error."""
+"""Output of the command line: results on standard output, all else on standard error."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ def say(text: str = "") -> None:
     Raises
     ------
     FileError
-        If they cannot be written, as on a full disk.
+        If the text cannot be written, as on a full disk.
     """
     with _output_errors():
         sys.stdout.write(f"{text}\n")
 
 
 def flush_output() -> None:
-    """See that what was said has arrived.
+    """Flush standard output.
 
     Raises
     ------
     FileError
-        If it cannot be written, as on a full disk.
+        If the output cannot be written, as on a full disk.
     """
     with _output_errors():
         sys.stdout.flush()
@@ -59,23 +59,23 @@ def _output_errors() -> Iterator[None]:
 
 
 def say_json(record: Any) -> None:
-    """Write a result to standard output as JSON, floats with all their digits.
+    """Write a result to standard output as JSON, numbers with all their digits.
 
     Parameters
     ----------
     record : object
-        What JSON knows, NumPy numbers and arrays; NaN and infinite numbers become null.
+        Values that JSON can hold, NumPy numbers and arrays; NaN and infinity become null.
     """
     say(as_json(record))
 
 
 def as_json(record: Any) -> str:
-    """Return a result as JSON text, floats with all their digits.
+    """Return a result as JSON text, numbers with all their digits.
 
     Parameters
     ----------
     record : object
-        What JSON knows, NumPy numbers and arrays; NaN and infinite numbers become null.
+        Values that JSON can hold, NumPy numbers and arrays; NaN and infinity become null.
 
     Returns
     -------
@@ -85,38 +85,38 @@ def as_json(record: Any) -> str:
 
 
 def note(text: str) -> None:
-    """Write one line to standard error, above the bars and in place of a task's name.
+    """Write one line to standard error, above progress bars and in place of the task's name.
 
     Parameters
     ----------
     text : str
-        The line; it begins with the name of the program.
+        The line, without the name of the program that precedes it.
     """
-    tqdm = sys.modules.get("tqdm")  # which nothing but a bar imports
+    tqdm = sys.modules.get("tqdm")  # only progress bars import it
     with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext():
         begin = "\r\x1b[K" if sys.stderr.isatty() else ""
         sys.stderr.write(f"{begin}riemhuman: {' '.join(text.split())}\n")
 
 
 def tolerate_ascii() -> None:
-    """Let λ and its kin come out as ``?`` where the terminal knows no Unicode."""
+    """Print λ and similar characters as ``?`` on terminals without Unicode."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and "utf" not in stream.encoding.lower():
             stream.reconfigure(errors="replace")
 
 
 def discard_output() -> None:
-    """Send what is still to be written to standard output nowhere: nobody can have it."""
+    """Discard the rest of standard output, which nothing can receive."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class Reporter:
-    """Says on standard error what a command is doing, unless asked to be quiet.
+    """Reports on standard error what a command does.
 
     Parameters
     ----------
     quiet : bool
-        Whether to say nothing.
+        Whether to report nothing.
     """
 
     def __init__(self, quiet: bool) -> None:
@@ -124,17 +124,17 @@ class Reporter:
 
     @property
     def bars(self) -> bool:
-        """Whether progress bars are wanted: nobody watches them in a log file."""
+        """Whether to show progress bars: only on a terminal."""
         return not self._quiet and sys.stderr.isatty()
 
     @contextmanager
     def task(self, name: str) -> Iterator[None]:
-        """Say what is being done, and then how long it took.
+        """Report a task, and then the time that it took.
 
         Parameters
         ----------
         name : str
-            What is done.
+            Name of the task.
         """
         start = time.perf_counter()
         if self.bars:
@@ -147,18 +147,18 @@ class Reporter:
                 sys.stderr.write("\n")
             raise
         if not self._quiet:
-            # On a terminal, in place of what was written there.
+            # On a terminal, this replaces the name of the task.
             begin = "\r" if self.bars else ""
             sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
 
 
 def convergence(result: Result) -> str:
-    """Return in words whether a solver has converged.
+    """Return a phrase that says whether a solver has converged.
 
     Parameters
     ----------
     result : Result
-        What the solver returned.
+        Result of the solver.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def convergence(result: Result) -> str:
 
 @contextmanager
 def short_warnings() -> Iterator[None]:
-    """Show warnings in one line each, without the place in the code they come from."""
+    """Show each warning in one line, without its place in the code."""
 
     def show(message: Warning | str, *others: object, **more: object) -> None:
         note(f"warning: {message}")
@@ -182,7 +182,7 @@ def short_warnings() -> Iterator[None]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a value in the types JSON knows."""
+    """Return a value in types that JSON can hold."""
     if isinstance(value, dict):
         return {str(key): _plain(each) for key, each in value.items()}
     if hasattr(value, "tolist"):

@@ -1,4 +1,4 @@
-"""The verbs ``transfer`` and ``disentangle``: what one body does, or is, given to another."""
+"""The verbs ``transfer`` and ``disentangle``: motions and poses of one body on another."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from riemhuman.cli.inputs import (
 )
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_force, add_json, add_output, add_verb
 from riemhuman.storage.outputs import check_file, check_folder, whole_folder
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
@@ -40,10 +40,10 @@ def add_verbs(verbs: Verbs) -> None:
         _transfer,
         "a motion of one body replayed on another",
         "Replays a motion, a sequence of registered meshes, on another body of the same\n"
-        "triangulation. By default the body must stand as the first mesh does; with\n"
-        "--transfer pose it may stand in any way. A folder receives the meshes frame_0000.ply,\n"
-        "... and motion.html, a page that plays them; an output that ends in .glb (an animation)\n"
-        "or .npz (the array path) is written as that file alone.",
+        "triangulation. By default the body must have the pose of the first mesh; with\n"
+        "--transfer pose it may have any pose. Writes a folder with the meshes frame_0000.ply,\n"
+        "... and motion.html, a page that plays them. If the output ends in .glb (an animation)\n"
+        "or .npz (the array path), writes only that file.",
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben/\n"
         "  riemhuman transfer motion/ --onto ben.ply -o motion_of_ben.glb\n"
         "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
@@ -53,17 +53,17 @@ def add_verbs(verbs: Verbs) -> None:
         "motion", metavar="FILES", nargs="+", type=path_argument, help="mesh files, or folders"
     )
     parser.add_argument(
-        "--onto", required=True, metavar="MESH", type=path_argument, help="body to be moved"
+        "--onto", required=True, metavar="MESH", type=path_argument, help="body to move"
     )
     parser.add_argument(
-        "-o", "--output", required=True, metavar="PATH", help="folder, or file, to write"
+        "-o", "--output", required=True, metavar="PATH", help="folder or file to write"
     )
     parser.add_argument(
         "--axes",
         choices=("world", "body"),
         default="world",
-        help="triangles turn about axes of the world, or about axes of the body, for a body that "
-        "stands in another pose than the first mesh (default: world)",
+        help="axes about which triangles turn: those of the world, or those of the body, for a "
+        "body in another pose than the first mesh (default: world)",
     )
     parser.add_argument(
         "--transfer",
@@ -82,7 +82,7 @@ def add_verbs(verbs: Verbs) -> None:
         _disentangle,
         "a body with one mesh's shape and another's pose",
         "Brings the first mesh into the pose of the second by a smooth field of rotations, which\n"
-        "keeps its detail. Then writes the body that is nearest to the first in the shape metric,\n"
+        "keeps its detail. Then writes the body nearest to the first mesh in the shape metric,\n"
         "(a, λ, c) = (1, 1, 0), and to the posed mesh in the pose metric, (0, 0, 1).",
         "  riemhuman disentangle anna_standing.ply ben_sitting.ply -o anna_sitting.ply\n"
         "  riemhuman disentangle a.ply b.ply -o both.obj --pose-weight 50 --json\n"
@@ -90,27 +90,24 @@ def add_verbs(verbs: Verbs) -> None:
     )
     parser.add_argument("shape", metavar="SHAPE", type=path_argument, help="mesh of the person")
     parser.add_argument("pose", metavar="POSE", type=path_argument, help="mesh of the pose")
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="MESH", type=path_argument, help="file to write"
-    )
+    add_output(parser, "MESH")
     parser.add_argument(
         "--pose-weight",
         type=float,
         default=1000.0,
         metavar="W",
-        help="weight of the squared distance in pose beside that in shape (default: 1000)",
+        help="weight of the squared pose distance relative to the shape distance (default: 1000)",
     )
     parser.add_argument(
         "--basis",
         metavar="NPZ",
         type=path_argument,
-        help="the body differs from SHAPE by these deformations alone, see riemhuman basis "
+        help="deformations by which the body may differ from SHAPE, see riemhuman basis "
         "(default: all vertices are free)",
     )
     add_template(parser, "SHAPE")
     add_picture(parser)
     add_json(parser)
-    add_force(parser)
     parser.set_defaults(align=False)
 
 

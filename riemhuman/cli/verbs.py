@@ -1,4 +1,4 @@
-"""Verbs of the command line: how each is declared, with the options that all have."""
+"""Declaration of verbs, and the options that many of them share."""
 
 from __future__ import annotations
 
@@ -8,26 +8,28 @@ import re
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn, TypeAlias
 
+from riemhuman.cli.inputs import path_argument
+
 _CHOICE = re.compile(r"(?s)(.*invalid choice: '(?P<found>[^']*)') \(choose from (?P<known>.*)\)")
 
 Run = Callable[[argparse.Namespace], None]
 
-# What `add_subparsers` returns has no public name, and is generic for type checkers alone.
+# The result of `add_subparsers` has no public name, and only type checkers know its parameter.
 Verbs: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors say what may have been meant."""
+    """A parser whose errors suggest similar names."""
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse, and refuse what is left over with the nearest option of the verb.
+        """Parse; for an unknown option, suggest the nearest option of the verb.
 
         Parameters
         ----------
         args : sequence of str, optional
             The command line.
         namespace : argparse.Namespace, optional
-            Where the options go.
+            Object that receives the options.
 
         Returns
         -------
@@ -43,12 +45,12 @@ class Parser(argparse.ArgumentParser):
         return options
 
     def error(self, message: str) -> NoReturn:
-        """Refuse, and leave out what was known where something near to it was meant.
+        """Print an error and exit; for an unknown choice, suggest the nearest one.
 
         Parameters
         ----------
         message : str
-            What is wrong.
+            The error.
         """
         choice = _CHOICE.fullmatch(message)
         if choice:
@@ -74,22 +76,22 @@ def add_verb(
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     name : str
-        The verb.
+        Name of the verb.
     run : callable
-        Called with the parsed options.
+        Function of the parsed options that runs the verb.
     summary : str
-        What it does, in a few words, for the list of verbs.
+        A few words for the list of verbs.
     description : str
-        What it does.
+        Description for the help of the verb.
     examples : str
-        Command lines, one a line, with explanations behind ``#``.
+        Command lines, one per line, with comments after ``#``.
 
     Returns
     -------
     argparse.ArgumentParser
-        To be given the verb's own options.
+        Parser of the verb.
     """
     parser = verbs.add_parser(
         name,
@@ -101,17 +103,19 @@ def add_verb(
     )
     parser.set_defaults(run=run, parser=parser)
     add_debug(parser)
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress, results alone")
+    parser.add_argument(
+        "-q", "--quiet", action="store_true", help="print results only, no progress"
+    )
     return parser
 
 
 def add_debug(parser: argparse.ArgumentParser) -> None:
-    """Declare the option that shows where an error comes from.
+    """Declare the option that shows the traceback of errors.
 
     Parameters
     ----------
     parser : argparse.ArgumentParser
-        Where to declare it: before and behind the verb.
+        Parser of the verb, or of the whole command line.
     """
     parser.add_argument(
         "--debug",
@@ -122,22 +126,40 @@ def add_debug(parser: argparse.ArgumentParser) -> None:
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:
-    """Declare the option for results that programs read.
+    """Declare the option for JSON output.
 
     Parameters
     ----------
     parser : argparse.ArgumentParser
         Parser of the verb.
     """
-    parser.add_argument("--json", action="store_true", help="print the result as JSON, all digits")
+    parser.add_argument("--json", action="store_true", help="print JSON, with all digits")
+
+
+def add_output(parser: argparse.ArgumentParser, metavar: str, what: str = "file to write") -> None:
+    """Declare the option for the output, and the option to replace it.
+
+    Parameters
+    ----------
+    parser : argparse.ArgumentParser
+        Parser of the verb.
+    metavar : str
+        Name of the output in the help text.
+    what : str
+        What the option names.
+    """
+    parser.add_argument(
+        "-o", "--output", required=True, metavar=metavar, type=path_argument, help=what
+    )
+    add_force(parser)
 
 
 def add_force(parser: argparse.ArgumentParser) -> None:
-    """Declare the option to replace what is there.
+    """Declare the option to replace existing outputs.
 
     Parameters
     ----------
     parser : argparse.ArgumentParser
         Parser of the verb.
     """
-    parser.add_argument("-f", "--force", action="store_true", help="replace an output that exists")
+    parser.add_argument("-f", "--force", action="store_true", help="replace an existing output")

@@ -1,4 +1,4 @@
-"""Verbs that show results: ``view``, ``plot`` and ``scores``."""
+"""The verbs ``view``, ``plot`` and ``scores``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from riemhuman.cli.inputs import add_units, meshes_named, path_argument, surfaces_in
 from riemhuman.cli.terminal import Reporter, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.storage.outputs import check_file
 
@@ -27,15 +27,15 @@ def add_verbs(verbs: Verbs) -> None:
     Parameters
     ----------
     verbs : argparse action
-        Where verbs are declared.
+        The parser's verbs.
     """
     parser = add_verb(
         verbs,
         "view",
         _view,
-        "a page to turn bodies in, and to play a path",
-        "Writes a page that opens in any browser, without a network: registered meshes side by\n"
-        "side, or with --motion one after the other, or the path in an .npz file.",
+        "an interactive page of bodies or of a path",
+        "Writes a page for any browser, without a network connection: registered meshes side by\n"
+        "side, or one after the other with --motion, or the path in an .npz file.",
         "  riemhuman view anna.ply ben.ply -o both.html\n"
         "  riemhuman view walk/ --motion -o walk.html\n"
         "  riemhuman view path.npz -o path.html --open\n",
@@ -43,9 +43,7 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "meshes", metavar="FILES", nargs="+", type=path_argument, help="meshes, folders, or an .npz"
     )
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="HTML", type=path_argument, help="file to write"
-    )
+    add_output(parser, "HTML")
     parser.add_argument(
         "--motion", action="store_true", help="the meshes are the frames of one motion"
     )
@@ -56,7 +54,6 @@ def add_verbs(verbs: Verbs) -> None:
         help="accept meshes of any size; by default, meshes in another unit are refused",
     )
     add_units(parser)
-    add_force(parser)
     parser.set_defaults(template=None, align=False)
 
     parser = add_verb(
@@ -64,42 +61,35 @@ def add_verbs(verbs: Verbs) -> None:
         "plot",
         _plot,
         "a map of a distance matrix",
-        "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane: by\n"
-        "multidimensional scaling, or by t-SNE, which keeps neighbours together.",
+        "Draws the meshes of a distance matrix, see riemhuman matrix, as points in the plane by\n"
+        "multidimensional scaling, or by t-SNE, which preserves neighbourhoods.",
         "  riemhuman plot D.npz -o map.png\n"
         "  riemhuman plot D.npz --labels labels.csv -o people.svg\n"
         "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
     )
     _add_matrix(parser, required=False)
-    parser.add_argument(
-        "-o",
-        "--output",
-        required=True,
-        metavar="FILE",
-        type=path_argument,
-        help="picture to write: .png, .svg or .pdf",
-    )
+    add_output(parser, "FILE", "picture to write: .png, .svg or .pdf")
     parser.add_argument(
         "--by",
         choices=tuple(_QUESTIONS),
         default="subject",
-        help="what the colours show (default: subject)",
+        help="label that the colours show (default: subject)",
     )
     parser.add_argument(
         "--method",
         choices=("mds", "t-sne"),
         default="mds",
-        help="how points are placed (default: mds)",
+        help="method that places the points (default: mds)",
     )
-    add_force(parser)
 
     parser = add_verb(
         verbs,
         "scores",
         _scores,
         "how well a distance matrix finds people and poses",
-        "Prints how many of the nearest meshes share person and pose: nearest neighbour (NN),\n"
-        "first and second tier (FT, ST) and mean average precision (mAP), per cent.",
+        "Prints how many of the nearest meshes share the person, and how many share the pose:\n"
+        "nearest neighbour (NN), first and second tier (FT, ST) and mean average precision\n"
+        "(mAP), per cent.",
         "  riemhuman scores D.npz --labels labels.csv\n"
         "  riemhuman scores D.npz --labels labels.csv --json\n",
     )
@@ -116,7 +106,7 @@ def _add_matrix(parser: argparse.ArgumentParser, *, required: bool) -> None:
         metavar="CSV",
         required=required,
         type=path_argument,
-        help="a table with the columns file, subject and pose",
+        help="table with the columns file, subject and pose",
     )
     parser.add_argument(
         "--allow-missing",
@@ -137,7 +127,7 @@ def _view(options: argparse.Namespace) -> None:
     with reporter.task("Page"):
         if first.suffix.lower() == ".npz":
             if len(options.meshes) > 1:
-                raise ArgumentError("name one .npz file with a path, or meshes")
+                raise ArgumentError("give either one .npz file with a path, or meshes")
             arrays = load_arrays(first, ["path", "faces"])
             title = f"Path in {first.name}"
             viewer = view_path(arrays["path"], arrays["faces"], title=title)
@@ -193,7 +183,7 @@ def _plot(options: argparse.Namespace) -> None:
             )
     say(f"{len(labels)} meshes, {options.method}")
     if is_scaled:
-        say(f"stress      {stress(distances, positions):.3f}  (0 keeps all distances)")
+        say(f"stress      {stress(distances, positions):.3f}  (0 would preserve all distances)")
     say(f"written to  {options.output}")
 
 
@@ -231,7 +221,7 @@ def _matrix(path: Path) -> tuple[ndarray, list[str]]:
 
 
 def _labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[str, list[str]]]:
-    """Return the distances of the meshes that have labels, and these labels."""
+    """Return the distances between the meshes with labels, and their labels."""
     from riemhuman.datasets.labelled_folder import read_labels
 
     distances, names = _matrix(options.matrix)

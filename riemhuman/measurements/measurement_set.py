@@ -21,9 +21,11 @@ from riemhuman.measurements.landmarks import Place, axes_in_frame
 from riemhuman.measurements.measurement import Measurement
 from riemhuman.measurements.moved_landmarks import (
     Landmark,
+    check_numbers,
     checked_landmark,
     moved_landmarks,
     nearest_triangles,
+    on_triangle,
 )
 from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
 from riemhuman.measurements.set_files import read_set, write_set
@@ -46,8 +48,7 @@ class MeasurementSet:
     parts : mapping of str to array of int
         Numbers of triangles.
     frame : sequence of str
-        Four landmarks of the trunk: bottom, top, right and left. The axes of a body move with them;
-        without a frame, the axes are those of the template in space.
+        Four landmarks with which the axes of a body move: bottom, top, right and left of the trunk.
     axes : array_like, shape (3, 3)
         Left, up and forward of the template, as columns; by default x, y and z.
     standard_pose : mapping of str to array_like, shape (3,)
@@ -58,8 +59,7 @@ class MeasurementSet:
     ------
     ArgumentError
         If two measurements share a name, a number of a vertex or triangle is out of range, or a
-        measurement refers to an unknown landmark, part or joint; the message offers the nearest
-        names.
+        name is unknown; the message offers the nearest names.
 
     Examples
     --------
@@ -78,7 +78,10 @@ class MeasurementSet:
     standard_pose: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        marks = {name: checked_landmark(name, mark) for name, mark in self.landmarks.items()}
+        marks = {
+            name: checked_landmark(name, mark, self.n_vertices)
+            for name, mark in self.landmarks.items()
+        }
         if isinstance(self.template, BodyModel):
             regressor = self.template.joint_regressor
             for name, row in zip(self.template.joint_names, regressor, strict=True):
@@ -86,11 +89,9 @@ class MeasurementSet:
                 marks.setdefault(name, (vertices, row[vertices]))
             for name in self.standard_pose:
                 nearest_name(name, "joint", self.template.joint_names)
-        for name, (vertices, _) in marks.items():
-            _check_range(f"landmark {name!r} is at vertex", vertices, self.n_vertices)
         parts = {name: np.asarray(faces, dtype=np.int64) for name, faces in self.parts.items()}
         for name, faces in parts.items():
-            _check_range(f"part {name!r} has triangle", faces, len(self.faces))
+            check_numbers(f"part {name!r} has triangle", faces, len(self.faces))
         object.__setattr__(self, "landmarks", marks)
         object.__setattr__(self, "parts", parts)
         object.__setattr__(self, "axes", np.asarray(self.axes, dtype=np.float64))
@@ -247,15 +248,7 @@ class MeasurementSet:
         combined = {place: 1.0} if isinstance(place, str) else place
         vertices = np.concatenate([self.landmarks[name][0] for name in combined])
         weights = np.concatenate([w * self.landmarks[name][1] for name, w in combined.items()])
-        weights = weights / weights.sum()
-        around = np.flatnonzero(np.isin(self.faces, vertices[weights != 0]).sum(axis=1))
-        for face in around:
-            shares = [weights[vertices == corner].sum() for corner in self.faces[face]]
-            if abs(sum(shares) - 1.0) < 1e-9 and min(shares) >= 0:
-                return int(face), np.array(shares)
-        point = weights @ self.vertices[vertices]
-        places, _ = nearest_places(point[np.newaxis], self.vertices, self.faces)
-        return int(places.triangles[0]), places.barycentric[0]
+        return on_triangle((vertices, weights / weights.sum()), self._surface)
 
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
         """Return the same landmarks and parts with other measurements.
@@ -349,8 +342,7 @@ class MeasurementSet:
         template : Template or BodyModel
             The other template.
         registered : array, shape (V, 3), optional
-            This template registered to the other one, for example by `rh.registration`; by default
-            the template as it is, for templates that coincide in space.
+            This template registered to the other one; by default the template as it is.
 
         Returns
         -------
@@ -406,9 +398,3 @@ class MeasurementSet:
         surface = template.template if isinstance(template, BodyModel) else template
         sizes = surface.n_vertices, surface.n_faces
         return read_set(path, sizes, lambda fields: cls(template, **fields))
-
-
-def _check_range(what: str, numbers: ndarray, count: int) -> None:
-    wrong = numbers[(numbers < 0) | (numbers >= count)]
-    if wrong.size:
-        raise ArgumentError(f"{what} {wrong[0]}; there are {count}")

@@ -51,21 +51,6 @@ class Cutter:
         """Arrays for the loops: the attributes, and the triangles where a section may start."""
         return self.faces, self.neighbours, self.roles, np.flatnonzero(self.roles == WANTED)
 
-    def workspace(self) -> tuple[ndarray, ndarray, ndarray]:
-        """Return uninitialised arrays for one section.
-
-        Returns
-        -------
-        ends : array of int, shape (F, 2)
-            Edge that each point lies on.
-        places : array, shape (F,)
-            Place of each point on its edge, from 0 to 1.
-        wanted : array of bool, shape (F,)
-            Whether the triangle after each point is measured.
-        """
-        count = len(self.faces)
-        return np.empty((count, 2), np.int64), np.empty(count), np.empty(count, np.bool_)
-
     def section(self, surface: ndarray, origin: ndarray, normal: ndarray) -> tuple[ndarray, int]:
         """Return the points of one section in order, or why there is none.
 
@@ -83,7 +68,7 @@ class Cutter:
         status : int
             0, `MISSES`, `MEETS_OTHER_PART` or `OPEN`.
         """
-        ends, places, wanted = trace = self.workspace()
+        ends, places, wanted = trace = _workspace(self)
         f, *plane = _plain(surface, origin, normal)
         count = _trace(f, self.mesh, *plane, trace)
         if count < 0:
@@ -125,9 +110,7 @@ def section_sizes(
     cutter: Cutter,
     kind: int,
 ) -> ndarray:
-    """Measure one section of every surface.
-
-    Autograd can differentiate the sizes by the first four arguments.
+    """Measure one section of every surface; differentiable by the first four arguments.
 
     Parameters
     ----------
@@ -149,7 +132,7 @@ def section_sizes(
     """
     sizes = np.empty(len(surfaces))
     f, *planes = _plain(surfaces, origins, normals, directions)
-    _measure(f, cutter.mesh, tuple(planes), kind, cutter.workspace(), sizes)
+    _measure(f, cutter.mesh, tuple(planes), kind, _workspace(cutter), sizes)
     return sizes
 
 
@@ -166,7 +149,7 @@ def _pull_back(number: int) -> Any:
         def pull_back(upstream: ndarray) -> ndarray:
             slopes = [np.zeros(a.shape) for a in (surfaces, origins, normals, directions)]
             f, *planes, scales = _plain(surfaces, origins, normals, directions, upstream)
-            trace = cutter.workspace()
+            trace = _workspace(cutter)
             _differentiate(f, cutter.mesh, tuple(planes), kind, scales, trace, tuple(slopes))
             return slopes[number]
 
@@ -181,6 +164,12 @@ defvjp(section_sizes, *(_pull_back(number) for number in range(4)), argnums=(0, 
 def _plain(*arrays: ndarray) -> list[ndarray]:
     """Return arrays in one memory layout: loops are compiled anew for each other layout."""
     return [np.require(array, np.float64, ["C", "W"]) for array in arrays]
+
+
+def _workspace(cutter: Cutter) -> tuple[ndarray, ndarray, ndarray]:
+    """Return space for the edges of points, their places on them, and what is measured."""
+    count = len(cutter.faces)
+    return np.empty((count, 2), np.int64), np.empty(count), np.empty(count, np.bool_)
 
 
 @compiled
@@ -228,12 +217,9 @@ def _trace(f: Any, mesh: Any, o: Any, n: Any, trace: Any) -> int:
         beyond = neighbours[face, out]
         if beyond < 0:
             return OPEN
-        if beyond == first:
-            return count
-        if count == len(places):
-            return OPEN
-        a, b = faces[face, out], faces[face, (out + 1) % 3]
-        corner = -1
+        if beyond == first or count == len(places):
+            return count if beyond == first else OPEN
+        a, b, corner = faces[face, out], faces[face, (out + 1) % 3], -1
         for k in range(3):
             if faces[beyond, k] == b and faces[beyond, (k + 1) % 3] == a:
                 corner = k

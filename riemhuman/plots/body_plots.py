@@ -1,4 +1,4 @@
-"""Bodies and paths of bodies as matplotlib pictures, drawn without display."""
+"""Bodies and paths of bodies as matplotlib pictures, drawn without a display."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from riemhuman.surfaces.rendering import SKIN, View, render, window_around
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-# Share of values that may pass the end of the colour scale, so that one triangle does not rule it.
+# Share of values beyond the end of the colour scale, so that no single triangle sets it.
 _OUTLIERS = 0.01
 
 
@@ -60,7 +60,7 @@ def plot_body(
     ax: Axes | None = None,
     height: int = 480,
 ) -> Axes:
-    """Draw a body, coloured by the values of its triangles where they are given.
+    """Draw a body, coloured by values of its triangles if they are given.
 
     Parameters
     ----------
@@ -69,15 +69,15 @@ def plot_body(
     faces : array_like, shape (F, 3)
         Triangles.
     values : array_like, shape (F,), optional
-        A value of at least 0 for every triangle, such as `contributions` per area.
+        Non-negative value of each triangle, such as `contributions` per area.
     color : array_like, shape (3,) or (F, 3)
-        Red, green and blue between 0 and 1, where there are no values.
+        Red, green and blue between 0 and 1, used without `values`.
     largest : float, optional
-        Value of the last colour; by default that which 1 % of the values pass.
+        Value of the last colour; by default, 1 % of the values exceed it.
     view : View, optional
-        Where the body is seen from.
+        Direction from which the body is seen.
     label : str, optional
-        What the values are, written at a colour bar; without it there is none.
+        Label of the colour bar; by default there is no colour bar.
     ax : matplotlib.axes.Axes, optional
         Axes to draw in; by default those of a new figure.
     height : int
@@ -90,7 +90,7 @@ def plot_body(
     Raises
     ------
     ArgumentError
-        If an array does not fit.
+        If an array has the wrong shape or values.
     MissingDependencyError
         If matplotlib is not installed.
 
@@ -130,7 +130,7 @@ def plot_path(
     ax: Axes | None = None,
     height: int = 360,
 ) -> Axes:
-    """Draw the surfaces of a path side by side, as on a film strip.
+    """Draw the surfaces of a path side by side as a film strip.
 
     Parameters
     ----------
@@ -139,18 +139,17 @@ def plot_path(
     faces : array_like, shape (F, 3)
         Triangles.
     values : array_like, shape (n_times, F), optional
-        A value of at least 0 for every triangle of every surface.
+        Non-negative value of each triangle of each surface.
     n_shown : int, optional
-        Number of surfaces shown, evenly spaced with both ends; by default all.
+        Number of surfaces shown, evenly spaced including both ends; by default all.
     colors : array_like, shape (n_times, 3), optional
-        Colour of every surface, where there are no values.
+        Colour of each surface, used without `values`.
     largest : float, optional
-        Value of the last colour; by default that which 1 % of the values pass.
+        Value of the last colour; by default, 1 % of the values exceed it.
     spacing : float, optional
-        Metres from the middle of one surface to that of the next; by default they stand so that
-        none covers another.
+        Distance between the middles of successive surfaces, metres; by default they do not overlap.
     view : View, optional
-        Where the surfaces are seen from.
+        Direction from which the surfaces are seen.
     ax : matplotlib.axes.Axes, optional
         Axes to draw in; by default those of a new figure.
     height : int
@@ -163,7 +162,7 @@ def plot_path(
     Raises
     ------
     ArgumentError
-        If an array does not fit.
+        If an array has the wrong shape or values.
     MissingDependencyError
         If matplotlib is not installed.
 
@@ -180,7 +179,7 @@ def plot_path(
         chosen = np.linspace(0, len(surfaces) - 1, n_shown).round().astype(np.int64)
     view = View() if view is None else view
     common = window_around(surfaces[chosen], view)
-    # Each in a window of its own, so that a body that walks does not leave its place on the strip.
+    # Each surface has its own window, so that a walking body stays in its place on the strip.
     windows = [replace(window_around(f, view), height=common.height) for f in surfaces[chosen]]
     windows = [replace(own, centre=(own.centre[0], common.centre[1])) for own in windows]
     widths = np.array([own.width for own in windows])
@@ -208,14 +207,14 @@ def plot_path(
 
 
 def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
-    """Divide the values of triangles by their areas, so that large triangles do not stand out.
+    """Divide values of triangles by their areas.
 
     Parameters
     ----------
     values : array_like, shape (..., F)
         Values.
     vertices : array_like, shape (V, 3)
-        Surface whose areas are taken, such as the template.
+        Surface that gives the areas, such as the template.
     faces : array_like, shape (F, 3)
         Triangles.
 
@@ -237,12 +236,12 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
 
 
 def colour_limit(values: ndarray) -> float:
-    """Return the value at the end of the colour scale; 1 % of the values exceed it.
+    """Return the end of the colour scale, which 1 % of the values exceed.
 
     Parameters
     ----------
     values : array, shape (...)
-        Values of at least 0.
+        Non-negative values.
 
     Returns
     -------
@@ -271,7 +270,7 @@ def _tints(
 
 
 def _scale(largest: float) -> Any:
-    """Return the colour scale from 0 to the largest value, for a colour bar."""
+    """Return the colour scale from 0 to the largest value for a colour bar."""
     colors = import_optional("matplotlib.colors", "plot")
     cm = import_optional("matplotlib.cm", "plot")
     table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))

@@ -1,4 +1,4 @@
-"""Colours that are legible on light and on dark backgrounds."""
+"""Colours of classes and values that are legible on light and dark backgrounds."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from colorsys import hls_to_rgb
 import numpy as np
 from numpy import ndarray
 
-# Ten hues of like lightness, neighbours far apart.
+# Ten hues of similar lightness; successive hues differ strongly.
 _CLASSES = (
     *("4e82b4", "e08a33", "cf5152", "52a39c", "5b9e4d"),
     *("c3a02b", "a674a8", "d97693", "97765f", "77858f"),
 )
 
-# From the colour of an unpainted body to that of the largest value.
+# From the colour of skin, for 0, to the colour of the largest value.
 VALUE_COLORS = ("#d4c8bb", "#ecb169", "#d95f30", "#8c1d3f")
 
 
@@ -35,7 +35,7 @@ def rgb(hexadecimal: str) -> tuple[float, float, float]:
 
 
 def class_colors(n_classes: int) -> ndarray:
-    """Return distinct colours of classes.
+    """Return distinct colours for classes.
 
     Parameters
     ----------
@@ -54,14 +54,14 @@ def class_colors(n_classes: int) -> ndarray:
 
 
 def value_colors(values: ndarray, largest: float | None = None) -> ndarray:
-    """Return colours of values from 0 upwards, from the colour of skin to dark red.
+    """Return the colours of non-negative values, from the colour of skin to dark red.
 
     Parameters
     ----------
     values : array, shape (...)
-        Values of at least 0.
+        Non-negative values.
     largest : float, optional
-        Value of the last colour, which all above it share; by default the largest found.
+        Value of the last colour, also used for larger values; by default the largest value.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Maps of distance matrices in the plane."""
+"""Embeddings of distance matrices in the plane."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from riemhuman.optional import import_optional
 
 METHODS = ("t-sne", "mds")
 
-# Neighbours t-SNE looks at, about as many as the bodies of a class.
+# Perplexity of t-SNE: about the number of bodies in a class.
 _PERPLEXITY = 10.0
 
 
 def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
-    """Place items in the plane by their distances.
+    """Embed items in the plane by their distances.
 
     Parameters
     ----------
     distances : array_like, shape (n, n)
         Symmetric distances.
     method : {"t-sne", "mds"}
-        t-distributed stochastic neighbour embedding [1]_, which keeps neighbours together, or
-        classical multidimensional scaling, which keeps distances as far as a plane can.
+        t-distributed stochastic neighbour embedding [1]_, which preserves neighbourhoods, or
+        classical multidimensional scaling, which approximates distances.
     rng : int or numpy.random.Generator
         Seed of t-SNE.
 
@@ -37,10 +37,10 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     Raises
     ------
     ArgumentError
-        If the matrix is not square, symmetric and of three items or more, or there is no such
-        method.
+        If the matrix is not square, symmetric, non-negative and of at least three items, or the
+        method is unknown.
     MissingDependencyError
-        If scikit-learn, which t-SNE is taken from, is not installed.
+        If scikit-learn, which provides t-SNE, is not installed.
 
     References
     ----------
@@ -60,15 +60,15 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
     n_items = len(matrix)
     if matrix.shape != (n_items, n_items) or n_items < 3:
         raise ArgumentError(
-            f"distances must be a square matrix of 3 items or more; found shape {matrix.shape}"
+            f"distances must be a square matrix of at least 3 items; found shape {matrix.shape}"
         )
     if not np.allclose(matrix, matrix.T, rtol=1e-9, atol=0) or matrix.min() < 0:
-        raise ArgumentError("distances must be symmetric and at least 0")
+        raise ArgumentError("distances must be symmetric and not negative")
     start = classical_scaling(matrix)
     if method == "mds":
         return start
     manifold = import_optional("sklearn.manifold", "report")
-    # The scale at which t-SNE is advised to start from given positions.
+    # The recommended scale of initial positions for t-SNE.
     start = start / max(float(start[:, 0].std()), 1e-30) * 1e-4
     seed = int(generator(rng).integers(2**31))
     estimator = manifold.TSNE(
@@ -78,15 +78,15 @@ def embed(distances: ArrayLike, method: str = "t-sne", rng: Rng = 0) -> ndarray:
         learning_rate="auto",
         random_state=seed,
     )
-    with single_threaded_libraries():  # so few points are not worth threads that wait
+    with single_threaded_libraries():  # threads do not pay for so few points
         return np.asarray(estimator.fit_transform(matrix), dtype=np.float64)
 
 
 def classical_scaling(distances: ndarray) -> ndarray:
-    """Return the positions in the plane by classical multidimensional scaling.
+    """Return positions in the plane by classical multidimensional scaling.
 
-    The two leading eigenvectors of −½ J D² J, D² the squared distances and J the centring matrix,
-    each times the root of its eigenvalue (Torgerson, 1952).
+    They are the two leading eigenvectors of −½ J D² J, with the squared distances D² and the
+    centring matrix J, each times the square root of its eigenvalue (Torgerson, 1952).
 
     Parameters
     ----------
@@ -96,7 +96,8 @@ def classical_scaling(distances: ndarray) -> ndarray:
     Returns
     -------
     array, shape (n, 2)
-        Centred, the wider axis first; the item farthest along an axis lies on its positive side.
+        Centred, with the wider axis first; the farthest item along each axis has a positive
+        coordinate.
     """
     squared = distances**2
     means = squared.mean(axis=0)
@@ -108,19 +109,19 @@ def classical_scaling(distances: ndarray) -> ndarray:
 
 
 def stress(distances: ndarray, positions: ndarray) -> float:
-    r"""Return Kruskal's stress of a map, √(Σ (d_ij − δ_ij)² / Σ d_ij²) over all pairs.
+    r"""Return Kruskal's stress √(Σ (d_ij − δ_ij)² / Σ d_ij²) of an embedding, over all pairs.
 
     Parameters
     ----------
     distances : array, shape (n, n)
-        Distances d of the items.
+        Distances d between the items.
     positions : array, shape (n, 2)
-        Where they are on the map, at distances δ.
+        Embedded items, with distances δ.
 
     Returns
     -------
     float
-        0 if the map keeps all distances.
+        0 if the embedding preserves all distances.
     """
     on_map = np.linalg.norm(positions[:, None] - positions[None], axis=-1)
     return float(np.sqrt(((distances - on_map) ** 2).sum() / (distances**2).sum()))

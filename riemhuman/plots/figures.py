@@ -1,4 +1,4 @@
-"""The style of figures, and their files: SVG for light and dark themes, PNG on white."""
+"""The style and files of figures: SVG for light and dark themes, PNG on white."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from riemhuman.optional import import_optional
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-# Written nowhere else in a figure, so that it can be replaced by the colour of the theme.
+# No other element has this colour, so that the colour of the theme can replace it.
 _INK = "#1d2025"
 _THEME = (
     "<style>:root{color:#1d2025}@media(prefers-color-scheme:dark){:root{color:#e7e8ea}}</style>"
@@ -36,7 +36,7 @@ _STYLE = {
     "lines.linewidth": 1.3,
     "lines.markersize": 4.0,
     "svg.fonttype": "path",
-    # Labels are names that others have chosen, and no formulas.
+    # Labels are names, not formulas.
     "text.parse_math": False,
     "svg.hashsalt": "riemhuman",
 }
@@ -50,11 +50,11 @@ class Picture:
     Attributes
     ----------
     name : str
-        Name of its files, without ending.
+        Name of the files, without ending.
     alt : str
-        What it shows, for those who do not see it.
+        Description for readers who cannot see it.
     svg : str
-        The figure, dark ink on a light ground and light ink on a dark one.
+        The figure, with dark ink on a light page and light ink on a dark page.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Picture:
 
 @contextmanager
 def figure_style() -> Iterator[None]:
-    """Draw in the style of the report without changing the style of the session.
+    """Draw in the style of the report, without changing the style of the session.
 
     Raises
     ------
@@ -77,7 +77,7 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure that opens no window.
+    """Return an empty figure that does not open a window.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def drawn(figure: Figure) -> tuple[str, bytes]:
-    """Return a figure as the content of an SVG and of a PNG file.
+    """Return a figure as the contents of an SVG file and of a PNG file.
 
     Parameters
     ----------
@@ -103,14 +103,14 @@ def drawn(figure: Figure) -> tuple[str, bytes]:
     Returns
     -------
     svg : str
-        Without ground, its ink in the colour of the theme.
+        Without background, with ink in the colour of the theme.
     png : bytes
-        On white.
+        On a white background.
     """
     content = io.BytesIO()
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
     figure.savefig(content, format="svg", dpi=_DPI, metadata=nothing)
-    figure.set_layout_engine("none")  # its layout is found, and finding it takes a while
+    figure.set_layout_engine("none")  # the layout is done; doing it again would take long
     svg = themed(content.getvalue().decode("utf-8"))
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=_DPI, facecolor="white", metadata={"Software": None})
@@ -118,12 +118,12 @@ def drawn(figure: Figure) -> tuple[str, bytes]:
 
 
 def themed(svg: str) -> str:
-    """Return an SVG figure whose ink follows the theme of the reader.
+    """Return an SVG figure whose ink follows the reader's theme.
 
     Parameters
     ----------
     svg : str
-        The figure, its ink in the colour of `figure_style`.
+        The figure, with ink in the colour of `figure_style`.
 
     Returns
     -------
@@ -131,6 +131,6 @@ def themed(svg: str) -> str:
     """
     end = svg.index(">", svg.index("<svg")) + 1
     inked = svg[end:].replace(_INK, "currentColor")
-    # Text that has no colour of its own would stay black.
+    # Text without a colour would stay black.
     head = svg[:end].replace("<svg", '<svg fill="currentColor"', 1)
     return head[head.index("<svg") :] + _THEME + inked

@@ -1,4 +1,4 @@
-"""Labels of a map of bodies: one body of every class with its name, and a scale bar."""
+"""Labels of a map of bodies: one body of each class with its name, and a scale bar."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _NAME_HEIGHT, _NAME_MIDDLE = 0.15, np.array([0.0, -0.49])
 
 
 def add_length_bar(ax: Axes, unit: str) -> None:
-    """Draw a scale bar of a round length, and give both axes the same scale.
+    """Draw a scale bar of a round length, after giving both axes the same scale.
 
     Parameters
     ----------
@@ -64,14 +64,14 @@ def add_thumbnails(
     faces: ArrayLike,
     view: View,
 ) -> None:
-    """Draw a body of every class beside its points, with its name and a line to their middle.
+    """Draw a body of each class beside its points, with its name and a line to their middle.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
         Axes of the map.
     positions : array, shape (n, 2)
-        Where the items are.
+        Positions of the items.
     labels : array of int, shape (n,)
         Class of each item.
     colors : array, shape (n_classes, 3)
@@ -79,11 +79,11 @@ def add_thumbnails(
     names : sequence of str, optional
         Names of the classes.
     points : array, shape (n, V, 3)
-        Bodies of the items; that nearest to the middle of its class stands for it.
+        Bodies of the items; the body nearest to the middle of each class is drawn.
     faces : array_like, shape (F, 3)
         Triangles of the bodies.
     view : View
-        Where the bodies are seen from.
+        Direction from which the bodies are seen.
     """
     offsetbox = import_optional("matplotlib.offsetbox", "plot")
     classes = np.unique(labels)
@@ -133,14 +133,14 @@ def _inches(ax: Axes) -> ndarray:
 
 
 def free_places(items: ndarray, centres: ndarray, size: ndarray, widths: ndarray) -> list[ndarray]:
-    """Return a place for every label: near its class, over few items, its line clear of names.
+    """Return a place for each label: near its class, over few items, with its line off names.
 
     Parameters
     ----------
     items : array, shape (n, 2)
-        Where the items are, inches.
+        Positions of the items, inches.
     centres : array, shape (n_classes, 2)
-        Middle of every class, inches.
+        Middle of each class, inches.
     size : array, shape (2,)
         Width and height of the map, inches.
     widths : array, shape (n_classes,)
@@ -187,11 +187,11 @@ def covered(items: ndarray, middles: ndarray, reach: ndarray) -> ndarray:
     Parameters
     ----------
     items : array, shape (n, 2)
-        Where the items are.
+        Positions of the items.
     middles : array, shape (m, 2)
         Middles of the boxes.
     reach : array, shape (2,)
-        Half their width and height.
+        Half the width and height of the boxes.
 
     Returns
     -------
@@ -206,7 +206,7 @@ def leader_end(start: ndarray, place: ndarray, width: float) -> ndarray:
     Parameters
     ----------
     start : array, shape (2,)
-        Where it begins, inches.
+        Start of the line, inches.
     place : array, shape (2,)
         Middle of the body, inches.
     width : float
@@ -223,7 +223,7 @@ def leader_end(start: ndarray, place: ndarray, width: float) -> ndarray:
 
 
 def crosses(start: ndarray, end: ndarray, middle: ndarray, reach: ndarray) -> ndarray:
-    """Tell whether lines cross boxes.
+    """Return whether lines cross boxes.
 
     Parameters
     ----------
@@ -232,7 +232,7 @@ def crosses(start: ndarray, end: ndarray, middle: ndarray, reach: ndarray) -> nd
     middle : array, shape (..., 2)
         Middles of the boxes.
     reach : array, shape (2,)
-        Half their width and height.
+        Half the width and height of the boxes.
 
     Returns
     -------

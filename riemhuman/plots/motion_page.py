@@ -1,4 +1,4 @@
-"""A page that plays two time-aligned motions, with the re-timing and matched frames."""
+"""A page that plays two time-aligned motions, with their re-timing and matched frames."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ class AlignedMotions:
     Attributes
     ----------
     first, second : array, shape (n_times, V, 3)
-        The motions at corresponding times, in metres, y up.
+        The motions at corresponding times, metres, y up.
     faces : array of int, shape (F, 3)
         Triangles.
     warp : Warp
-        Which times were matched.
+        The matched times of both motions.
     names : sequence of str
-        What the two are called.
+        Names of the motions.
 
     Examples
     --------
@@ -68,7 +68,7 @@ class AlignedMotions:
             )
 
     def page(self) -> str:
-        """Return the page, which is self-contained.
+        """Return the self-contained HTML page.
 
         Returns
         -------
@@ -90,7 +90,7 @@ class AlignedMotions:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file that opens in any browser, without a connection.
+        """Write the page to a file for any browser, without a network connection.
 
         Parameters
         ----------
@@ -105,13 +105,13 @@ class AlignedMotions:
         write_text(path, self.page())
 
     def _placed(self) -> list[ndarray]:
-        """Return both motions with their first frames above the same point."""
+        """Return both motions with their first frames at the same place."""
         return [
             m - m[0].mean(axis=0) * np.array([1.0, 0.0, 1.0]) for m in (self.first, self.second)
         ]
 
     def _curve(self) -> str:
-        """Return the points of the re-timing in a square of side 100, upwards."""
+        """Return the points of the re-timing in a square of side 100, for an SVG polyline."""
         scales = [max(float(times[-1]), 1.0) for times in (self.warp.first, self.warp.second)]
         x, y = self.warp.first / scales[0], self.warp.second / scales[1]
         return " ".join(f"{100 * a:.2f},{100 - 100 * b:.2f}" for a, b in zip(x, y, strict=True))

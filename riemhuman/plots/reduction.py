@@ -1,4 +1,4 @@
-"""Lighter triangulations of the same surfaces, for display."""
+"""Coarser triangulations of surfaces, for display."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from riemhuman.surfaces.mesh_arrays import mesh_arrays
 
 
 def lighter_mesh(vertices: ndarray, faces: ndarray, max_vertices: int) -> tuple[ndarray, ndarray]:
-    """Choose some vertices of a surface and the triangles between them.
+    """Choose some vertices of a surface, and triangles between them.
 
-    The vertices chosen are no neighbours, and every other one has one of them as a neighbour. All
-    vertices join the nearest of those along the edges, and triangles whose corners join three
-    different ones remain. This is repeated until there are few enough. Surfaces registered to this
-    one are thinned by the same choice.
+    No two chosen vertices are neighbours, and every other vertex has a chosen neighbour. Each
+    vertex is replaced by the nearest chosen one along the edges; triangles with three different
+    corners remain. This is repeated until there are few enough vertices. The same choice thins
+    surfaces registered to this one.
 
     Parameters
     ----------
     vertices : array, shape (V, 3)
-        Surface.
+        Surface, metres.
     faces : array of int, shape (F, 3)
         Triangles.
     max_vertices : int
-        Most vertices to keep, unless nothing would remain.
+        Largest number of vertices to keep, unless no triangle would remain.
 
     Returns
     -------
-    kept : array of int
-        Indices of the vertices kept, ascending.
+    kept : array of int, shape (n_kept,)
+        Indices of the kept vertices, in increasing order.
     faces : array of int, shape (n_faces, 3)
         Triangles of the kept vertices, as indices into `kept`.
     """

@@ -1,4 +1,4 @@
-"""Maps, energies and retrieval results as matplotlib pictures."""
+"""Plots of embeddings, energies and retrieval results."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MARKERS = ("o", "s", "D", "^", "v")
-# Shades on which dark text reads, in figures for light and for dark pages.
+# Lightest and deepest shade, and the colour of text that is legible on both.
 _LIGHTEST, _DEEPEST, _ON_SHADES = "#eef3f8", "#5b8fbe", "#101418"
 
 
@@ -37,24 +37,24 @@ def plot_embedding(
     unit: str | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Plot items in the plane, coloured by class, with one representative of every class.
+    """Plot items in the plane, coloured by class, with a body of each class.
 
     Parameters
     ----------
     positions : array_like, shape (n, 2)
-        Where the items are, see `embed`.
+        Positions of the items, see `embed`.
     labels : array_like of int, shape (n,)
         Class of each item, counted from 0.
     names : sequence of str, optional
         Names of the classes.
     points : array_like, shape (n, V, 3), optional
-        Bodies of the items; that nearest to the middle of its class stands for it.
+        Bodies of the items; the body nearest to the middle of each class is drawn.
     faces : array_like, shape (F, 3), optional
         Triangles of the bodies.
     view : View, optional
-        Where the bodies are seen from.
+        Direction from which the bodies are seen.
     unit : str, optional
-        Unit of the positions; a bar shows how long it is, the same in both directions.
+        Unit of the positions, for a scale bar; both axes then have the same scale.
     ax : matplotlib.axes.Axes, optional
         Axes to draw in; by default those of a new figure.
 
@@ -65,7 +65,7 @@ def plot_embedding(
     Raises
     ------
     ArgumentError
-        If the arrays do not fit, or one of points and faces is given without the other.
+        If an array has the wrong shape, or only one of points and faces is given.
     MissingDependencyError
         If matplotlib is not installed.
 
@@ -78,7 +78,7 @@ def plot_embedding(
     places = real_array(positions, "positions", ("n_items", 2), batched=False)
     items = integer_array(labels, "labels", (len(places),))
     if (points is None) != (faces is None):
-        raise ArgumentError("points and faces belong together; found one without the other")
+        raise ArgumentError("points and faces must be given together; found only one of them")
     ax = new_axes(ax, 6.0, 5.0)
     colors = class_colors(int(items.max()) + 1)
     for label in np.unique(items):
@@ -115,14 +115,14 @@ def plot_energy(
     lines: Mapping[str, float] | None = None,
     ax: Axes | None = None,
 ) -> Axes:
-    """Plot the energy of a path after every iteration.
+    """Plot the energy of a path after each iteration.
 
     Parameters
     ----------
     energies : array_like, shape (n_iterations + 1,), or mapping of str to such
-        Energies of a `PathResult`, or of several by name.
+        Energies of a `PathResult`, or of several results by name.
     lines : mapping of str to float, optional
-        Energies to compare with, drawn as level lines.
+        Energies to compare with by name, drawn as horizontal lines.
     ax : matplotlib.axes.Axes, optional
         Axes to draw in; by default those of a new figure.
 
@@ -173,7 +173,7 @@ def plot_precision_recall(
     *,
     ax: Axes | None = None,
 ) -> Axes:
-    """Plot precision against recall.
+    """Plot precision against recall, see `rh.retrieval.precision_recall`.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def plot_precision_recall(
     Raises
     ------
     ArgumentError
-        If a matrix does not fit the labels.
+        If a matrix and the labels have different sizes.
     MissingDependencyError
         If matplotlib is not installed.
 
@@ -230,12 +230,12 @@ def plot_confusion(
     *,
     ax: Axes | None = None,
 ) -> Axes:
-    """Plot the confusion matrix of nearest neighbours.
+    """Plot the confusion matrix of nearest neighbours, see `rh.retrieval.confusion`.
 
     Parameters
     ----------
     distances : array_like, shape (n, n)
-        Distances.
+        Distances between the items.
     labels : array_like of int, shape (n,)
         Class of each item, counted from 0.
     names : sequence of str, optional
@@ -250,7 +250,7 @@ def plot_confusion(
     Raises
     ------
     ArgumentError
-        If the matrix does not fit the labels.
+        If the matrix and the labels have different sizes.
     MissingDependencyError
         If matplotlib is not installed.
 
@@ -283,7 +283,7 @@ def plot_sweep(
     *,
     ax: Axes | None = None,
 ) -> Axes:
-    """Plot a score over λ and the weights of the two parts of the metric.
+    """Plot a score over λ and the weights of the metric.
 
     Parameters
     ----------
@@ -292,7 +292,7 @@ def plot_sweep(
     lams : sequence of float
         λ of each row.
     weights : sequence of str
-        What the weights of each column are.
+        Label of the weights of each column.
     ax : matplotlib.axes.Axes, optional
         Axes to draw in; by default those of a new figure.
 
@@ -303,7 +303,7 @@ def plot_sweep(
     Raises
     ------
     ArgumentError
-        If the scores have another shape.
+        If the scores have the wrong shape.
     MissingDependencyError
         If matplotlib is not installed.
 
@@ -326,16 +326,16 @@ def plot_sweep(
 
 
 def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
-    """Draw a matrix in shades from almost white to blue, all light enough for dark text.
+    """Draw a matrix in shades from almost white to blue, on which dark text is legible.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
         Axes to draw in.
     values : array, shape (n_rows, n_columns)
-        Values of at least 0; those that are masked have no shade.
+        Non-negative values; masked ones have no shade.
     largest : float
-        Value of the deepest shade.
+        Value with the deepest shade.
     """
     colors = import_optional("matplotlib.colors", "plot")
     shades = colors.LinearSegmentedColormap.from_list("shades", [_LIGHTEST, _DEEPEST])
@@ -346,16 +346,16 @@ def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
 
 
 def write_in_cell(ax: Axes, row: int, column: int, text: str) -> None:
-    """Write into a cell of a heat map.
+    """Write text into a cell of a heat map.
 
     Parameters
     ----------
     ax : matplotlib.axes.Axes
         Axes of the heat map.
     row, column : int
-        Cell.
+        Position of the cell.
     text : str
-        What to write.
+        The text.
     """
     ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
 

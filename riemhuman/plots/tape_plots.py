@@ -30,9 +30,9 @@ def plot_tapes(
     *,
     height: int = 700,
 ) -> Figure:
-    """Draw a body from three sides with all its measuring tapes.
+    """Draw a body from three sides with measuring tapes.
 
-    Tapes are drawn whole, also where the body hides them.
+    Tapes are also drawn where the body would hide them.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def plot_tapes(
     faces : array_like, shape (F, 3)
         Triangles.
     tapes : mapping of str to sequence of array, shape (k, 3)
-        Curves by name, as `rh.measurements.Measurements.tapes` gives them.
+        Curves by name, as `rh.measurements.Measurements.tapes` returns them.
     height : int
         Height of the pictures in pixels.
 
@@ -66,7 +66,7 @@ def plot_tapes(
     views = [View(azimuth, _ELEVATION) for _, azimuth in _SIDES]
     windows = [window_around(surface, view) for view in views]
     tall = max(window.height for window in windows)
-    # Of one height, so that all sides have one scale.
+    # Windows have one height, so that all sides have one scale.
     windows = [replace(window, height=tall) for window in windows]
     all_axes = figure.subplots(1, len(_SIDES), width_ratios=[window.width for window in windows])
     for axes, (side, _), view, window in zip(all_axes, _SIDES, views, windows, strict=True):
@@ -108,6 +108,6 @@ def _line(number: int) -> str:
 
 
 def _first(tapes: Mapping[str, Sequence[ArrayLike]], name: str) -> int:
-    """Return which line is the first of a tape."""
+    """Return the number of the first line of a tape."""
     before = list(tapes)[: list(tapes).index(name)]
     return sum(len(tapes[other]) for other in before)

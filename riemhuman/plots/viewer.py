@@ -1,6 +1,6 @@
 """Interactive views of bodies and paths, in a notebook or as one self-contained HTML file.
 
-The surfaces travel inside the page, where three.js draws them; where it cannot, pictures stand in.
+The page contains the surfaces, and three.js draws them; pictures replace them without WebGL.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ _STILL_HEIGHT = 240
 
 @dataclass(frozen=True)
 class Viewer:
-    """An interactive view of bodies or paths; notebooks show it, and `save` writes it to a file.
+    """An interactive view of bodies or paths, shown in notebooks or saved as a page.
 
     Parameters
     ----------
     faces : array of int, shape (F, 3)
         Triangles of all bodies.
     choices : mapping of str to list of ViewedBody
-        What there is to choose from, and the bodies side by side in each choice.
+        Bodies side by side, for each choice by name.
     legend : str
-        What is chosen.
+        Label of the choices.
     title : str
-        What is shown.
+        Title of the view.
     view : View
-        Where the bodies are seen from at first.
+        Initial direction from which the bodies are seen.
     max_vertices : int, optional
-        Bodies with more vertices are shown by fewer of them; by default 7,000, or 30,000 for
-        triangles with values.
+        Largest number of vertices; bodies with more are shown with fewer. By default 7,000, or
+        30,000 for triangles with values.
     description : str
-        What the page of the viewer says below its title.
+        Text below the title of the page.
 
     Examples
     --------
@@ -78,7 +78,7 @@ class Viewer:
         Parameters
         ----------
         identifier : str
-            Name of the viewer, unique in the page.
+            Identifier of the viewer, unique in the page.
 
         Returns
         -------
@@ -109,7 +109,7 @@ class Viewer:
         )
 
     def page(self) -> str:
-        """Return a complete page that holds the viewer alone.
+        """Return a complete HTML page with only the viewer.
 
         Returns
         -------
@@ -124,7 +124,7 @@ class Viewer:
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the page to a file that opens in any browser, without a connection.
+        """Write the page to a file for any browser, without a network connection.
 
         Parameters
         ----------
@@ -139,7 +139,7 @@ class Viewer:
         write_text(path, self.page())
 
     def _repr_html_(self) -> str:
-        """Show the page in a frame of its own, so that nothing of the notebook meets it."""
+        """Return the page in a frame, which separates it from the notebook."""
         return (
             f'<iframe title="{escape(self.title, quote=True)}" sandbox="allow-scripts" '
             'style="width: 100%; height: 36rem; border: 0" '
@@ -147,7 +147,7 @@ class Viewer:
         )
 
     def _still(self, bodies: Sequence[ViewedBody]) -> str:
-        """Return a picture of a choice: its bodies half way or, of one alone, times of its path."""
+        """Return a picture of a choice: bodies half way, or times of the path of a single body."""
         if len(bodies) == 1:
             (body,) = bodies
             places = np.linspace(0, len(body.frames) - 1, min(len(body.frames), 6))
@@ -171,7 +171,7 @@ def view_path(
     description: str = "",
     view: View | None = None,
 ) -> Viewer:
-    """Show a path, or several to choose from, in an interactive view that plays it.
+    """Return an interactive view that plays a path, or several to choose from.
 
     Parameters
     ----------
@@ -180,15 +180,15 @@ def view_path(
     faces : array_like, shape (F, 3)
         Triangles.
     side_by_side : bool
-        Whether several paths run beside each other instead.
+        Whether to play several paths beside each other instead.
     legend : str
-        What is chosen.
+        Label of the choices.
     title : str
-        What is shown.
+        Title of the view.
     description : str
-        What the page of the viewer says below its title.
+        Text below the title of the page.
     view : View, optional
-        Where the bodies are seen from at first.
+        Initial direction from which the bodies are seen.
 
     Returns
     -------
@@ -197,7 +197,7 @@ def view_path(
     Raises
     ------
     ArgumentError
-        If a path or the triangles are malformed, or paths differ in their vertices.
+        If a path or the triangles are malformed, or paths have different numbers of vertices.
 
     Examples
     --------
@@ -230,7 +230,7 @@ def view_bodies(
     description: str = "",
     view: View | None = None,
 ) -> Viewer:
-    """Show bodies side by side in an interactive view.
+    """Return an interactive view of bodies side by side.
 
     Parameters
     ----------
@@ -239,18 +239,18 @@ def view_bodies(
     faces : array_like, shape (F, 3)
         Triangles.
     names : sequence of str, length n, optional
-        What is written below each.
+        Labels of the bodies.
     values : array_like, shape (n, F) or (F,), optional
-        A value of at least 0 for every triangle, such as `contributions` per area. All bodies
-        share one colour scale, which ends where 1 % of the values pass it.
+        Non-negative value of each triangle, such as `contributions` per area. All bodies share one
+        colour scale, whose end 1 % of the values exceed.
     value_label : str
-        What the values are, in a word or a unit, written beside the colour scale.
+        Label of the colour scale, such as the unit of the values.
     title : str
-        What is shown.
+        Title of the view.
     description : str
-        What the page of the viewer says below its title.
+        Text below the title of the page.
     view : View, optional
-        Where the bodies are seen from at first.
+        Initial direction from which the bodies are seen.
 
     Returns
     -------
@@ -259,7 +259,7 @@ def view_bodies(
     Raises
     ------
     ArgumentError
-        If an array does not fit.
+        If an array has the wrong shape or values.
 
     Examples
     --------
@@ -273,7 +273,9 @@ def view_bodies(
     n_bodies = len(surfaces)
     labels = [""] * n_bodies if names is None else list(names)
     if len(labels) != n_bodies or n_bodies == 0:
-        raise ArgumentError(f"{len(labels)} names found for {n_bodies} bodies")
+        raise ArgumentError(
+            f"names must have one entry per body; found {len(labels)} for {n_bodies} bodies"
+        )
     shades: list[ndarray | None] = [None] * n_bodies
     largest = None
     if values is not None:
@@ -281,7 +283,9 @@ def view_bodies(
         rows = real_array(values, "values", (n_faces,)).reshape(-1, n_faces)
         shades, largest = list(rows), colour_limit(rows)
         if len(shades) != n_bodies:
-            raise ArgumentError(f"{len(shades)} rows of values found for {n_bodies} bodies")
+            raise ArgumentError(
+                f"values must have one row per body; found {len(shades)} for {n_bodies} bodies"
+            )
     bodies = [
         ViewedBody(label, surface[None], values=shade, largest=largest, value_label=value_label)
         for label, surface, shade in zip(labels, surfaces, shades, strict=True)

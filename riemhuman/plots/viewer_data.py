@@ -15,8 +15,8 @@ from riemhuman.plots.colors import VALUE_COLORS, value_colors
 from riemhuman.plots.reduction import lighter_mesh
 from riemhuman.surfaces.rendering import SKIN, View
 
-# Above these, a body shows no more in a window, and a path becomes heavy. Triangles that carry
-# values are kept as long as a page can hold them, so that the value shown is that of a triangle.
+# More vertices show no more detail in a window and make pages of paths large. Bodies with values
+# keep more, so that each value shown is that of a triangle.
 MAX_VERTICES = 7000
 MAX_VERTICES_WITH_VALUES = 30000
 _LEVELS = 2**16 - 1
@@ -24,22 +24,22 @@ _LEVELS = 2**16 - 1
 
 @dataclass(frozen=True)
 class ViewedBody:
-    """A body, or a body in motion, as a viewer shows it.
+    """A body or a path of bodies in a viewer.
 
     Attributes
     ----------
     label : str
-        What is written below it.
+        Label of the body.
     frames : array, shape (n_times, V, 3)
         Surfaces at equally spaced times, metres.
     color : tuple of float
         Red, green and blue between 0 and 1.
     values : array, shape (F,), optional
-        Values of the triangles, at least 0, shown as colours.
+        Non-negative values of the triangles, shown as colours.
     largest : float, optional
-        Value of the last colour; by default that which 1 % of the values pass.
+        Value of the last colour; by default, 1 % of the values exceed it.
     value_label : str
-        What the values are, in a word or a unit, written beside the colour scale.
+        Label of the colour scale, such as the unit of the values.
     """
 
     label: str
@@ -63,7 +63,7 @@ def payload(
     view: View,
     max_vertices: int | None,
 ) -> dict[str, Any]:
-    """Return the data of a viewer as values that JSON can hold.
+    """Return the data of a viewer in types that JSON can hold.
 
     Parameters
     ----------
@@ -72,9 +72,9 @@ def payload(
     faces : array of int, shape (F, 3)
         Triangles of all bodies.
     view : View
-        Where the bodies are seen from at first.
+        Initial direction from which the bodies are seen.
     max_vertices : int, optional
-        Bodies with more vertices are shown by fewer of them.
+        Largest number of vertices; bodies with more are shown with fewer.
 
     Returns
     -------
@@ -100,20 +100,20 @@ def payload(
 
 
 def quantized(frames: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return coordinates as integers of 16 bits.
+    """Return coordinates as 16-bit integers.
 
     Parameters
     ----------
     frames : array, shape (n_times, V, 3)
-        Surfaces.
+        Surfaces, metres.
 
     Returns
     -------
     packed : array of uint16, shape (n_times, V, 3)
-        Steps above the lowest value.
+        Number of steps above the lowest value.
     low, step : array, shape (3,)
-        Lowest value and size of a step of each axis, so that low + step · packed is within half a
-        step of the surfaces.
+        Lowest value and step of each axis: low + step · packed is within half a step of the
+        surfaces.
     """
     low = frames.min(axis=(0, 1))
     step = np.maximum(frames.max(axis=(0, 1)) - low, 1e-9) / _LEVELS
@@ -144,7 +144,7 @@ def _body(body: ViewedBody, faces: ndarray, kept: ndarray, light: ndarray) -> di
 
 
 def _at_vertices(values: ndarray, faces: ndarray, n_vertices: int) -> ndarray:
-    """Return the mean of the values of the triangles at each vertex."""
+    """Return the mean value of the triangles at each vertex."""
     sums, counts = np.zeros(n_vertices), np.zeros(n_vertices)
     for corner in faces.T:
         np.add.at(sums, corner, values)

@@ -1,4 +1,4 @@
-"""Styles and scripts that ship with the package, for pages that hold them."""
+"""Styles and scripts of pages, which ship with the package."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from importlib.resources import files
 
 @cache
 def web_file(name: str, package: str = "riemhuman.plots") -> str:
-    """Return a text file for pages that ships with the package.
+    """Return a text file of pages that ships with the package.
 
     Parameters
     ----------
     name : str
-        Its name.
+        Name of the file.
     package : str
-        The package whose folder ``web`` holds it.
+        Package whose folder ``web`` contains it.
 
     Returns
     -------
@@ -25,7 +25,7 @@ def web_file(name: str, package: str = "riemhuman.plots") -> str:
 
 
 def styles() -> str:
-    """Return the styles that viewers need, as an element of the page's head.
+    """Return the styles of viewers, as an element for the head of a page.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def styles() -> str:
 
 
 def viewer_script() -> str:
-    """Return the script of the viewers, which needs three.js.
+    """Return the script of viewers, which needs three.js.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def viewer_script() -> str:
 
 
 def scripts() -> str:
-    """Return the scripts that viewers need, as elements at the end of a page.
+    """Return the scripts of viewers, as elements for the end of a page.
 
     Returns
     -------

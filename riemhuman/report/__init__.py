@@ -11,7 +11,7 @@ __all__ = ["make_report", "scan_page"]
 
 
 def __getattr__(name: str) -> Any:
-    # Scripts written before these names moved go on working.
+    # Names that have moved stay available to existing scripts.
     for room in (plots, retrieval):
         if name in room.__all__:
             message = f"riemhuman.report.{name} has moved to {room.__name__}.{name}"

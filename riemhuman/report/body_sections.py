@@ -1,44 +1,48 @@
-"""The sections of the report on all bodies: retrieval, maps, sweep."""
+"""The sections of the report on all bodies: retrieval, maps and sweep."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from html import escape
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy import ndarray
 
 from riemhuman.plots.embedding import stress
-from riemhuman.report import drawings, findings, report_tables
+from riemhuman.report import drawings, findings
+from riemhuman.report.experiments import retrieval_rows
 from riemhuman.report.materials import Materials, Task
 from riemhuman.report.page import Section, figure, heading, paragraph, side_by_side
+from riemhuman.report.paper import PAPER_TABLES
 from riemhuman.report.plan import POSE, SHAPE
-from riemhuman.report.tables import Table
+from riemhuman.report.tables import Column, Table
+from riemhuman.retrieval.rankings import confusion, precision_recall
+
+if TYPE_CHECKING:
+    from riemhuman.storage.result_store import Step
+
+_SCORES = (
+    Column("nn", "NN", ".1f", "highest"),
+    Column("first_tier", "FT", ".1f", "highest"),
+    Column("second_tier", "ST", ".1f", "highest"),
+)
 
 
-def retrieval_section(materials: Materials) -> Section | None:
-    """Return the section with the retrieval tables, the curves and the mistakes.
-
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
-
-    Returns
-    -------
-    Section or None
-        Nothing, if no two bodies share a class.
-    """
+def _retrieval_section(materials: Materials) -> Section | None:
+    """Return the section with retrieval tables, precision–recall curves and mistakes."""
     tasks, results = materials.tasks(), materials.results
     if not tasks:
         return None
     parts = [
         paragraph(
-            "Every body is a query, once for the other bodies of its person and once for those in "
-            "its pose; all other bodies are ranked by distance."
+            "Each body is a query, once for the other bodies of its person and once for the other "
+            "bodies in its pose; all other bodies are ranked by distance."
         ),
         side_by_side(*(_scores(materials, task) for task in tasks)),
     ]
     parts += [
-        paragraph(f"{escape(name)} refuses these bodies: {escape(problem)}")
+        paragraph(f"{escape(name)} cannot be computed for these bodies: {escape(problem)}")
         for name, problem in results.problems.items()
     ]
     parts += [
@@ -47,43 +51,43 @@ def retrieval_section(materials: Materials) -> Section | None:
         heading("Mistakes"),
         side_by_side(*(_mistakes(materials, task) for task in tasks)),
         heading("The tables of the paper"),
-        side_by_side(*(materials.table(report_tables.paper_table(task.name)) for task in tasks)),
+        side_by_side(*(materials.table(_paper_table(task.name)) for task in tasks)),
         heading("Times"),
-        materials.table(report_tables.cost_table(results.distances)),
+        materials.table(_cost_table(results.distances)),
     ]
     return Section("retrieval", "Who is it, and how do they stand?", "Retrieval", parts)
 
 
 def _scores(materials: Materials, task: Task) -> str:
-    table = report_tables.score_table(task.name, materials.results.distances, task.labels)
+    table = _score_table(task.name, materials.results.distances, task.labels)
     rival = POSE if task.metric == SHAPE else SHAPE
-    said = f"{verdict(table, task.metric)} {findings.below_chance(table.rows, rival, task.labels)}"
+    said = f"{_verdict(table, task.metric)} {findings.below_chance(table.rows, rival, task.labels)}"
     return f'{heading(task.question)}{materials.table(table)}<p class="note">{said}</p>'
 
 
 def _curves(materials: Materials, task: Task) -> str:
     distances = materials.results.distances
-    points = report_tables.precision_recall_table(task.name, distances, task.labels)
+    points = _precision_recall_table(task.name, distances, task.labels)
     picture = materials.picture(
         f"precision-recall-{task.name}",
-        f"Precision against recall of {task.name}, one curve for every representation.",
+        f"Precision against recall of {task.name}, one curve for each representation.",
         drawings.draw_precision_recall,
         distances,
         task.labels,
     )
     caption = (
-        f"{task.question} Precision at every level of recall; an ideal curve runs along the top: "
-        f"it ranks the whole class first. {materials.file(points)}"
+        f"{task.question} Precision at each level of recall. An ideal curve runs along the top: "
+        f"the whole class is ranked first. {materials.file(points)}"
     )
     return figure(picture, caption)
 
 
 def _mistakes(materials: Materials, task: Task) -> str:
     matrix = materials.results.distances[task.metric].arrays["distances"]
-    counts = report_tables.confusion_table(task.name, matrix, task.labels, task.names)
+    counts = _confusion_table(task.name, matrix, task.labels, task.names)
     picture = materials.picture(
         f"confusion-{task.name}",
-        f"Matrix of the classes of nearest neighbours under the {task.metric}.",
+        f"Confusion matrix of nearest neighbours under the {task.metric}.",
         drawings.draw_confusion,
         matrix,
         task.labels,
@@ -97,18 +101,8 @@ def _mistakes(materials: Materials, task: Task) -> str:
     return figure(picture, caption)
 
 
-def map_section(materials: Materials) -> Section:
-    """Return the section with the maps.
-
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
-
-    Returns
-    -------
-    Section
-    """
+def _map_section(materials: Materials) -> Section:
+    """Return the section with the maps."""
     bodies, positions = materials.bodies, materials.results.maps.arrays
     parts = [
         paragraph(
@@ -153,17 +147,17 @@ def sweep_section(materials: Materials) -> Section | None:
     Parameters
     ----------
     materials : Materials
-        Results, and where figures and tables go.
+        Results of the report.
 
     Returns
     -------
     Section or None
-        Nothing, if the labels leave no bodies for it.
+        None if the labels do not give suitable bodies.
     """
     step, plan = materials.results.sweep, materials.plan
     if not materials.tasks():
         return None
-    table = report_tables.sweep_table(step)
+    table = _sweep_table(step)
     shape = (len(plan.lams), len(plan.weights))
     panels = {}
     for task in materials.tasks():
@@ -182,7 +176,7 @@ def sweep_section(materials: Materials) -> Section | None:
     )
     parts = [
         paragraph(
-            f"{findings.best_weights(step.record['rows'])} The last column shows the normals "
+            f"{findings.best_weights(step.record['rows'])} The last column shows the normal part "
             "alone, a = 0 and c = 1."
         ),
         figure(
@@ -193,21 +187,8 @@ def sweep_section(materials: Materials) -> Section | None:
     return Section("sweep", "Between shape and pose", "Weights", parts)
 
 
-def verdict(table: Table, ours: str) -> str:
-    """Name the representations that score higher than ours.
-
-    Parameters
-    ----------
-    table : Table
-        Retrieval table.
-    ours : str
-        Representation to compare the others with.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
+def _verdict(table: Table, ours: str) -> str:
+    """Return a sentence on the representations that score higher than ours."""
     names = [row["representation"] for row in table.rows]
     own = names.index(ours)
     said = []
@@ -219,3 +200,93 @@ def verdict(table: Table, ours: str) -> str:
     if not said:
         return f"No representation scores higher than the {escape(ours)}."
     return f"These representations score higher than the {escape(ours)}. {' '.join(said)}"
+
+
+def _score_table(task: str, distances: Mapping[str, Step], labels: ndarray) -> Table:
+    columns = (
+        Column("representation", "Representation"),
+        *_SCORES,
+        Column("mean_average_precision", "mAP", ".1f", "highest"),
+    )
+    return Table(
+        f"retrieval-{task}",
+        "Per cent, every body against all others: nearest neighbour, first and second tier, mean "
+        "average precision. The best of each column is marked.",
+        columns,
+        retrieval_rows(distances, labels),
+    )
+
+
+def _cost_table(distances: Mapping[str, Step]) -> Table:
+    rows = [
+        {
+            "representation": name,
+            # All the work of a metric is in the pairs.
+            "milliseconds_a_body": 1000 * step.record["seconds_per_body"] or None,
+            "microseconds_a_pair": 1e6 * step.record["seconds_per_pair"],
+        }
+        for name, step in distances.items()
+    ]
+    columns = (
+        Column("representation", "Representation"),
+        Column("milliseconds_a_body", "ms a body", ".1f"),
+        Column("microseconds_a_pair", "μs a pair", ".2f"),
+    )
+    return Table(
+        "costs",
+        "Wall time to describe a body, and of a distance, on all cores of this machine.",
+        columns,
+        rows,
+    )
+
+
+def _paper_table(task: str) -> Table:
+    keys = ("representation", "nn", "first_tier", "second_tier")
+    return Table(
+        f"paper-{task}",
+        "As printed in the paper, on the registrations of FAUST; not computed here.",
+        (Column("representation", "Representation"), *_SCORES),
+        [dict(zip(keys, row, strict=True)) for row in PAPER_TABLES[task]],
+    )
+
+
+def _precision_recall_table(task: str, distances: Mapping[str, Step], labels: ndarray) -> Table:
+    rows = []
+    for name, step in distances.items():
+        recall, precision = precision_recall(step.arrays["distances"], labels)
+        rows += [
+            {"representation": name, "recall": float(r), "precision": float(p)}
+            for r, p in zip(recall, precision, strict=True)
+        ]
+    columns = (
+        Column("representation", "Representation"),
+        Column("recall", "recall", ".2f"),
+        Column("precision", "precision", ".3f"),
+    )
+    return Table(f"precision-recall-{task}", "Precision at every level of recall.", columns, rows)
+
+
+def _confusion_table(task: str, distances: ndarray, labels: ndarray, names: Sequence[str]) -> Table:
+    classes = [names[label] for label in np.unique(labels)]
+    counts = confusion(distances, labels)
+    rows: list[dict[str, Any]] = [
+        {"class": name, **dict(zip(classes, row.tolist(), strict=True))}
+        for name, row in zip(classes, counts, strict=True)
+    ]
+    columns = (Column("class", "body"), *(Column(name, name, "d") for name in classes))
+    return Table(f"confusion-{task}", "Classes of the nearest neighbours.", columns, rows)
+
+
+def _sweep_table(step: Step) -> Table:
+    columns = [Column("lam", "λ", "g"), Column("a", "a", "g"), Column("c", "c", "g")]
+    for task in ("shape", "pose"):
+        if f"{task}_nn" in step.record["rows"][0]:
+            columns += [
+                Column(f"{task}_nn", f"NN, {task}", ".1f", "highest"),
+                Column(f"{task}_mean_average_precision", f"mAP, {task}", ".1f", "highest"),
+            ]
+    return Table("sweep", "Retrieval of people (shape) and of poses.", columns, step.record["rows"])
+
+
+SECTIONS = (_retrieval_section, _map_section)
+"""Functions that make the first sections from the results; None if the labels do not allow one."""

@@ -1,4 +1,4 @@
-"""The choice of bodies for the experiments on single bodies, by labels and distances."""
+"""The choice of single bodies for experiments, by labels and distances."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ Pair = tuple[int, int]
 
 
 def pair_within(distances: ndarray, same: ndarray, other: ndarray, share: float) -> Pair | None:
-    """Return two items of one class and of different other classes, at a typical distance.
+    """Return two items that share one class and differ in another, by their distance.
 
     Parameters
     ----------
     distances : array, shape (n, n)
         Distances.
     same : array of int, shape (n,)
-        Class that both share; the first class with a pair is taken.
+        Class that both share; the first class with such a pair is used.
     other : array of int, shape (n,)
         Class in which they differ.
     share : float
-        Which pair, in order of distance: 0 the nearest, 0.5 the median, 1 the farthest.
+        Position in the order of distances: 0 for the nearest pair, 1 for the farthest.
 
     Returns
     -------
     tuple of int, or None
-        Indices, or nothing if there is no such pair.
+        Indices of the items; None if there is no such pair.
     """
     for label in dict.fromkeys(same.tolist()):
         items = np.flatnonzero(same == label)
@@ -47,14 +47,15 @@ def pair_across(distances: ndarray, one: ndarray, other: ndarray, share: float) 
     distances : array, shape (n, n)
         Distances.
     one, other : array of int, shape (n,)
-        Classes.
+        Class of each item.
     share : float
-        Which item, in order of distance from the first: 0 the nearest, 1 the farthest.
+        Position in the order of distances from the first item: 0 for the nearest, 1 for the
+        farthest.
 
     Returns
     -------
     tuple of int, or None
-        Indices, or nothing if there is no such pair.
+        Indices of the items; None if there is no such pair.
     """
     items = np.flatnonzero((one != one[0]) & (other != other[0]))
     if len(items) == 0:
@@ -64,21 +65,21 @@ def pair_across(distances: ndarray, one: ndarray, other: ndarray, share: float) 
 
 
 def group_of(same: ndarray, other: ndarray, size: int) -> ndarray:
-    """Return items of one class, of as many different other classes as there are, evenly chosen.
+    """Return items that share one class and differ in another, evenly chosen.
 
     Parameters
     ----------
     same : array of int, shape (n,)
-        Class that all share; that with most different others is taken.
+        Class that all share; the class with the most other classes is used.
     other : array of int, shape (n,)
         Class in which they differ.
     size : int
-        Most items.
+        Largest number of items.
 
     Returns
     -------
     array of int, shape (n_items,)
-        Indices, one of each other class.
+        Indices of the items, at most one of each other class.
     """
     groups = []
     for label in dict.fromkeys(same.tolist()):

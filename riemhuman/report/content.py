@@ -1,25 +1,21 @@
-"""The sections of the report, in the order of the paper, and what stands above them."""
+"""The introduction and the sections of the report, in the order of the paper."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from html import escape
 from typing import TYPE_CHECKING
 
-from riemhuman.report import report_tables
-from riemhuman.report.body_sections import map_section, retrieval_section, sweep_section
+from riemhuman.report import body_sections, path_sections
 from riemhuman.report.materials import Materials
 from riemhuman.report.measurement_sections import measurement_section
 from riemhuman.report.page import Section, paragraph
-from riemhuman.report.path_sections import (
-    comparison_section,
-    difference_section,
-    geodesic_section,
-    mean_section,
-)
 from riemhuman.report.plan import spoken
+from riemhuman.report.tables import Column, Table
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
+    from riemhuman.storage.result_store import Step
 
 
 def sections(materials: Materials) -> list[Section]:
@@ -28,58 +24,38 @@ def sections(materials: Materials) -> list[Section]:
     Parameters
     ----------
     materials : Materials
-        Results, and where figures and tables go.
+        Results of the report.
 
     Returns
     -------
     list of Section
     """
-    made = [
-        retrieval_section(materials),
-        map_section(materials),
-        difference_section(materials),
-        geodesic_section(materials),
-        comparison_section(materials),
-        mean_section(materials),
-        measurement_section(materials),
-        sweep_section(materials),
-        making_section(materials),
-    ]
+    makers = [*body_sections.SECTIONS, *path_sections.SECTIONS, measurement_section]
+    made = [make(materials) for make in (*makers, body_sections.sweep_section, _making_section)]
     return [section for section in made if section is not None]
 
 
-def making_section(materials: Materials) -> Section:
-    """Return the section about how the report was made.
-
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
-
-    Returns
-    -------
-    Section
-    """
+def _making_section(materials: Materials) -> Section:
     parts = [
         paragraph(
             'Versions, seeds, parameters and fingerprints are in <a href="provenance.json">'
             "provenance.json</a>; matrices, paths and maps are NumPy archives in the folder "
-            "<code>results</code>. Running the report again computes only what has changed."
+            "<code>results</code>. A new run of the report computes only what has changed."
         ),
-        materials.table(report_tables.step_table(materials.store.steps)),
+        materials.table(_step_table(materials.store.steps)),
     ]
     return Section("making", "How this was made", "Making", parts)
 
 
 def lead_of(bodies: Bodies, *, quick: bool) -> str:
-    """Return the first paragraph.
+    """Return the introduction.
 
     Parameters
     ----------
     bodies : Bodies
         The bodies.
     quick : bool
-        Whether the report is a quick one.
+        Whether this is a quick report.
 
     Returns
     -------
@@ -90,15 +66,15 @@ def lead_of(bodies: Bodies, *, quick: bool) -> str:
     text = (
         "The experiments of Pierson, Daoudi and Tumpach, <cite>A Riemannian Framework for Analysis "
         "of Human Body Surface</cite> (WACV 2022), on bodies registered to one template: "
-        f"who they are, how they stand ({names} …), and the shortest ways from one to another."
+        f"retrieval of people and of poses ({names} …), and shortest paths between bodies."
     )
     if quick:
-        text += " A quick run: fewer surfaces a path and fewer deformations than a full one."
+        text += " This is a quick run, with fewer surfaces per path and fewer deformations."
     return text
 
 
 def facts_of(bodies: Bodies) -> list[tuple[str, str]]:
-    """Return numbers of the data, and what they count.
+    """Return the sizes of the data, with their names.
 
     Parameters
     ----------
@@ -117,3 +93,17 @@ def facts_of(bodies: Bodies) -> list[tuple[str, str]]:
         "pairs": len(bodies) * (len(bodies) - 1) // 2,
     }
     return [(f"{number:,}", what) for what, number in counted.items()]
+
+
+def _step_table(steps: Sequence[Step]) -> Table:
+    rows = [{"title": step.title, "step": step.name, "seconds": step.seconds} for step in steps]
+    return Table(
+        "steps",
+        "Wall time of every step when it was computed.",
+        (
+            Column("title", "Step"),
+            Column("step", "step", shown=False),
+            Column("seconds", "Seconds", ".2f"),
+        ),
+        rows,
+    )

@@ -1,4 +1,4 @@
-"""The figures of the report, from the results of the experiments."""
+"""The figures of the report."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ def draw_map(
     names: Sequence[str],
     unit: str | None = None,
 ) -> Figure:
-    """Draw a map of the bodies with a representative of every class.
+    """Draw a map of the bodies, with a body of each class.
 
     Parameters
     ----------
     bodies : Bodies
         The bodies.
     positions : array, shape (n, 2)
-        Where they are.
+        Positions of the bodies.
     labels : array of int, shape (n,)
-        Classes.
+        Class of each item.
     names : sequence of str
         Names of the classes.
     unit : str, optional
@@ -76,14 +76,14 @@ def draw_map(
 
 
 def draw_precision_recall(distances: Mapping[str, Step], labels: ndarray) -> Figure:
-    """Draw precision at every level of recall, for every representation.
+    """Draw precision against recall for each representation.
 
     Parameters
     ----------
     distances : mapping of str to Step
-        Distances by representation.
+        Distances of each representation.
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def draw_confusion(distances: ndarray, labels: ndarray, names: Sequence[str]) ->
     distances : array, shape (n, n)
         Distances.
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
     names : sequence of str
         Names of the classes.
 
@@ -147,7 +147,7 @@ def draw_geodesic(bodies: Bodies, step: Step) -> Figure:
 
 
 def draw_comparison(bodies: Bodies, step: Step) -> Figure:
-    """Draw the paths between two bodies below each other (figure 5 of the paper).
+    """Draw several paths between two bodies below each other (figure 5 of the paper).
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def draw_comparison(bodies: Bodies, step: Step) -> Figure:
 
 
 def draw_mean(bodies: Bodies, step: Step) -> Figure:
-    """Draw bodies and their Karcher mean, the last and in yellow (figure 6 of the paper).
+    """Draw bodies and, last and in yellow, their Karcher mean (figure 6 of the paper).
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ def draw_mean(bodies: Bodies, step: Step) -> Figure:
 
 
 def draw_differences(bodies: Bodies, step: Step) -> Figure:
-    """Draw where pairs of bodies differ: in the metric part and in the normal part.
+    """Draw where pairs of bodies differ, in the metric part and in the normal part.
 
     Parameters
     ----------
@@ -232,9 +232,9 @@ def draw_sweep(scores: Mapping[str, ndarray], lams: Sequence[float], weights: li
     scores : mapping of str to array, shape (n_lams, n_weights)
         Mean average precision by task.
     lams : sequence of float
-        λ.
+        Value of λ of each row.
     weights : list of str
-        What c is.
+        Label of c of each column.
 
     Returns
     -------

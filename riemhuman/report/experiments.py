@@ -1,4 +1,4 @@
-"""The experiments on all bodies: distances, retrieval, maps, and the sweep over the weights."""
+"""The experiments on all bodies: distances, maps, and the sweep over the weights."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def distance_steps(
     *,
     bars: bool = False,
 ) -> dict[str, Step]:
-    """Compute the distances of all bodies by every representation.
+    """Compute all distances between bodies by each representation.
 
-    A representation that refuses the bodies has no distances, and its record says why.
+    If a representation cannot be used on the bodies, its step holds the error instead.
 
     Parameters
     ----------
     store : ResultStore
-        Where results are kept.
+        Store of the results.
     digest : str
         Fingerprint of the bodies.
     bodies : Bodies
@@ -55,13 +55,13 @@ def distance_steps(
     Returns
     -------
     dict of str to Step
-        Distances, shape (n, n), and the seconds of a body and of a pair.
+        Distances, shape (n, n), and the seconds per body and per pair.
     """
     steps = {}
 
     @cache
     def together(kind: Any) -> dict[str, Described]:
-        # When the first of them is wanted: a report that has them all computes no spectrum.
+        # Called only if one of them is missing in the store: spectra take long.
         sharing = {name: each for name, each in representations.items() if _kind(each) is kind}
         return described_together(sharing, bodies, progress=bars)
 
@@ -83,7 +83,7 @@ def distance_steps(
 
 
 def _kind(representation: Any) -> Any:
-    """Return what descriptors of one kind are computed by together, nothing of others."""
+    """Return the function that computes descriptors of one kind together, if there is one."""
     return getattr(representation, "describe_together", None)
 
 
@@ -98,16 +98,16 @@ def _measured_distances(
 
 
 def map_step(store: ResultStore, distances: Mapping[str, Step], plan: Plan) -> Step:
-    """Place the bodies in the plane by the shape and the pose metric.
+    """Embed the bodies in the plane by the shape metric and the pose metric.
 
     Parameters
     ----------
     store : ResultStore
-        Where results are kept.
+        Store of the results.
     distances : mapping of str to Step
-        Distances by representation.
+        Distances of each representation.
     plan : Plan
-        Seed.
+        Plan with the seed of t-SNE.
 
     Returns
     -------
@@ -130,14 +130,14 @@ def map_step(store: ResultStore, distances: Mapping[str, Step], plan: Plan) -> S
 def sweep_step(
     store: ResultStore, digest: str, bodies: Bodies, space: AlignedSurfaces, plan: Plan
 ) -> Step:
-    """Score retrieval of people and poses over λ and c, and with the normals alone.
+    """Score the retrieval of people and poses over λ and c, and by the normal part alone.
 
-    Squared distances are a sum, so the two parts are computed once for every λ and weighed after.
+    Squared distances are sums, so both parts are computed once and then weighted.
 
     Parameters
     ----------
     store : ResultStore
-        Where results are kept.
+        Store of the results.
     digest : str
         Fingerprint of the bodies.
     bodies : Bodies
@@ -145,12 +145,12 @@ def sweep_step(
     space : AlignedSurfaces
         The surfaces.
     plan : Plan
-        λ and c.
+        Plan with λ and c.
 
     Returns
     -------
     Step
-        Squared distances of the parts, and the rows of scores.
+        Squared distances of both parts, and rows of scores.
     """
 
     def compute() -> Computed:
@@ -172,14 +172,14 @@ def sweep_step(
 
 
 def retrieval_rows(distances: Mapping[str, Step], labels: ndarray) -> list[dict[str, Any]]:
-    """Return the scores of every representation that has distances.
+    """Return the scores of each representation.
 
     Parameters
     ----------
     distances : mapping of str to Step
-        Distances by representation.
+        Distances of each representation.
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
 
     Returns
     -------
@@ -201,12 +201,12 @@ def retrieval_rows(distances: Mapping[str, Step], labels: ndarray) -> list[dict[
 
 
 def has_pairs(labels: ndarray) -> bool:
-    """Tell whether two items share a class, so that there is something to retrieve.
+    """Return whether any two items share a class.
 
     Parameters
     ----------
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Findings in words, each sentence only where the results support it."""
+"""Sentences on the results, each only if the results support it."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ _TASKS = {"shape": "people", "pose": "poses"}
 
 
 def chance_of_tier(labels: ndarray) -> float:
-    """Return the first tier that items in random order have on average, per cent.
+    """Return the mean first tier of items in random order, per cent.
 
     Parameters
     ----------
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
 
     Returns
     -------
@@ -30,16 +30,16 @@ def chance_of_tier(labels: ndarray) -> float:
 
 
 def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray) -> str:
-    """Say so if a metric finds fewer bodies of a class than chance would.
+    """Return a sentence if a metric finds fewer bodies of a class than chance would.
 
     Parameters
     ----------
     rows : sequence of mapping
         Rows of the retrieval table.
     metric : str
-        Representation in question.
+        Name of the metric.
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def below_chance(rows: Sequence[Mapping[str, Any]], metric: str, labels: ndarray
 
 
 def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Say which weights of the sweep score highest on people and on poses.
+    """Return a sentence on the weights that score highest on people and on poses.
 
     Parameters
     ----------
@@ -80,18 +80,18 @@ def best_weights(rows: Sequence[Mapping[str, Any]]) -> str:
         said.append(
             f"{what} with a = {first['a']:g}{lam}, c = {first['c']:g}{more}: mAP {best:.1f} %"
         )
-    return f"Best found are {'; '.join(said)}." if said else ""
+    return f"The best are {'; '.join(said)}." if said else ""
 
 
 def neighbours_kept(positions: ndarray, labels: ndarray) -> float:
-    """Return the percentage of nearest neighbours on a map that share a class.
+    """Return the percentage of items whose nearest neighbour on a map shares their class.
 
     Parameters
     ----------
     positions : array, shape (n, 2)
-        Where the items are.
+        Positions of the items.
     labels : array, shape (n,)
-        Classes.
+        Class of each item.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def neighbours_kept(positions: ndarray, labels: ndarray) -> float:
 
 
 def shares(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Say which share of the squared distance between bodies comes from the normals.
+    """Return a sentence on the share of the normal part in squared distances.
 
     Parameters
     ----------

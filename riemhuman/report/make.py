@@ -1,4 +1,4 @@
-"""The report: the paper's experiments repeated on a set of bodies, in a folder with a page."""
+"""The report: the paper's experiments on a set of bodies, in a folder with a page."""
 
 from __future__ import annotations
 
@@ -45,35 +45,35 @@ def make_report(
     progress: Progress | None = None,
     bars: bool = False,
 ) -> Path:
-    """Repeat the experiments of the paper's sections 5 and 6, and write a report of them.
+    """Repeat the experiments of the paper's sections 5 and 6, and write a report.
 
-    The folder holds ``index.html``, which opens in any browser without a connection, the figures as
-    SVG and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``. Run again,
-    it computes only what has changed; a run that was stopped goes on where it was.
+    The folder contains ``index.html``, a page for any browser without a network connection, the
+    figures as SVG and PNG, the tables as CSV, the results as .npz archives and ``provenance.json``.
+    A new run computes only what has changed, and an interrupted run continues.
 
     Parameters
     ----------
     output : path_like
-        The folder: new, empty, or that of an earlier report.
+        The folder: new, empty, or of an earlier report.
     bodies : Bodies, optional
-        Registered bodies of known people and poses, at least three; by default the open bodies, in
-        full resolution or, if `quick`, coarse.
+        At least three registered bodies with known people and poses; by default the open bodies,
+        at full resolution or, if `quick`, coarse.
     basis : DeformationBasis, optional
         Deformations for geodesics and means; by default the principal components of the open
         motions for the open bodies, mesh harmonics for others.
     quick : bool
-        Whether to make everything smaller: half a minute instead of minutes.
+        Whether to make a smaller report, in half a minute instead of minutes.
     representations : mapping of str to object, optional
-        Metrics and descriptors of the retrieval tables beside the paper's metrics, as for
+        Further metrics and descriptors of the retrieval tables, as for
         `riemhuman.retrieval.benchmark`; by default all that apply to the bodies or, if `quick`,
-        those of other packages alone, see `riemhuman.extensions`.
+        only those of other packages, see `riemhuman.extensions`.
     scans : path_like, optional
-        Folder into which `riemhuman.registration.register_folder` has registered scans; the page
-        shows them, the worst first.
+        Output folder of `riemhuman.registration.register_folder`; the page shows its scans, the
+        worst first.
     progress : callable, optional
-        Takes the name of what is being done to a context manager, which lasts as long.
+        Takes the name of a task; returns a context manager that is open during the task.
     bars : bool
-        Whether to show progress bars within what takes long.
+        Whether to show progress bars within long tasks.
 
     Returns
     -------
@@ -83,7 +83,7 @@ def make_report(
     Raises
     ------
     FileError
-        If the folder holds something else, cannot be written, or another process is at work in it.
+        If the folder holds other files, cannot be written, or another process is using it.
     MissingDependencyError
         If matplotlib or scikit-learn is not installed.
     ArgumentError

@@ -1,4 +1,4 @@
-"""What the sections of a report are made from, and where their figures and tables go."""
+"""The results from which sections are made, and the files of their figures and tables."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Task:
-    """What is retrieved.
+    """A retrieval task.
 
     Attributes
     ----------
     name : {"shape", "pose"}
-        Its name.
+        Name of the task.
     question : str
-        What is asked.
+        Question that heads its tables.
     metric : str
         The paper's metric for it.
     labels : array of int, shape (n,)
-        Classes.
+        Class of each item.
     names : tuple of str
         Names of the classes.
     """
@@ -52,7 +52,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Materials:
-    """Results of a report; figures and tables are written as sections ask for them.
+    """Results of a report; figures and tables are written when sections request them.
 
     Parameters
     ----------
@@ -61,13 +61,13 @@ class Materials:
     bodies : Bodies
         The bodies.
     results : Results
-        What was computed.
+        Results of the experiments.
     plan : Plan
-        Sizes.
+        Sizes of the experiments.
     store : ResultStore
-        Steps and their times.
+        Store of the results, with their times.
     figures : ResultStore
-        Where figures are kept.
+        Store of the figures.
     digest : str
         Fingerprint of the bodies.
     """
@@ -81,7 +81,7 @@ class Materials:
     digest: str
 
     def tasks(self) -> list[Task]:
-        """Return what can be retrieved: people, poses, or neither.
+        """Return the tasks for which two bodies share a class.
 
         Returns
         -------
@@ -95,12 +95,12 @@ class Materials:
         return [task for task in both if has_pairs(task.labels)]
 
     def name(self, index: int) -> str:
-        """Return the person and the pose of a body, in words.
+        """Return the names of the person and the pose of a body.
 
         Parameters
         ----------
         index : int
-            Which body.
+            Number of the body.
 
         Returns
         -------
@@ -110,19 +110,19 @@ class Materials:
         return escape(name_of(self.bodies, index))
 
     def picture(self, name: str, alt: str, draw: Callable[..., Figure], *arguments: Any) -> Picture:
-        """Write a figure, drawn unless that of the same arguments is kept.
+        """Write a figure, which is drawn unless the store has one of the same arguments.
 
         Parameters
         ----------
         name : str
-            Name of its files.
+            Name of the files.
         alt : str
-            What it shows.
+            Description of the figure.
         draw : callable
-            Draws it from the arguments.
+            Function of the arguments that draws the figure.
         *arguments : object
-            The bodies, steps, and what else JSON and
-            `riemhuman.storage.result_store.fingerprint` know.
+            The bodies, steps, and other values that JSON or
+            `riemhuman.storage.result_store.fingerprint` can describe.
 
         Returns
         -------
@@ -142,7 +142,7 @@ class Materials:
         return Picture(name, alt, step.record["svg"])
 
     def table(self, table: Table) -> str:
-        """Write a table.
+        """Write a table to its file.
 
         Parameters
         ----------
@@ -152,13 +152,13 @@ class Materials:
         Returns
         -------
         str
-            Its HTML.
+            HTML of the table.
         """
         self.file(table)
         return table.html()
 
     def file(self, table: Table) -> str:
-        """Write a table that is not on the page.
+        """Write a table that is not on the page to its file.
 
         Parameters
         ----------
@@ -168,7 +168,7 @@ class Materials:
         Returns
         -------
         str
-            HTML of a link to it.
+            HTML of a link to the file.
         """
         write_text(self.folder / "tables" / f"{table.name}.csv", table.csv())
         return table.link()

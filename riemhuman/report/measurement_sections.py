@@ -1,4 +1,4 @@
-"""The section of the report on measurements: people, their tapes, and shape along a waist."""
+"""The section of the report on measurements of people, and shape along the waist girth."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _MOST_POSES = 3
 _FEWEST_PEOPLE = 4
 _ALONG = "waist girth"
-# Of the metric whose geodesics the regression follows.
+# Weights of the metric of the regression.
 _WEIGHTS = {"a": 1.0, "lam": 1.0, "c": 0.1}
 _SHOWN = {
     "stature",
@@ -51,12 +51,12 @@ def measurement_section(materials: Materials) -> Section | None:
     Parameters
     ----------
     materials : Materials
-        Results, and where figures and tables go.
+        Results of the report.
 
     Returns
     -------
     Section or None
-        Nothing, if the bodies are not registered to the open body model.
+        None if the bodies are not registered to the open body model.
     """
     description = open_measurements(materials.bodies.template)
     if description is None:
@@ -64,7 +64,7 @@ def measurement_section(materials: Materials) -> Section | None:
     step = _measured(materials, description)
     picture = materials.picture(
         "tapes",
-        "One person in the standard pose from three sides, with every tape.",
+        "One person in the standard pose from three sides, with all tapes.",
         draw_tapes,
         step.arrays["straight"][0],
         materials.bodies.template.faces,
@@ -72,9 +72,9 @@ def measurement_section(materials: Materials) -> Section | None:
     name = materials.bodies.subject_names[int(step.arrays["people"][0])]
     parts = [
         paragraph(
-            "A fit of the body model brings every person to one standard pose and keeps the "
-            f"residual. The first table shows means over up to {_MOST_POSES} poses, the second "
-            "how far one person's values spread from pose to pose."
+            "A fit of the body model brings each body to one standard pose and keeps the residual. "
+            f"The first table shows means over up to {_MOST_POSES} poses of each person, the "
+            "second the standard deviation over the poses of one person."
         ),
         materials.table(people_table(materials, step)),
         figure(picture, f"The measuring tapes: {escape(name)}.", wide=True),
@@ -138,14 +138,14 @@ def _measured(materials: Materials, description: MeasurementSet) -> Step:
 
 
 def people_table(materials: Materials, step: Step) -> Table:
-    """Return the measurements of every person.
+    """Return the table of the measurements of people.
 
     Parameters
     ----------
     materials : Materials
         The bodies.
     step : Step
-        Their measurements.
+        The measurements.
 
     Returns
     -------
@@ -171,12 +171,12 @@ def people_table(materials: Materials, step: Step) -> Table:
 
 
 def spread_table(step: Step) -> Table:
-    """Return how far one person's values spread from pose to pose.
+    """Return the table of standard deviations over the poses of one person.
 
     Parameters
     ----------
     step : Step
-        Measurements of people.
+        The measurements.
 
     Returns
     -------
@@ -204,12 +204,12 @@ def spread_table(step: Step) -> Table:
 
 
 def draw_tapes(surface: ndarray, faces: ndarray) -> Figure:
-    """Draw a body in the standard pose with every tape.
+    """Draw a body in the standard pose with all tapes.
 
     Parameters
     ----------
     surface : array, shape (V, 3)
-        The body.
+        The body, metres.
     faces : array of int, shape (F, 3)
         Triangles of the open body model.
 
@@ -222,12 +222,12 @@ def draw_tapes(surface: ndarray, faces: ndarray) -> Figure:
 
 
 def draw_along(path: ndarray, faces: ndarray) -> Figure:
-    """Draw bodies of a small, a mean and a large value side by side.
+    """Draw bodies side by side.
 
     Parameters
     ----------
     path : array, shape (n, V, 3)
-        The bodies.
+        The bodies, metres.
     faces : array of int, shape (F, 3)
         Triangles.
 

@@ -1,4 +1,4 @@
-"""The page of the report: sections, figures and tables in one HTML file that needs no other."""
+"""The page of the report: sections, figures and tables in one self-contained HTML file."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class Section:
     Attributes
     ----------
     identifier : str
-        Its anchor, unique in the page.
+        Anchor, unique in the page.
     title : str
         Heading.
     short : str
-        Heading in the list of contents.
+        Heading in the table of contents.
     parts : sequence of str
         HTML of its paragraphs, figures and tables.
     """
@@ -55,11 +55,11 @@ def page(
     Parameters
     ----------
     title : str
-        The one heading of the first level.
+        Heading of the first level.
     lead : str
-        HTML of the first paragraph.
+        HTML of the introduction.
     facts : sequence of (str, str)
-        HTML of numbers, and what they count.
+        HTML of the sizes of the data, and their names.
     sections : sequence of Section
         Sections.
     end : str
@@ -97,7 +97,7 @@ def paragraph(text: str) -> str:
     Parameters
     ----------
     text : str
-        Its HTML.
+        HTML of its content.
 
     Returns
     -------
@@ -129,16 +129,16 @@ def figure(picture: Picture, caption: str, *, wide: bool = False) -> str:
     picture : Picture
         The figure.
     caption : str
-        HTML that says what to see.
+        HTML of the caption.
     wide : bool
-        Whether a narrow window scrolls it instead of shrinking it.
+        Whether a narrow window scrolls the figure instead of shrinking it.
 
     Returns
     -------
     str
     """
     data = base64.b64encode(picture.svg.encode("utf-8")).decode("ascii")
-    # Its size is known before it is drawn, so that nothing below it moves.
+    # With a known size, nothing below moves when the figure is loaded.
     *_, width, height = re.findall(r"[\d.]+", picture.svg.split('viewBox="')[1].split('"')[0])
     image = (
         f'<img alt="{escape(picture.alt, quote=True)}" src="data:image/svg+xml;base64,{data}" '
@@ -163,7 +163,7 @@ def viewer_figure(fragment: str, caption: str) -> str:
     fragment : str
         HTML of the viewer.
     caption : str
-        HTML that says what to see.
+        HTML of the caption.
 
     Returns
     -------
@@ -173,7 +173,7 @@ def viewer_figure(fragment: str, caption: str) -> str:
 
 
 def side_by_side(*parts: str) -> str:
-    """Return parts beside each other, where the window is wide enough.
+    """Return parts that stand beside each other if the window is wide enough.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The paper's own retrieval tables, on the registrations of FAUST, to compare with."""
+"""The retrieval tables of the paper, on the registrations of FAUST, for comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The experiments on single bodies: geodesics, their comparison, the mean, the differences."""
+"""The experiments on single bodies: geodesics, their comparison, the mean and differences."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ SOBOLEV_WEIGHTS = (0.0, 1.0, 1.0, 1.0, 0.0, 1e-3)
 
 
 class PathExperiments:
-    """Experiments that need a basis of deformations.
+    """The experiments that use a basis of deformations.
 
     Parameters
     ----------
     store : ResultStore
-        Where results are kept.
+        Store of the results.
     digest : str
         Fingerprint of the bodies.
     bodies : Bodies
@@ -60,9 +60,9 @@ class PathExperiments:
     space : AlignedSurfaces
         The surfaces.
     basis : DeformationBasis
-        Deformations.
+        Basis of deformations.
     plan : Plan
-        Sizes.
+        Sizes of the experiments.
     """
 
     def __init__(
@@ -100,12 +100,12 @@ class PathExperiments:
         weights : tuple of float
             (a, λ, c).
         title : str
-            What is being done.
+            Title of the step.
 
         Returns
         -------
         Step
-            The path and its energies; the energy of the straight path, and the squared distance.
+            The path, its energies, the energy of the straight path and the squared distance.
         """
         start, end = self._bodies.points[list(pair)]
 
@@ -115,7 +115,7 @@ class PathExperiments:
             straight = linear.solve(metric, start, end)
             as_printed = replace(self._solver(), initial=linear)
             with warnings.catch_warnings():
-                # The record says so; nobody asked for a better path from this start.
+                # The record tells whether this path, as in the paper, converged.
                 warnings.simplefilter("ignore", ConvergenceWarning)
                 from_straight = uninterrupted(as_printed.solve(metric, start, end))
             began = time.perf_counter()
@@ -143,7 +143,7 @@ class PathExperiments:
         )
 
     def comparison(self, pair: Pair) -> Step:
-        """Find paths between two bodies by several methods, and measure them alike (figure 5).
+        """Find paths between two bodies by several methods, and compare them (figure 5).
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class PathExperiments:
         return self._store.step("comparison", inputs, compute, "Paths compared")
 
     def mean(self, group: ndarray) -> Step:
-        """Find the Karcher mean of bodies with the normals alone, as the paper does.
+        """Find the Karcher mean of bodies by the normal part alone, as in the paper.
 
         Parameters
         ----------
@@ -221,7 +221,7 @@ class PathExperiments:
         return BasisPath(self._basis, self._plan.n_nodes, tolerance=self._plan.tolerance)
 
     def _model_path(self, pair: Pair) -> ModelPath | None:
-        """Return the path of the body model, where the bodies come with their parameters."""
+        """Return the path of the body model, if the parameters of the bodies are known."""
         bodies = self._bodies
         model, betas, poses = bodies.model, bodies.betas, bodies.pose_vectors
         if model is None or betas is None or poses is None or bodies.translations is None:
@@ -243,12 +243,12 @@ def difference_step(
     space: AlignedSurfaces,
     pairs: dict[str, Pair],
 ) -> Step:
-    """Find where pairs of bodies differ, by metric and by normals.
+    """Compute where pairs of bodies differ, in the metric part and in the normal part.
 
     Parameters
     ----------
     store : ResultStore
-        Where results are kept.
+        Store of the results.
     digest : str
         Fingerprint of the bodies.
     bodies : Bodies
@@ -261,7 +261,7 @@ def difference_step(
     Returns
     -------
     Step
-        Parts of the squared distance under (1, 1, 1), "NAME metric" and "NAME normal", shape (F,).
+        Parts of the squared distance under (1, 1, 1): "NAME metric" and "NAME normal", shape (F,).
     """
     weights = (1.0, 1.0, 1.0)
 

@@ -1,38 +1,45 @@
-"""The sections of the report on single bodies: differences, geodesics, comparison, mean."""
+"""The sections of the report on single bodies: differences, geodesics, comparison and mean."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 from riemhuman.plots.body_plots import per_area
 from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.viewer_data import ViewedBody
-from riemhuman.report import drawings, findings, report_tables
+from riemhuman.report import drawings, findings
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
 from riemhuman.report.path_experiments import OURS
 from riemhuman.report.plan import name_of
+from riemhuman.report.tables import Column, Table
 from riemhuman.surfaces.rendering import MEAN
 
+if TYPE_CHECKING:
+    from riemhuman.datasets import Bodies
+    from riemhuman.storage.result_store import Step
 
-def difference_section(materials: Materials) -> Section | None:
-    """Return the section that shows where two bodies differ.
+_GEODESIC_KEYS = (
+    "straight_energy",
+    "energy_from_straight",
+    "energy",
+    "squared_distance",
+    "n_iterations",
+    "seconds",
+    "converged",
+)
 
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
 
-    Returns
-    -------
-    Section or None
-        Nothing, if the labels leave no bodies for it.
-    """
+def _difference_section(materials: Materials) -> Section | None:
+    """Return the section that shows where two bodies differ."""
     step = materials.results.differences
     if step is None:
         return None
     bodies, template = materials.bodies, materials.bodies.template
     picture = materials.picture(
         "differences",
-        "Bodies coloured by how much each triangle adds to their distance.",
+        "Bodies coloured by the contribution of each triangle to their distance.",
         drawings.draw_differences,
         bodies,
         step,
@@ -52,43 +59,31 @@ def difference_section(materials: Materials) -> Section | None:
         paragraph(
             "The squared distance is a sum over triangles of a metric part (stretching and "
             "shearing) and a normal part (turning). Pale triangles contribute nothing, dark red "
-            f"ones most. {findings.shares(step.record['rows'])}"
+            f"ones the most. {findings.shares(step.record['rows'])}"
         ),
         viewer_figure(
             viewer.fragment("differences-view"),
             "Turn the bodies. 1 % of the triangles exceed the end of each colour scale.",
         ),
-        figure(picture, "The same in print, with the scales.", wide=True),
-        materials.table(report_tables.difference_table(step)),
+        figure(picture, "The same as a figure, with colour scales.", wide=True),
+        materials.table(_difference_table(step)),
     ]
     return Section("differences", "Where do two bodies differ?", "Differences", parts)
 
 
-def geodesic_section(materials: Materials) -> Section | None:
-    """Return the section with the geodesics.
-
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
-
-    Returns
-    -------
-    Section or None
-        Nothing, if the labels leave no bodies for it.
-    """
+def _geodesic_section(materials: Materials) -> Section | None:
+    """Return the section with the geodesics."""
     bodies, results = materials.bodies, materials.results
     every = {**results.geodesics, **results.viewed}
     if not every:
         return None
-    table = report_tables.geodesic_table(bodies, every)
-    energies = report_tables.energy_table(every)
+    table = _geodesic_table(bodies, every)
+    energies = _energy_table(every)
     parts = [
         paragraph(
-            "A geodesic is a path of least energy. The metric (1, 1, 0) measures how "
-            "triangles stretch and shear along the path, the normals alone, (0, 0, 1), how they "
-            "turn. "
-            f"The basis: {results.basis}."
+            "A geodesic is a path of least energy. The metric (1, 1, 0) measures how triangles "
+            "stretch and shear along the path; the normal part alone, (0, 0, 1), measures how they "
+            f"turn. Basis: {results.basis}."
         )
     ]
     for (name, step), letter in zip(results.geodesics.items(), "ab", strict=False):
@@ -97,7 +92,7 @@ def geodesic_section(materials: Materials) -> Section | None:
         picture = materials.picture(
             slug,
             f"Film strip of the geodesic from {name_of(bodies, start)} to "
-            f"{name_of(bodies, end)}, with its energy at every iteration.",
+            f"{name_of(bodies, end)}, with its energy at each iteration.",
             drawings.draw_geodesic,
             bodies,
             step,
@@ -105,9 +100,9 @@ def geodesic_section(materials: Materials) -> Section | None:
         weights = ", ".join(f"{weight:g}" for weight in step.record["weights"])
         caption = (
             f"As figure 4 ({letter}) of the paper, {name}: from {materials.name(start)} to "
-            f"{materials.name(end)} under ({weights}). Right: the energy after "
-            "every iteration, from the straight path, as in the paper, and from the path that "
-            f"turns every triangle; d² is a lower bound. {materials.file(energies)}"
+            f"{materials.name(end)} under ({weights}). Right: the energy after each iteration, "
+            "from the straight path, as in the paper, and from the path that turns each triangle; "
+            f"d² is a lower bound. {materials.file(energies)}"
         )
         parts.append(figure(picture, caption, wide=True))
     if results.viewed:
@@ -121,31 +116,20 @@ def geodesic_section(materials: Materials) -> Section | None:
             viewer_figure(
                 viewer.fragment("geodesics-view"),
                 f"From {materials.name(start)} to {materials.name(end)}. Switch the metric "
-                "at the middle of the path to see how the three differ.",
+                "at the middle of the path to see the differences.",
             ),
         ]
     parts.append(materials.table(table))
     return Section("geodesics", "Geodesics", "Geodesics", parts)
 
 
-def comparison_section(materials: Materials) -> Section | None:
-    """Return the section with the paths of several methods.
-
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
-
-    Returns
-    -------
-    Section or None
-        Nothing, if the labels leave no bodies for it.
-    """
+def _comparison_section(materials: Materials) -> Section | None:
+    """Return the section that compares the paths of several methods."""
     step = materials.results.comparison
     if step is None:
         return None
     bodies = materials.bodies
-    table = report_tables.comparison_table(step)
+    table = _comparison_table(step)
     names = [row["name"] for row in step.record["rows"]]
     picture = materials.picture(
         "comparison",
@@ -168,29 +152,18 @@ def comparison_section(materials: Materials) -> Section | None:
         ),
         viewer_figure(
             viewer.fragment("comparison-view"),
-            "All paths at the same time; compare the limbs half way.",
+            "All paths at the same time; compare the limbs in the middle.",
         ),
         figure(picture, "The same as film strips.", wide=True),
         materials.table(table),
     ]
     count = {4: "Four", 5: "Five"}[len(names)]
-    heading_text = f"{count} ways from one pose to another"
-    return Section("comparison", heading_text, f"{count} ways", parts)
+    heading_text = f"{count} paths from one pose to another"
+    return Section("comparison", heading_text, f"{count} paths", parts)
 
 
-def mean_section(materials: Materials) -> Section | None:
-    """Return the section with the Karcher mean.
-
-    Parameters
-    ----------
-    materials : Materials
-        Results, and where figures and tables go.
-
-    Returns
-    -------
-    Section or None
-        Nothing, if the labels leave no bodies for it.
-    """
+def _mean_section(materials: Materials) -> Section | None:
+    """Return the section with the Karcher mean."""
     step = materials.results.mean
     if step is None:
         return None
@@ -209,10 +182,123 @@ def mean_section(materials: Materials) -> Section | None:
     parts = [
         paragraph(
             f"The body with the least mean squared distance from {len(group)} people in one pose, "
-            "under the normals alone, (0, 0, 1), as in figure 6 of the paper."
+            "under the normal part alone, (0, 0, 1), as in figure 6 of the paper."
         ),
         figure(picture, "People, and their mean in yellow.", wide=True),
         viewer_figure(viewer.fragment("mean-view"), "Turn the bodies; the mean is yellow."),
-        materials.table(report_tables.mean_table(bodies, step)),
+        materials.table(_mean_table(bodies, step)),
     ]
     return Section("mean", "The mean of several people", "Mean", parts)
+
+
+def _difference_table(step: Step) -> Table:
+    columns = (
+        Column("pair", "Pair"),
+        Column("metric_part", "Metric part", ".4f"),
+        Column("normal_part", "Normal part", ".4f"),
+        Column("squared_distance", "d²", ".4f"),
+    )
+    return Table(
+        "differences",
+        "The two parts of the squared distance under (1, 1, 1), summed over all triangles.",
+        columns,
+        step.record["rows"],
+    )
+
+
+def _geodesic_table(bodies: Bodies, steps: Mapping[str, Step]) -> Table:
+    rows = []
+    for name, step in steps.items():
+        start, end = step.record["pair"]
+        weights = ", ".join(f"{weight:g}" for weight in step.record["weights"])
+        rows.append(
+            {
+                "geodesic": name,
+                "from": name_of(bodies, start),
+                "to": name_of(bodies, end),
+                "metric": f"({weights})",
+                **{key: step.record[key] for key in _GEODESIC_KEYS},
+            }
+        )
+    columns = (
+        Column("geodesic", "Geodesic"),
+        Column("from", "From"),
+        Column("to", "To"),
+        Column("metric", "(a, λ, c)", whole=True),
+        Column("straight_energy", "Straight path", ".4f"),
+        Column("energy_from_straight", "Found from it", ".4f"),
+        Column("energy", "Geodesic", ".4f"),
+        Column("squared_distance", "d²", ".4f"),
+        Column("n_iterations", "Iterations", "d"),
+        Column("seconds", "Seconds", ".2f"),
+        Column("converged", "Converged", shown=False),
+    )
+    return Table(
+        "geodesics",
+        "Energy of the straight path, of the path that the search finds from it, as in the paper, "
+        "and of the one found from the path that turns every triangle. The squared closed-form "
+        "distance d² bounds all of them from below.",
+        columns,
+        rows,
+    )
+
+
+def _energy_table(steps: Mapping[str, Step]) -> Table:
+    starts = {"straight path": "energies_from_straight", "turning path": "energies"}
+    rows = [
+        {"geodesic": name, "start": start, "iteration": iteration, "energy": float(energy)}
+        for name, step in steps.items()
+        for start, key in starts.items()
+        for iteration, energy in enumerate(step.arrays[key])
+    ]
+    columns = (
+        Column("geodesic", "Geodesic"),
+        Column("start", "start"),
+        Column("iteration", "iteration", "d"),
+        Column("energy", "energy", ".4f"),
+    )
+    return Table("energies", "Energy after every iteration.", columns, rows)
+
+
+def _comparison_table(step: Step) -> Table:
+    shown = {
+        "energy_ours": ("Energy (1, 1, 0)", ".4f", "lowest"),
+        "area_change_mean": ("Areas, mean", ".1%", "lowest"),
+        "area_change_quantile_99": ("Areas, 99 %", ".1%", "lowest"),
+        "edge_change_mean": ("Lengths, mean", ".1%", "lowest"),
+        "volume_change": ("Volume", ".2%", "lowest"),
+        "mean_deviation": ("mm from the model", ".1f", ""),
+        "n_iterations": ("Iterations", "d", ""),
+        "seconds": ("Seconds", ".2f", ""),
+    }
+    columns = [Column("name", "Path")]
+    columns += [Column(key, *about) for key, about in shown.items()]
+    columns += [
+        Column(key, key, shown=False)
+        for key in step.record["rows"][0]
+        if key != "name" and key not in shown
+    ]
+    return Table(
+        "comparison",
+        "Changes of the triangles' areas, the edges' lengths and the volume along the path, beyond "
+        "the change between the ends.",
+        columns,
+        step.record["rows"],
+    )
+
+
+def _mean_table(bodies: Bodies, step: Step) -> Table:
+    rows = [
+        {"body": name_of(bodies, index), "distance": distance, "squared_distance": distance**2}
+        for index, distance in zip(step.record["group"], step.record["distances"], strict=True)
+    ]
+    columns = (
+        Column("body", "Body"),
+        Column("distance", "Distance from the mean", ".4f"),
+        Column("squared_distance", "Squared", ".4f"),
+    )
+    return Table("mean", "Distances of the bodies from their Karcher mean.", columns, rows)
+
+
+SECTIONS = (_difference_section, _geodesic_section, _comparison_section, _mean_section)
+"""Functions that make the sections from the results; None if the labels do not allow one."""

@@ -1,4 +1,4 @@
-"""The plan of a report: sizes of its experiments, metrics and names."""
+"""The plan of a report: sizes of the experiments, weights of metrics, and names."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ class Plan:
     Attributes
     ----------
     n_nodes : int
-        Surfaces of every path.
+        Number of surfaces of each path.
     n_components : int
-        Deformations of the basis, where the report makes it.
+        Number of deformations of a basis that the report computes.
     sequences : tuple of str, optional
-        Motions the basis is made of; by default all.
+        Motions from which the basis is computed; by default all.
     lams : tuple of float
-        λ of the sweep.
+        Values of λ in the sweep.
     weights : tuple of float
-        c of the sweep, with a = 1.
+        Values of c in the sweep, with a = 1.
     n_averaged : int
-        Bodies of the Karcher mean.
+        Number of bodies of the Karcher mean.
     tolerance : float
         Tolerance of geodesics and means.
     seed : int
-        Seed of everything drawn at random.
+        Seed of all random numbers.
     """
 
     n_nodes: int = 11
@@ -83,14 +83,14 @@ def elastic_metric(space: AlignedSurfaces, weights: tuple[float, float, float]) 
 
 
 def name_of(bodies: Bodies, index: int) -> str:
-    """Return the person and the pose of a body, in words.
+    """Return the names of the person and the pose of a body.
 
     Parameters
     ----------
     bodies : Bodies
         The bodies.
     index : int
-        Which of them.
+        Number of the body.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def name_of(bodies: Bodies, index: int) -> str:
 
 
 def spoken(name: str) -> str:
-    """Return a name as it is written in running text.
+    """Return a name as written in running text.
 
     Parameters
     ----------

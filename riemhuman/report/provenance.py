@@ -22,7 +22,7 @@ _PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "sc
 
 
 def now() -> str:
-    """Return the time of day with its zone, in ISO 8601.
+    """Return the current date and time in ISO 8601, with the time zone.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def now() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of Python, of this library and of what it computes with.
+    """Return the versions of Python, of this library and of its dependencies.
 
     Returns
     -------
@@ -49,12 +49,12 @@ def versions() -> dict[str, str]:
 
 @cache
 def identity() -> dict[str, Any]:
-    """Return what all results depend on: versions and the source code of this library.
+    """Return versions and a digest of the source code, on which all results depend.
 
     Returns
     -------
     dict
-        What JSON knows.
+        Values that JSON can hold.
     """
     digest = hashlib.sha256()
     root = Path(__file__).parents[1]
@@ -73,20 +73,20 @@ def describe(
     bodies : Bodies
         The bodies.
     digest : str
-        Their fingerprint.
+        Fingerprint of the bodies.
     plan : Plan
         Sizes and seed.
     basis : str
-        Where the basis of deformations is from.
+        Origin of the basis of deformations.
     steps : sequence of Step
-        Steps so far.
+        Steps of the report.
     started : str
-        When the report was begun.
+        Time of the start.
 
     Returns
     -------
     dict
-        What JSON knows.
+        Values that JSON can hold.
     """
     return {
         "started": started,

@@ -1,4 +1,4 @@
-"""The page of registered scans: scan, body and error colours of each, the worst first."""
+"""The page of registered scans: each scan, its body and its distances, the worst first."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from riemhuman.report.scan_pictures import body_picture, points_picture, shared_
 from riemhuman.storage.whole_files import write_text
 from riemhuman.surfaces.html_pictures import png_bytes
 
-# The last colour of the distances, which all above it share.
+# Distance of the last colour, also used for larger distances.
 LARGEST_METRES = 0.02
 _HEIGHT = 300
 _UNSEEN, _SEEN = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str]) -> Path:
-    """Write the page of the scans that were registered into a folder.
+    """Write a page that shows the registered scans of a folder.
 
     Parameters
     ----------
@@ -37,12 +37,12 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     Returns
     -------
     Path
-        The page, ``index.html`` in the folder; it opens in any browser without a connection.
+        The page, ``index.html`` in the folder, for any browser without a network connection.
 
     Raises
     ------
     FileError
-        If nothing was registered into the folder, or the page cannot be written.
+        If the folder holds no registered scans, or the page cannot be written.
     FileFormatError
         If a record is damaged.
 
@@ -55,7 +55,7 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
     trusted = sum(record.trusted for record in records)
     text = page(
         "Registered scans",
-        "Every scan and its registered body, the worst first.",
+        "Each scan and its registered body, the worst first.",
         [(str(len(records)), "scans"), (str(trusted), "trusted")],
         [scan_section(records)],
         "",
@@ -71,7 +71,7 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     Parameters
     ----------
     records : sequence of ScanRecord
-        What is known of them, in the order in which to show them.
+        Records of the scans, in the order in which they are shown.
 
     Returns
     -------
@@ -80,8 +80,8 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     doubtful = [record for record in records if not record.trusted]
     lead = (
         f"{len(records) - len(doubtful)} of {len(records)} scans are registered and trusted. "
-        "From left to right: the scan, the body, and the scan in the colours of its distance from "
-        f"the body, up to {1000 * LARGEST_METRES:.0f} mm and more in dark red. Parts of the body "
+        "From left to right: the scan, the body, and the scan coloured by its distance from the "
+        f"body, with {1000 * LARGEST_METRES:.0f} mm and more in dark red. Parts of the body "
         "without a counterpart in the scan are blue-grey."
     )
     cards = "".join(_card(record) for record in records)
@@ -114,7 +114,7 @@ def _card(record: ScanRecord) -> str:
 
 
 def _sentence(message: str) -> str:
-    """Return reasons as a sentence; file names keep their letters."""
+    """Return a message with a full stop at its end."""
     return message if message.endswith(".") else f"{message}."
 
 
@@ -153,7 +153,7 @@ def _image(picture: ndarray, what: str) -> str:
 
 
 def _facing(record: ScanRecord, points: ndarray) -> ndarray:
-    """Return points with y up, turned so that the body faces the viewer where that is known."""
+    """Return points with y up and, if the pose is known, with the body facing the viewer."""
     upright = _upright(points, record.arrays["up"])
     if "pose" not in record.arrays:
         return upright
@@ -166,6 +166,6 @@ def _facing(record: ScanRecord, points: ndarray) -> ndarray:
 def _upright(points: ndarray, up: ndarray) -> ndarray:
     """Return points with y up."""
     axis = int(np.argmax(np.abs(up)))
-    # Cyclic exchanges of the axes are turns; where the axis points down, half a turn follows.
+    # Cyclic exchanges of axes are rotations; if the axis points down, half a turn follows.
     turned = np.roll(points, 1 - axis, axis=-1)
     return turned * [1.0, -1.0, -1.0] if up[axis] < 0 else turned

@@ -1,4 +1,4 @@
-"""All results of a report, computed or read, in the order of the paper."""
+"""All results of a report, computed or read from the store, in the order of the paper."""
 
 from __future__ import annotations
 
@@ -29,24 +29,24 @@ SAME_PERSON, SAME_POSE = "one person, two poses", "two people, one pose"
 
 @dataclass(frozen=True)
 class Results:
-    """Results of the experiments; those that the labels leave no bodies for are missing.
+    """Results of the experiments; those for which no bodies have suitable labels are missing.
 
     Attributes
     ----------
     distances : mapping of str to Step
-        By representation.
+        Distances by representation.
     problems : mapping of str to str
-        Why a representation has no distances.
+        Error of each representation that has no distances.
     maps, sweep : Step
-        Positions in the plane, scores over the weights.
+        Positions in the plane, and scores over the weights.
     geodesics : mapping of str to Step
-        Those of figure 4, by name.
+        Geodesics of figure 4 by name.
     viewed : mapping of str to Step
         Geodesics between one pair of bodies, by metric.
     differences, comparison, mean : Step or None
-        Where bodies differ, paths compared, Karcher mean.
+        Differences of bodies, comparison of paths, and Karcher mean.
     basis : str
-        Where the basis of deformations is from.
+        Origin of the basis of deformations.
     """
 
     distances: Mapping[str, Step]
@@ -77,7 +77,7 @@ def compute_results(
     Parameters
     ----------
     store : ResultStore
-        Where results are kept.
+        Store of the results.
     digest : str
         Fingerprint of the bodies.
     bodies : Bodies
@@ -146,7 +146,7 @@ def compute_results(
 def _basis(
     store: ResultStore, bodies: Bodies, plan: Plan, basis: DeformationBasis | None
 ) -> tuple[DeformationBasis, str]:
-    """Return the basis and where it is from."""
+    """Return the basis and its origin."""
     if basis is not None:
         return basis, f"{len(basis)} deformations, given"
     resolution = _open_resolution(bodies)
@@ -172,7 +172,7 @@ def _basis(
 
 
 def _open_resolution(bodies: Bodies) -> str | None:
-    """Return the resolution of the open bodies, nothing for others."""
+    """Return the resolution of the open bodies, or None for other bodies."""
     for resolution in ("coarse", "full"):
         model = load_open_model(resolution)
         if np.array_equal(model.template.faces, bodies.template.faces):

@@ -1,4 +1,4 @@
-"""Pictures of loose points beside those of surfaces, in one window and one light."""
+"""Pictures of points and of surfaces with the same window and light."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _N_SHADES = 0.55
 
 
 def shared_window(*surfaces: ndarray) -> Window:
-    """Return a window that shows all of some sets of points.
+    """Return a window that shows several sets of points.
 
     Parameters
     ----------
@@ -38,11 +38,11 @@ def body_picture(
     faces : array of int, shape (F, 3)
         Triangles.
     window : Window
-        What is shown.
+        Window of the picture.
     height : int
-        Pixels.
+        Height of the picture, pixels.
     colors : array, shape (F, 3)
-        Of the triangles.
+        Colours of the triangles: red, green and blue between 0 and 1.
 
     Returns
     -------
@@ -54,18 +54,18 @@ def body_picture(
 def points_picture(
     points: ndarray, window: Window, height: int, colors: ndarray | None = None
 ) -> ndarray:
-    """Draw loose points as small squares, those in front over those behind, which are darker.
+    """Draw points as small squares; points behind others are hidden and darker.
 
     Parameters
     ----------
     points : array, shape (n, 3)
         Points, metres, y up.
     window : Window
-        What is shown.
+        Window of the picture.
     height : int
-        Pixels.
+        Height of the picture, pixels.
     colors : array, shape (n, 3), optional
-        Of the points; that of skin by default.
+        Colours of the points; by default the colour of skin.
 
     Returns
     -------
@@ -79,7 +79,7 @@ def points_picture(
     light = 1.0 - _N_SHADES * (1.0 - depth / max(float(depth.max()), 1e-9))
     shown = np.broadcast_to(SKIN if colors is None else colors, points.shape)
     shown = np.round(255 * np.clip(shown * light[:, np.newaxis], 0, 1)).astype(np.uint8)
-    # As wide as the points are apart.
+    # Squares are as wide as the distance between points.
     reach = int(np.clip(round(0.8 * height / np.sqrt(len(points))), 1, 6))
     columns = np.floor((seen[:, 0] - window.centre[0]) * scale + width / 2).astype(int)
     rows = np.floor(height / 2 - (seen[:, 1] - window.centre[1]) * scale).astype(int)
@@ -92,7 +92,7 @@ def points_picture(
     )
     place_rows, place_columns = np.broadcast_arrays(place_rows, place_columns)
     numbers = np.broadcast_to(order[:, None, None], inside.shape)[inside]
-    # Of pixels painted twice, the last one stays.
+    # The last colour of a pixel stays: that of the point in front.
     picture[place_rows[inside], place_columns[inside], :3] = shown[numbers]
     picture[place_rows[inside], place_columns[inside], 3] = 255
     return picture

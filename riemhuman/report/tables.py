@@ -1,4 +1,4 @@
-"""Tables for the page and for CSV files, from the same numbers."""
+"""Tables, written from the same numbers on the page and in CSV files."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class Column:
     title : str
         Heading on the page.
     form : str
-        How a number is written on the page, as in `format`; empty for text.
+        Format of numbers on the page, as for `format`; empty for text.
     best : {"", "highest", "lowest"}
-        Which value of the column is marked.
+        Value of the column that is marked.
     shown : bool
-        Whether the column is on the page too, or in the file alone.
+        Whether the column is also on the page, or only in the file.
     whole : bool
-        Whether its text is kept on one line.
+        Whether to keep its text on one line.
     """
 
     key: str
@@ -44,18 +44,18 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under columns, as a CSV file and on the page.
+    """A table on the page and in a CSV file.
 
     Parameters
     ----------
     name : str
         Name of the file, without its ending.
     caption : str
-        What the table says.
+        Caption of the table.
     columns : sequence of Column
-        Columns; the first names the row.
+        Columns; the first contains the names of the rows.
     rows : sequence of mapping
-        Values by key of column. NaN and None are nothing.
+        Values by the keys of columns; NaN and None are missing values.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Table:
     rows: Sequence[Mapping[str, Any]]
 
     def csv(self) -> str:
-        """Return the file: a line of keys, then a line a row, numbers with all their digits.
+        """Return the CSV file: a line of keys, and a line per row, numbers with all their digits.
 
         Returns
         -------
@@ -78,9 +78,9 @@ class Table:
         return stream.getvalue()
 
     def html(self) -> str:
-        """Return the table as part of a page; every number carries the digits of the file.
+        """Return the table as part of a page; each number carries all its digits as data.
 
-        Columns without a value are left out.
+        Columns without values are left out.
 
         Returns
         -------
@@ -108,7 +108,7 @@ class Table:
         Parameters
         ----------
         text : str
-            What is written.
+            Text of the link.
 
         Returns
         -------
@@ -121,14 +121,14 @@ class Table:
         )
 
     def number(self, row: int, key: str) -> str:
-        """Return one number of the table for running text, tied to its cell.
+        """Return a number of the table for running text, with a reference to its cell.
 
         Parameters
         ----------
         row : int
-            Row.
+            Number of the row.
         key : str
-            Column.
+            Key of the column.
 
         Returns
         -------
@@ -157,7 +157,7 @@ class Table:
         )
 
     def _holds(self, column: Column) -> bool:
-        """Tell whether any row has a value in a column."""
+        """Return whether any row has a value in a column."""
         return not all(_nothing(row[column.key]) for row in self.rows)
 
     def _best(self, column: Column) -> Any:
@@ -168,12 +168,12 @@ class Table:
 
 
 def written(value: Any) -> str:
-    """Return a value as it stands in files: numbers with all their digits.
+    """Return a value as written in files: numbers with all their digits.
 
     Parameters
     ----------
     value : object
-        A number, text, or None or NaN for nothing.
+        A number or text; None or NaN if missing.
 
     Returns
     -------
@@ -195,7 +195,7 @@ def _in_file(value: Any) -> str:
 
 
 def _nothing(value: Any) -> str:
-    """Return what stands on the page for a missing value, nothing if there is one."""
+    """Return the sign for a missing value, or nothing if there is a value."""
     missing = value is None or (isinstance(value, (float, np.floating)) and np.isnan(value))
     return "–" if missing else ""
 

@@ -62,5 +62,5 @@ def test_labelled_folders_take_template_unit_and_what_is_there(run, refused, tur
     assert finished.code == 0
     assert "shape metric (1, 0.0001, 0)" in finished.out
     assert "--bodies FOLDER" in refused("tables", "--unit", "metres")
-    assert "--template goes with" in refused("tables", "--template", scans / "body_0.ply")
-    assert "--allow-missing goes with" in refused("tables", "--allow-missing")
+    assert "--template needs" in refused("tables", "--template", scans / "body_0.ply")
+    assert "--allow-missing needs" in refused("tables", "--allow-missing")

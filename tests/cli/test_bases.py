@@ -62,8 +62,8 @@ def test_dynamic_faust(run, motion, tmp_path):
 
 def test_failures(refused, motion, tmp_path):
     output = ("-o", tmp_path / "basis.npz")
-    assert "or give --open" in refused("basis", *output)
-    assert "or give --open" in refused("basis", tmp_path, "--open", *output)
+    assert "or --open" in refused("basis", *output)
+    assert "or --open" in refused("basis", tmp_path, "--open", *output)
     assert "no file or folder" in refused("basis", tmp_path / "absent.hdf5", *output)
     assert "holds no motion" in refused("basis", tmp_path, *output)
     frames = write_frames(tmp_path / "knees", motion)

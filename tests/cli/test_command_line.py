@@ -47,7 +47,7 @@ def test_help_lists_every_verb(capsys):
     listed = re.findall(r"^    ([a-z-]+)\b", printed, re.MULTILINE)
     # Motions have verbs of their own, which their help lists.
     assert sorted(listed) == sorted((*VERBS, "motions"))
-    assert "exit codes: 0 done" in printed
+    assert "exit codes: 0 success" in printed
 
 
 @pytest.mark.parametrize("verb", VERBS)
@@ -118,7 +118,7 @@ def test_wrong_usage(capsys, arguments):
     [
         (riemhuman.RiemhumanError("two\n lines"), 2, "two lines"),
         (riemhuman.errors.MissingDependencyError("h5py"), 1, "h5py"),
-        (MemoryError(), 1, "there is not enough memory"),
+        (MemoryError(), 1, "not enough memory"),
         (ZeroDivisionError("by zero"), 1, "unexpected ZeroDivisionError: by zero; --debug"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
@@ -190,7 +190,7 @@ def test_interruption_from_the_keyboard(scans, tmp_path):
         _, printed = process.communicate(timeout=60)
     assert process.returncode == 130
     first, last = printed.splitlines()
-    assert "what is done is kept in" in first
+    assert "finished work is kept in" in first
     assert last == "riemhuman: interrupted"
     assert sorted(path.name for path in tmp_path.iterdir()) == ["many", "work"]
 

@@ -164,7 +164,7 @@ def test_matrix_goes_on_after_an_interruption(run, scans, tmp_path, monkeypatch)
         patch.setattr(JobFolder, "rename", interrupt)
         finished = run(*arguments)
     assert finished.code == 130
-    assert "the same command goes on" in finished.err
+    assert "the same command continues" in finished.err
     assert not (tmp_path / "D.npz").exists()
     assert run(*arguments).code == 0
     run("matrix", scans, "-o", tmp_path / "E.npz")
@@ -199,7 +199,7 @@ def test_failures(refused, run, scans, bodies, tmp_path):
     assert "a must be a finite number of at least 0" in refused("dist", one, two, "-a", "-1")
     assert "no folder" in refused("matrix", tmp_path / "absent", "-o", tmp_path / "D.npz")
     assert "holds no mesh" in refused("retrieve", one, _empty(tmp_path))
-    assert "no mesh but the query" in refused("retrieve", other, tmp_path)
+    assert "no mesh other than the query" in refused("retrieve", other, tmp_path)
     assert "-k must be at least 1" in refused("retrieve", one, scans, "-k", "0")
     assert "nothing to write" in refused("matrix", scans)
     assert "ending must be .npz" in refused("matrix", scans, "-o", tmp_path / "D.txt")

@@ -47,7 +47,7 @@ def test_mesh_agrees_with_trimesh(facts, scans, bodies):
         (100.0, "centimetres"),
         (50.0, "centimetres or inches"),
         (1000.0, "millimetres"),
-        (1e-3, "none in which this is the size of a human body"),
+        (1e-3, "none: no human body has this size"),
     ],
 )
 def test_unit_guess(bodies, size, unit):

@@ -74,9 +74,9 @@ def test_failures(refused, scans, bodies, tmp_path):
     one = scans / "body_0.ply"
     assert "ending must be" in refused("measure", one, "-o", tmp_path / "table.txt")
     assert "did you mean 'stature'" in refused("measure", one, "--only", "statur")
-    assert "goes with --model" in refused("measure", one, "--definitions", tmp_path / "d.json")
+    assert "needs --model" in refused("measure", one, "--definitions", tmp_path / "d.json")
     save_mesh(tmp_path / "other.ply", bodies.points[0], bodies.template.faces[:-1])
-    assert "not the open body model's" in refused("measure", tmp_path / "other.ply")
+    assert "not those of the open body model" in refused("measure", tmp_path / "other.ply")
     save_mesh(tmp_path / "mm.ply", 1000.0 * bodies.points[0], bodies.template.faces)
     assert "a body in millimetres" in refused("measure", tmp_path / "mm.ply", "--as-is", "-q")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mm.ply", "other.ply"]

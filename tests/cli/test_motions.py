@@ -105,7 +105,7 @@ def test_mean_and_where_it_occurs(run, folder, people, tmp_path):
 
 def test_several_motions_where_one_is_wanted(refused, folder, people):
     message = refused("motions", "dist", folder, people[0])
-    assert "must be one motion each; found 4" in message
+    assert "must hold one motion each; found 4" in message
 
 
 def test_other_triangles(refused, people, tmp_path):

@@ -40,7 +40,7 @@ def test_what_is_no_body_is_not_written(tmp_path, capsys):
     ("arguments", "message"),
     [
         (["--sequence"], "--sequence needs a folder"),
-        (["--model", "SMPL.npz", "--coarse"], "--coarse is for the open model"),
+        (["--model", "SMPL.npz", "--coarse"], "--coarse cannot be combined"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(scan, tmp_path, capsys, arguments, message):

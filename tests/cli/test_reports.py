@@ -69,8 +69,8 @@ def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
 
 
 def test_failures(refused, scans, tmp_path):
-    assert "--labels goes with --bodies" in refused("report", "--labels", "labels.csv")
-    assert "--people SEED goes with" in refused("report", "--bodies", scans, "--people", 1)
+    assert "--labels needs --bodies" in refused("report", "--labels", "labels.csv")
+    assert "--people SEED is for" in refused("report", "--bodies", scans, "--people", 1)
     assert "people" in refused("report", "--people", -1, "-o", tmp_path / "r")
     assert "no folder" in refused("report", "--faust", tmp_path / "absent", "-o", tmp_path / "r")
     message = refused("report", "--bodies", scans, "--labels", "absent.csv", "-o", tmp_path / "r")

@@ -35,10 +35,10 @@ def test_t_sne_is_seeded_and_keeps_groups_together():
 @pytest.mark.parametrize(
     ("distances", "method", "message"),
     [
-        (DISTANCES[:3], "mds", "square matrix of 3 items or more"),
-        (DISTANCES[:2, :2], "mds", "square matrix of 3 items or more"),
+        (DISTANCES[:3], "mds", "square matrix of at least 3 items"),
+        (DISTANCES[:2, :2], "mds", "square matrix of at least 3 items"),
         (np.triu(DISTANCES), "mds", "symmetric"),
-        (-DISTANCES, "mds", "at least 0"),
+        (-DISTANCES, "mds", "not negative"),
         (DISTANCES, "umap", "method must be one of 't-sne', 'mds'"),
     ],
 )
