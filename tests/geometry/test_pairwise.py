@@ -1,6 +1,5 @@
 """Tables of distances: exact to what is promised, the same bits however they are computed."""
 
-import os
 import subprocess
 import sys
 import threading
@@ -19,7 +18,6 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import VectorSpace
-from riemhuman.kernels.threads import thread_count
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
@@ -329,18 +327,6 @@ def test_bad_options(options, message):
             case.metric.dist_pairwise(case.points, **options)
         with pytest.raises(ArgumentError, match=message):
             case.metric.cdist(case.points, case.points, **options)
-
-
-def test_numbers_of_threads(monkeypatch):
-    assert [thread_count(n_jobs) for n_jobs in (None, 1, 3)] == [1, 1, 3]
-    assert thread_count(-1) == os.cpu_count()
-    monkeypatch.setattr(os, "cpu_count", lambda: None)
-    assert thread_count(-1) == 1
-    for wrong in (0, -2):
-        with pytest.raises(ArgumentError, match=f"-1, or at least 1; found {wrong}"):
-            thread_count(wrong)
-    with pytest.raises(ArgumentTypeError, match="n_jobs must be a whole number"):
-        thread_count(1.5)
 
 
 def test_bad_sets_of_points():

@@ -9,6 +9,7 @@ import pytest
 from scipy import sparse
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.kernels import threads
 
 
@@ -129,3 +130,15 @@ def test_a_process_forked_while_others_limit_the_libraries(two_blas_threads):
     _, status = os.waitpid(child, 0)
     assert os.waitstatus_to_exitcode(status) == 0
     assert blas_threads() == two_blas_threads
+
+
+def test_numbers_of_threads(monkeypatch):
+    assert [threads.thread_count(n_jobs) for n_jobs in (None, 1, 3)] == [1, 1, 3]
+    assert threads.thread_count(-1) == os.cpu_count()
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert threads.thread_count(-1) == 1
+    for wrong in (0, -2):
+        with pytest.raises(ArgumentError, match=f"-1, or at least 1; found {wrong}"):
+            threads.thread_count(wrong)
+    with pytest.raises(ArgumentTypeError, match="n_jobs must be a whole number"):
+        threads.thread_count(1.5)

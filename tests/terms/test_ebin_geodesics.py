@@ -77,16 +77,14 @@ def test_pure_scaling_and_standing_still():
 
 def metric_tensor(q, lam):
     """Return equation 2 (corrected) in the coordinates E, M, G, written for autograd."""
-    g = anp.array([[q[0], q[1]], [q[1], q[2]]])
-    inverse = anp.linalg.inv(g)
     basis = np.array([[[1.0, 0], [0, 0]], [[0, 1.0], [1.0, 0]], [[0, 0], [0, 1.0]]])
-    a = [inverse @ b for b in basis]
-    a0 = [b - 0.5 * anp.trace(b) * np.eye(2) for b in a]
-    entries = [
-        [anp.trace(a0[i] @ a0[j]) + lam * anp.trace(a[i]) * anp.trace(a[j]) for j in range(3)]
-        for i in range(3)
-    ]
-    return anp.sqrt(anp.linalg.det(g)) * anp.array(entries)
+    g = anp.tensordot(q, basis, 1)
+    a = anp.matmul(anp.linalg.inv(g)[..., None, :, :], basis)
+    traces = a[..., 0, 0] + a[..., 1, 1]
+    a0 = a - 0.5 * traces[..., None, None] * np.eye(2)
+    entries = anp.einsum("...kij,...lji->...kl", a0, a0)
+    entries = entries + lam * traces[..., :, None] * traces[..., None, :]
+    return anp.sqrt(anp.linalg.det(g))[..., None, None] * entries
 
 
 def follow_geodesic_equation(velocity, g, lam, times):
@@ -127,8 +125,7 @@ def test_the_least_energy_of_discrete_paths_is_the_squared_distance():
     def energy(inner, n):
         path = anp.concatenate([ends[0][None], anp.reshape(inner, (n - 1, 3)), ends[1][None]])
         middle, step = 0.5 * (path[1:] + path[:-1]), path[1:] - path[:-1]
-        terms = [step[i] @ metric_tensor(middle[i], lam) @ step[i] for i in range(n)]
-        return n * sum(terms)
+        return n * anp.einsum("ni,nij,nj", step, metric_tensor(middle, lam), step)
 
     least = {}
     for n in (4, 8):
