@@ -2,6 +2,7 @@
 
 import autograd
 import autograd.numpy as anp
+import mpmath
 import numpy as np
 import pytest
 from oracles import taylor_slope
@@ -104,6 +105,21 @@ def test_turns_for_changes_of_the_vector(angle):
     np.testing.assert_allclose(turns[0, 2], found[1], atol=1e-9)
     np.testing.assert_allclose(turns[1, 0], found[2], atol=1e-9)
     np.testing.assert_allclose(turns, -turns.transpose(1, 0, 2), atol=1e-9)
+
+
+@pytest.mark.parametrize("angle", [1e-3, 0.0316, 0.0317, 1.0])
+def test_turns_to_the_last_digits(angle):
+    with mpmath.workdps(40):
+        exact = mpmath.mpf(angle)
+        quotients = ((1 - mpmath.cos(exact)) / exact**2, (exact - mpmath.sin(exact)) / exact**3)
+    vector = np.array([0.0, 0.0, angle])
+    first, second = (float(quotient) for quotient in quotients)
+    upper = np.array(
+        [[1 - second * angle**2, -first * angle], [first * angle, 1 - second * angle**2]]
+    )
+    found = rotation_derivative(vector)
+    np.testing.assert_allclose(found[:2, :2], upper, rtol=0, atol=2e-16)
+    np.testing.assert_array_equal(found[2], [0.0, 0.0, 1.0])
 
 
 def test_turns_of_several_vectors():

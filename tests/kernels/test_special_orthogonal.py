@@ -80,6 +80,21 @@ def test_nearest_rotations_of_stretches_and_mirror_images():
         np.testing.assert_array_equal(matrix, kept)
 
 
+def test_newton_reaches_rotations_that_are_near(monkeypatch):
+    """Elsewhere singular values take its place, several times slower; interpreted, as written."""
+    monkeypatch.setattr(so3, "_fill_cofactors", so3._fill_cofactors.py_func)
+    rotations = random_rotations(20)
+    roots = np.random.default_rng(5).uniform(-0.2, 0.2, (20, 3, 3))
+    matrices = rotations @ (np.eye(3) + roots + so3.transpose(roots))
+    found, near = np.empty_like(matrices), np.zeros(20, dtype=bool)
+    so3._by_newton.py_func(matrices, found, near)
+    assert near.all()
+    np.testing.assert_allclose(found, rotations, atol=1e-14)
+    mirrored = matrices @ np.diag([1.0, 1.0, -1.0])
+    so3._by_newton.py_func(mirrored, found, near)
+    assert not near.any()
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_derivative_of_nearest_rotations(seed):
     rng = np.random.default_rng(seed)
