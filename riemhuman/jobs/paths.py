@@ -171,8 +171,8 @@ def _unfinished(job: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterat
             if mark(found) == int(marks[number]):
                 continue
             warnings.warn(
-                f"a table in {job.path} is damaged: what it holds of pairs {block.start} to "
-                f"{block.stop - 1} is not what was written; they are solved again",
+                f"a table in {job.path} is damaged: its data for pairs {block.start} to "
+                f"{block.stop - 1} are not what was written; they are solved again",
                 DamagedFileWarning,
                 stacklevel=3,
             )
