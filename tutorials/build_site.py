@@ -63,7 +63,7 @@ def with_viewers(path: Path) -> None:
 
 def gallery(notebooks: list[Path]) -> str:
     """Return the page of all notebooks, each with its first picture, written beside it."""
-    text = (SOURCES / "gallery.md").read_text(encoding="utf-8").split("```{gallery}")[0]
+    text = (SOURCES / "gallery.md").read_text(encoding="utf-8").split("- [")[0]
     cards = []
     for path in notebooks:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]

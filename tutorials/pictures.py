@@ -74,7 +74,7 @@ def area_change(path: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 def maps(bodies, space) -> None:
     """Draw the maps of all bodies by the shape metric and by the pose metric."""
-    figure, axes = plt.subplots(1, 2, figsize=(10, 4.6), layout="constrained")
+    figure, axes = plt.subplots(1, 2, figsize=(12, 5.6), layout="constrained")
     tasks = {
         "who is it? (1, 0.0001, 0)": (rh.ElasticMetric(space), "subject"),
         "how do they stand? (0, 0, 1)": (rh.ElasticMetric(space, 0.0, 0.0, 1.0), "pose"),
