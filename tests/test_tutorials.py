@@ -198,6 +198,13 @@ def test_is_small_and_plain(path):
 
 
 @every
+def test_is_listed_by_its_title(path):
+    title = read(path).cells[0].source.splitlines()[0].removeprefix("# ")
+    listed = (FOLDER / "gallery.md").read_text(encoding="utf-8")
+    assert f"- [{title}]({path.name})\n" in listed
+
+
+@every
 def test_uses_public_names_that_exist(path):
     for cell in code_cells(read(path)):
         source = python(cell)
