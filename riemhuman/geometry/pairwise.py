@@ -89,7 +89,7 @@ class ManyDistances:
         DegenerateSurfaceError
             If the metric needs a normal of a triangle without area.
         """
-        return distances(self, points, None, n_jobs, precision, memory, progress)
+        return _distances(self, points, None, n_jobs, precision, memory, progress)
 
     def cdist(
         self,
@@ -122,7 +122,7 @@ class ManyDistances:
         -------
         array, shape (n_a, n_b)
         """
-        return distances(self, points_a, points_b, n_jobs, precision, memory, progress)
+        return _distances(self, points_a, points_b, n_jobs, precision, memory, progress)
 
     def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
         r"""Return the index of the nearest of some points; of several equally near, the first.
@@ -251,7 +251,7 @@ def squared_dist_rectangle(
     return squared
 
 
-def distances(
+def _distances(
     metric: ManyDistances,
     points_a: Points,
     points_b: Points | None,
@@ -260,29 +260,7 @@ def distances(
     memory: int,
     progress: bool,
 ) -> ndarray:
-    """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    points_a : sequence of n_a points
-        Points, sliced as they are needed.
-    points_b : sequence of n_b points, or None
-        Points; None for the distances within the first set.
-    n_jobs : int or None
-        Number of threads.
-    precision : {"single", "double"}
-        Precision of the features.
-    memory : int
-        Bytes of features held at once.
-    progress : bool
-        Whether to show a progress bar over pairs.
-
-    Returns
-    -------
-    array, shape (n_a, n_b)
-    """
+    """Return the distances between two sets, or within the first; see `RiemannianMetric.cdist`."""
     n_jobs = thread_count(n_jobs)
     one_of(precision, "precision", PRECISIONS)
     memory = whole_number(memory, "memory", minimum=1)

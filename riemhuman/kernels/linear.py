@@ -33,22 +33,8 @@ def entry(values: ndarray, *index: int | slice) -> ndarray:
 
 
 @primitive
-def entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) -> ndarray:
-    """Return zeros except for one entry of the last axes, the transpose of `entry`.
-
-    Parameters
-    ----------
-    values : array, shape (...)
-        The entry.
-    shape : tuple of int
-        Shape (..., m, n) of what is returned.
-    *index : int or slice
-        One for each of the last axes.
-
-    Returns
-    -------
-    array, shape (..., m, n)
-    """
+def _entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) -> ndarray:
+    """Return zeros except for one entry of the last axes, the transpose of `entry`."""
     zeros = np.zeros(shape)
     zeros[(..., *index)] = values
     return zeros
@@ -56,18 +42,18 @@ def entry_alone(values: ndarray, shape: tuple[int, ...], *index: int | slice) ->
 
 defvjp(
     entry,
-    lambda answer, values, *index: lambda upstream: entry_alone(upstream, values.shape, *index),
+    lambda answer, values, *index: lambda upstream: _entry_alone(upstream, values.shape, *index),
     argnums=(0,),
 )
 defjvp(entry, lambda tangent, answer, values, *index: entry(tangent, *index), argnums=(0,))
 defvjp(
-    entry_alone,
+    _entry_alone,
     lambda answer, values, shape, *index: lambda upstream: entry(upstream, *index),
     argnums=(0,),
 )
 defjvp(
-    entry_alone,
-    lambda tangent, answer, values, shape, *index: entry_alone(tangent, shape, *index),
+    _entry_alone,
+    lambda tangent, answer, values, shape, *index: _entry_alone(tangent, shape, *index),
     argnums=(0,),
 )
 

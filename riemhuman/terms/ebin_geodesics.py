@@ -175,7 +175,7 @@ def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
 
     s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
     signed = s1 - t * (s1 + s2)
-    unit1, unit2 = unit_determinant(g1), unit_determinant(g2)
+    unit1, unit2 = _unit_determinant(g1), _unit_determinant(g2)
     broken = signed[..., None, None] ** 2 * np.where((signed >= 0)[..., None, None], unit1, unit2)
 
     inside = ~through_apex[..., None, None]
@@ -184,17 +184,7 @@ def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
     return np.where(inside, straight, broken)
 
 
-def unit_determinant(g: ndarray) -> ndarray:
-    """Return ĝ = g/√det g; the identity stands in where g is degenerate.
-
-    Parameters
-    ----------
-    g : array, shape (..., 2, 2)
-        Positive semidefinite matrices.
-
-    Returns
-    -------
-    array, shape (..., 2, 2)
-    """
+def _unit_determinant(g: ndarray) -> ndarray:
+    """Return ĝ = g/√det g; the identity stands in where g is degenerate."""
     x, y, _ = coordinates(g)
     return symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)
