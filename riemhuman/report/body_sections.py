@@ -10,16 +10,26 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.plots.embedding import stress
-from riemhuman.report import drawings, findings
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.result_plots import (
+    plot_confusion,
+    plot_embedding,
+    plot_precision_recall,
+    plot_sweep,
+)
+from riemhuman.report import findings
 from riemhuman.report.experiments import retrieval_rows
 from riemhuman.report.materials import Materials, Task
 from riemhuman.report.page import Section, figure, heading, paragraph, side_by_side
 from riemhuman.report.paper import PAPER_TABLES
-from riemhuman.report.plan import POSE, SHAPE
+from riemhuman.report.plan import POSE, SHAPE, spoken
 from riemhuman.report.tables import Column, Table
 from riemhuman.retrieval.rankings import confusion, precision_recall
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from riemhuman.datasets import Bodies
     from riemhuman.storage.result_store import Step
 
 _SCORES = (
@@ -71,7 +81,7 @@ def _curves(materials: Materials, task: Task) -> str:
     picture = materials.picture(
         f"precision-recall-{task.name}",
         f"Precision against recall of {task.name}, one curve for each representation.",
-        drawings.draw_precision_recall,
+        _draw_precision_recall,
         distances,
         task.labels,
     )
@@ -88,7 +98,7 @@ def _mistakes(materials: Materials, task: Task) -> str:
     picture = materials.picture(
         f"confusion-{task.name}",
         f"Confusion matrix of nearest neighbours under the {task.metric}.",
-        drawings.draw_confusion,
+        _draw_confusion,
         matrix,
         task.labels,
         task.names,
@@ -122,7 +132,7 @@ def _map_section(materials: Materials) -> Section:
             picture = materials.picture(
                 f"map-{task}-{method}",
                 f"{title} map of the bodies by the {name}, coloured by {kind}.",
-                drawings.draw_map,
+                _draw_map,
                 bodies,
                 placed,
                 labels,
@@ -169,7 +179,7 @@ def sweep_section(materials: Materials) -> Section | None:
     picture = materials.picture(
         "sweep",
         "Mean average precision of shape and of pose retrieval over λ and c.",
-        drawings.draw_sweep,
+        _draw_sweep,
         panels,
         plan.lams,
         weights,
@@ -286,6 +296,48 @@ def _sweep_table(step: Step) -> Table:
                 Column(f"{task}_mean_average_precision", f"mAP, {task}", ".1f", "highest"),
             ]
     return Table("sweep", "Retrieval of people (shape) and of poses.", columns, step.record["rows"])
+
+
+def _draw_map(
+    bodies: Bodies,
+    positions: ndarray,
+    labels: ndarray,
+    names: Sequence[str],
+    unit: str | None = None,
+) -> Figure:
+    figure = new_figure(4.5, 4.8)  # on which names are large enough for a telephone
+    plot_embedding(
+        positions,
+        labels,
+        [spoken(name) for name in names],
+        points=bodies.points,
+        faces=bodies.template.faces,
+        unit=unit,
+        ax=figure.subplots(),
+    )
+    return figure
+
+
+def _draw_precision_recall(distances: Mapping[str, Step], labels: ndarray) -> Figure:
+    figure = new_figure(4.0, 3.2)
+    matrices = {name: step.arrays["distances"] for name, step in distances.items()}
+    plot_precision_recall(matrices, labels, ax=figure.subplots())
+    return figure
+
+
+def _draw_confusion(distances: ndarray, labels: ndarray, names: Sequence[str]) -> Figure:
+    figure = new_figure(3.9, 3.7)
+    plot_confusion(distances, labels, [spoken(name) for name in names], ax=figure.subplots())
+    return figure
+
+
+def _draw_sweep(scores: Mapping[str, ndarray], lams: Sequence[float], weights: list[str]) -> Figure:
+    figure = new_figure(8.6, 2.9)
+    axes = figure.subplots(1, len(scores), squeeze=False)[0]
+    for (title, values), ax in zip(scores.items(), axes, strict=True):
+        plot_sweep(values, lams, weights, ax=ax)
+        ax.set_title(title)
+    return figure
 
 
 SECTIONS = (_retrieval_section, _map_section)

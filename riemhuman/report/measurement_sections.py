@@ -65,7 +65,7 @@ def measurement_section(materials: Materials) -> Section | None:
     picture = materials.picture(
         "tapes",
         "One person in the standard pose from three sides, with all tapes.",
-        draw_tapes,
+        _draw_tapes,
         step.arrays["straight"][0],
         materials.bodies.template.faces,
     )
@@ -76,16 +76,16 @@ def measurement_section(materials: Materials) -> Section | None:
             f"The first table shows means over up to {_MOST_POSES} poses of each person, the "
             "second the standard deviation over the poses of one person."
         ),
-        materials.table(people_table(materials, step)),
+        materials.table(_people_table(materials, step)),
         figure(picture, f"The measuring tapes: {escape(name)}.", wide=True),
         heading("One person in several poses"),
-        materials.table(spread_table(step)),
+        materials.table(_spread_table(step)),
     ]
     if "along" in step.arrays:
         picture = materials.picture(
             "shape-along-waist",
             f"Mean body, and bodies of a smaller and a larger {_ALONG}.",
-            draw_along,
+            _draw_along,
             step.arrays["along"],
             materials.bodies.template.faces,
         )
@@ -137,20 +137,8 @@ def _measured(materials: Materials, description: MeasurementSet) -> Step:
     return materials.store.step("measurements", inputs, compute, "Measurements")
 
 
-def people_table(materials: Materials, step: Step) -> Table:
-    """Return the table of the measurements of people.
-
-    Parameters
-    ----------
-    materials : Materials
-        The bodies.
-    step : Step
-        The measurements.
-
-    Returns
-    -------
-    Table
-    """
+def _people_table(materials: Materials, step: Step) -> Table:
+    """Return the table of the measurements of people."""
     names, units = step.record["names"], step.record["units"]
     columns = [Column("person", "Person")] + [
         Column(name, f"{name}, {unit}", ".1f" if unit == "kg" else ".3f", shown=name in _SHOWN)
@@ -170,18 +158,8 @@ def people_table(materials: Materials, step: Step) -> Table:
     )
 
 
-def spread_table(step: Step) -> Table:
-    """Return the table of standard deviations over the poses of one person.
-
-    Parameters
-    ----------
-    step : Step
-        The measurements.
-
-    Returns
-    -------
-    Table
-    """
+def _spread_table(step: Step) -> Table:
+    """Return the table of standard deviations over the poses of one person."""
     rows = []
     for number, (name, unit) in enumerate(
         zip(step.record["names"], step.record["units"], strict=True)
@@ -203,38 +181,14 @@ def spread_table(step: Step) -> Table:
     )
 
 
-def draw_tapes(surface: ndarray, faces: ndarray) -> Figure:
-    """Draw a body in the standard pose with all tapes.
-
-    Parameters
-    ----------
-    surface : array, shape (V, 3)
-        The body, metres.
-    faces : array of int, shape (F, 3)
-        Triangles of the open body model.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+def _draw_tapes(surface: ndarray, faces: ndarray) -> Figure:
+    """Draw a body in the standard pose with all tapes."""
     tapes = Measurements(Template(surface, faces)).tapes(surface, axes="space")
     return plot_tapes(surface, faces, tapes)
 
 
-def draw_along(path: ndarray, faces: ndarray) -> Figure:
-    """Draw bodies side by side.
-
-    Parameters
-    ----------
-    path : array, shape (n, V, 3)
-        The bodies, metres.
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-    """
+def _draw_along(path: ndarray, faces: ndarray) -> Figure:
+    """Draw bodies side by side."""
     drawn = new_figure(4.0, 2.4)
     plot_path(path, faces, ax=drawn.subplots())
     return drawn

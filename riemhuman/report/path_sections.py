@@ -5,21 +5,34 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from riemhuman.plots.body_plots import per_area
+import numpy as np
+
+from riemhuman.plots.body_plots import per_area, plot_body, plot_path
+from riemhuman.plots.figures import new_figure
+from riemhuman.plots.result_plots import plot_energy
 from riemhuman.plots.viewer import Viewer
 from riemhuman.plots.viewer_data import ViewedBody
-from riemhuman.report import drawings, findings
+from riemhuman.report import findings
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
-from riemhuman.report.path_experiments import OURS
+from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH
 from riemhuman.report.plan import name_of
 from riemhuman.report.tables import Column, Table
-from riemhuman.surfaces.rendering import MEAN
+from riemhuman.surfaces.rendering import MEAN, SKIN
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from riemhuman.datasets import Bodies
     from riemhuman.storage.result_store import Step
 
+_PATH_TITLES = {
+    LINEAR: "linear",
+    SRNF_PATH: "SRNF",
+    SOBOLEV: "Sobolev, a2 = 0.001",
+    MODEL: "body model",
+    OURS: "ours (1, 1, 0)",
+}
 _GEODESIC_KEYS = (
     "straight_energy",
     "energy_from_straight",
@@ -40,7 +53,7 @@ def _difference_section(materials: Materials) -> Section | None:
     picture = materials.picture(
         "differences",
         "Bodies coloured by the contribution of each triangle to their distance.",
-        drawings.draw_differences,
+        _draw_differences,
         bodies,
         step,
     )
@@ -93,7 +106,7 @@ def _geodesic_section(materials: Materials) -> Section | None:
             slug,
             f"Film strip of the geodesic from {name_of(bodies, start)} to "
             f"{name_of(bodies, end)}, with its energy at each iteration.",
-            drawings.draw_geodesic,
+            _draw_geodesic,
             bodies,
             step,
         )
@@ -134,11 +147,11 @@ def _comparison_section(materials: Materials) -> Section | None:
     picture = materials.picture(
         "comparison",
         f"Film strips of the paths {', '.join(names)} between the same two bodies.",
-        drawings.draw_comparison,
+        _draw_comparison,
         bodies,
         step,
     )
-    shown = [ViewedBody(drawings.PATH_TITLES.get(n, n), step.arrays[n]) for n in names]
+    shown = [ViewedBody(_PATH_TITLES.get(n, n), step.arrays[n]) for n in names]
     title = f"{len(names)} paths between the same two bodies"
     viewer = Viewer(bodies.template.faces, {title: shown}, "Paths", title)
     start, end = step.record["pair"]
@@ -171,7 +184,7 @@ def _mean_section(materials: Materials) -> Section | None:
     picture = materials.picture(
         "mean",
         f"{len(group)} people in one pose and, last and in yellow, their Karcher mean.",
-        drawings.draw_mean,
+        _draw_mean,
         bodies,
         step,
     )
@@ -298,6 +311,65 @@ def _mean_table(bodies: Bodies, step: Step) -> Table:
         Column("squared_distance", "Squared", ".4f"),
     )
     return Table("mean", "Distances of the bodies from their Karcher mean.", columns, rows)
+
+
+def _draw_differences(bodies: Bodies, step: Step) -> Figure:
+    template, pairs = bodies.template, step.record["pairs"]
+    figure = new_figure(9.6, 3.4 * len(pairs))
+    rows = figure.subplots(len(pairs), 3, squeeze=False)
+    for (name, (one, other)), axes in zip(pairs.items(), rows, strict=True):
+        plot_body(bodies.points[one], template.faces, ax=axes[0])
+        axes[0].set_title(name_of(bodies, one))
+        for ax, part in zip(axes[1:], ("metric", "normal"), strict=True):
+            values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
+            label = f"{part} part, per unit of area"
+            plot_body(bodies.points[other], template.faces, values, label=label, ax=ax)
+            ax.set_title(name_of(bodies, other))
+    return figure
+
+
+def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
+    """Draw a geodesic as a film strip, with its energy beside it (figure 4 of the paper)."""
+    figure = new_figure(10.0, 2.1)
+    strip, curve = figure.subplots(1, 2, width_ratios=[0.77, 0.23])
+    plot_path(step.arrays["path"], bodies.template.faces, n_shown=6, ax=strip)
+    strip.set_anchor("W")
+    lines = {
+        "straight path": step.record["straight_energy"],
+        "d² of the ends": step.record["squared_distance"],
+    }
+    curves = {
+        "from the straight path": step.arrays["energies_from_straight"],
+        "from the turning path": step.arrays["energies"],
+    }
+    plot_energy(curves, lines=lines, ax=curve)
+    return figure
+
+
+def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
+    """Draw several paths between two bodies below each other (figure 5 of the paper)."""
+    names = [row["name"] for row in step.record["rows"]]
+    figure = new_figure(8.0, 1.75 * len(names))
+    axes = figure.subplots(len(names), 1, squeeze=False)[:, 0]
+    for name, ax in zip(names, axes, strict=True):
+        plot_path(step.arrays[name], bodies.template.faces, n_shown=7, ax=ax)
+        ax.set_anchor("W")
+        ax.annotate(
+            _PATH_TITLES.get(name, name), (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
+            textcoords="offset points", ha="right", va="center",
+        )  # fmt: skip
+    return figure
+
+
+def _draw_mean(bodies: Bodies, step: Step) -> Figure:
+    """Draw bodies and, last and in yellow, their Karcher mean (figure 6 of the paper)."""
+    group = step.record["group"]
+    figure = new_figure(8.0, 2.6)
+    ax = figure.subplots()
+    shown = np.concatenate([bodies.points[group], step.arrays["mean"][None]])
+    colors = [SKIN] * len(group) + [MEAN]
+    plot_path(shown, bodies.template.faces, colors=colors, ax=ax)
+    return figure
 
 
 SECTIONS = (_difference_section, _geodesic_section, _comparison_section, _mean_section)

@@ -92,7 +92,7 @@ def test_checkpoint_of_another_training_is_refused(model, bodies, tmp_path, monk
     file = tmp_path / "checkpoint.npz"
     monkeypatch.setattr("riemhuman.learned.training.STEPS_BETWEEN", 10)
     metric_codes(model, n_steps=20).fit(bodies.points, checkpoint=file)
-    with pytest.raises(FileFormatError, match="checkpoint of another training"):
+    with pytest.raises(FileFormatError, match="checkpoint from another training"):
         metric_codes(model, n_steps=20).fit(bodies.points[:24], checkpoint=file)
 
 
@@ -134,5 +134,5 @@ def test_number_of_threads_is_given_back_and_infinite_losses_are_refused():
 def test_labels_must_name_people_in_several_poses(model, bodies):
     with pytest.raises(ArgumentError, match="at least two people in at least two poses"):
         shape_pose(model).fit(bodies.points, np.arange(len(bodies.points)))
-    with pytest.raises(ArgumentError, match="one label a body"):
+    with pytest.raises(ArgumentError, match="one label per body"):
         shape_pose(model).fit(bodies.points, bodies.subject[:-1])
