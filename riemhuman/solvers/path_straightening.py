@@ -53,6 +53,10 @@ _HEAT = 1e-3
 # bodies, under metrics with and without a and c; a third or three times as much costs some more.
 _STIFFNESS = 0.2
 
+# Least and largest ridge, in between the tolerance: a ridge hides how softly limbs as a whole move,
+# the more the finer the mesh, and what such motions still gain matters to narrow tolerances alone.
+_RIDGES = 1e-6, 1e-4
+
 
 @dataclass(frozen=True)
 class PathStraightening(ManyPaths):
@@ -278,7 +282,8 @@ class _Descent:
 
         def inverse_hessian_at(interior: ndarray) -> Operator:
             nodes = _on_manifold(metric, path_of(interior))[1:-1]
-            factor = spatial_factor(metric, nodes, 1.0, stiffness=_STIFFNESS)
+            ridge = float(np.clip(solver.tolerance, *_RIDGES))
+            factor = spatial_factor(metric, nodes, 1.0, stiffness=_STIFFNESS, ridge=ridge)
             hessian = PathPreconditioner(factor, len(nodes) + 1)
             return lambda slope: hessian.inverse(slope.reshape(len(nodes), -1)).ravel()
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.kernels.threads import combine_rows, pair_with_rows
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers.minimization import Minimum, stands_still
@@ -83,7 +84,7 @@ def descend(
     with ProgressBar(total=None, desc=description, disable=not progress, unit=" iterations") as bar:
         try:
             while not message:
-                direction = memory.direction(gradient, image)
+                direction = memory.direction(image)
                 slope = float(gradient @ direction)
                 newton = 0.5 * max(memory.scales.max() * float(gradient @ image), -slope)
                 if value <= floor:
@@ -103,7 +104,7 @@ def descend(
                     break
                 step = found.step * direction
                 new_image = inverse_hessian(found.gradient)
-                memory.add(step, found.gradient - gradient, new_image - image)
+                memory.add(step, found.gradient - gradient, new_image - image, found.gradient)
                 x, value = x + step, found.value
                 gradient, image = found.gradient, new_image
                 values.append(value)
@@ -237,26 +238,31 @@ def _search(
 
 
 class _Memory:
-    """The last steps s with their changes y of the gradient, in place of the inverse Hessian."""
+    """The last steps s with the images P y of their changes of the gradient."""
 
     def __init__(self, size: int) -> None:
-        self._steps, self._changes, self._images = np.empty((3, _MEMORY, size))
+        # Each step beside its image: their products with a vector are one pass over all numbers.
+        self._rows = np.empty((_MEMORY, 2, size))
         self._order: list[int] = []
-        # sᵢ·yⱼ and yᵢ·P yⱼ.
+        # sᵢ·g and (P yᵢ)·g with the last gradient.
+        self._pairs = np.empty((0, 2))
+        # sᵢ·yⱼ where j is not older than i, and yᵢ·P yⱼ.
         self._along, self._squares = np.zeros((2, _MEMORY, _MEMORY))
 
-    def add(self, step: ndarray, change: ndarray, image: ndarray) -> None:
-        """Remember a step s, the change y of the gradient, and P y."""
+    def add(self, step: ndarray, change: ndarray, image: ndarray, gradient: ndarray) -> None:
+        """Remember a step s, the change y of the gradient, P y, and the gradient it led to."""
         along, square = float(step @ change), float(change @ image)
-        if not (along > 0.0 and square > 0.0):
-            return
-        k = len(self._order) if len(self._order) < _MEMORY else self._order.pop(0)
-        self._order.append(k)
+        is_curved = along > 0.0 and square > 0.0
+        if is_curved:
+            k = len(self._order) if len(self._order) < _MEMORY else self._order.pop(0)
+            self._order.append(k)
+            self._rows[k] = step, image
         known = len(self._order)
-        self._steps[k], self._changes[k], self._images[k] = step, change, image
-        self._along[:known, k] = self._steps[:known] @ change
-        self._along[k, :known] = self._changes[:known] @ step
-        self._squares[:known, k] = self._squares[k, :known] = self._images[:known] @ change
+        products = pair_with_rows(np.stack([gradient, change]), self._flat(known))
+        self._pairs, with_change = products.reshape(2, known, 2)
+        if is_curved:
+            self._along[:known, k] = with_change[:, 0]
+            self._squares[:known, k] = self._squares[k, :known] = with_change[:, 1]
 
     @property
     def scales(self) -> ndarray:
@@ -266,14 +272,13 @@ class _Memory:
             return np.ones(1)
         return self._along[order, order] / self._squares[order, order]
 
-    def direction(self, gradient: ndarray, image: ndarray) -> ndarray:
-        """Return −H g, given g and P g: L-BFGS's two loops, in inner products."""
+    def direction(self, image: ndarray) -> ndarray:
+        """Return −H g of the last gradient, given P g: L-BFGS's two loops, in inner products."""
         order = self._order
         if not order:
             return -image
         known = len(order)
-        with_steps = self._steps[:known] @ gradient
-        with_images = self._images[:known] @ gradient
+        with_steps, with_images = self._pairs.T
         scale = self.scales[-1]
         first, second = np.zeros((2, known))
         for i in reversed(order):
@@ -282,4 +287,11 @@ class _Memory:
             along = scale * (with_images[i] - self._squares[i, :known] @ first)
             along += self._along[:known, i] @ second
             second[i] = first[i] - along / self._along[i, i]
-        return (scale * first) @ self._images[:known] - second @ self._steps[:known] - scale * image
+        coefficients = np.column_stack([-second, scale * first]).reshape(1, -1)
+        combined = combine_rows(coefficients, self._flat(known))[0]
+        combined -= scale * image
+        return combined
+
+    def _flat(self, known: int) -> ndarray:
+        """Return the first steps, each followed by its image."""
+        return self._rows[:known].reshape(2 * known, self._rows.shape[-1])

@@ -48,14 +48,14 @@ def test_steps_are_those_of_the_two_loops(monkeypatch):
     monkeypatch.setattr(quasi_newton, "_MEMORY", 4)
     root = rng.standard_normal((9, 9))
     operator, hessian = root @ root.T + np.eye(9), np.diag(np.arange(1.0, 10.0))
-    memory, pairs = quasi_newton._Memory(9), []
+    memory, pairs, last = quasi_newton._Memory(9), [], rng.standard_normal(9)
     for count in range(7):
         step = rng.standard_normal(9)
         change = hessian @ step
-        memory.add(step, change, operator @ change)
+        last = last + change
+        memory.add(step, change, operator @ change, last)
         pairs = [*pairs, (step, change)][-4:]
-        gradient = rng.standard_normal(9)
-        q, alphas = gradient.copy(), []
+        q, alphas = last.copy(), []
         for s, y in reversed(pairs):
             alphas.append(s @ q / (s @ y))
             q -= alphas[-1] * y
@@ -63,14 +63,14 @@ def test_steps_are_those_of_the_two_loops(monkeypatch):
         r = (s @ y) / (y @ operator @ y) * operator @ q
         for (s, y), alpha in zip(pairs, reversed(alphas), strict=True):
             r += (alpha - y @ r / (s @ y)) * s
-        direction = memory.direction(gradient, operator @ gradient)
+        direction = memory.direction(operator @ last)
         np.testing.assert_allclose(direction, -r, rtol=1e-9, atol=1e-9, err_msg=str(count))
 
 
 def test_changes_of_negative_curvature_are_not_remembered():
     memory = quasi_newton._Memory(2)
-    memory.add(np.ones(2), -np.ones(2), -np.ones(2))
-    np.testing.assert_array_equal(memory.direction(np.ones(2), 3.0 * np.ones(2)), [-3.0, -3.0])
+    memory.add(np.ones(2), -np.ones(2), -np.ones(2), np.ones(2))
+    np.testing.assert_array_equal(memory.direction(3.0 * np.ones(2)), [-3.0, -3.0])
 
 
 def test_values_never_rise_and_are_counted():
