@@ -15,7 +15,9 @@ from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.caching import FunctionCache
 from numba.extending import intrinsic
 
@@ -215,3 +217,90 @@ def split(typing_context: Any, x: Any) -> Any:
         return context.make_tuple(builder, signature.return_type, pair)
 
     return types.UniTuple(x, 2)(x), generate
+
+
+@intrinsic
+def squared_differences(
+    typing_context: Any, a: Any, b: Any, i: Any, j: Any, first: Any, last: Any
+) -> Any:
+    """Return Σ_t (a[k, t] − b[m, t])² over first ≤ t < last, for all k in i and m in j.
+
+    Of what is read, each number serves a whole block of sums, as in a product of matrices. It goes
+    through registers of 64 bytes, which LLVM chooses for none of its own loops; to put the loop
+    down takes less time than to have it found. The order of a sum is that of its two rows alone:
+    one partial sum for each place of a register, then halves added to halves.
+
+    Parameters
+    ----------
+    typing_context : object
+        Numba's.
+    a, b : type
+        Types of C-contiguous arrays of float32 or float64.
+    i, j : type
+        Types of tuples of row numbers.
+    first, last : type
+        Types of column numbers, whole registers apart.
+
+    Returns
+    -------
+    signature, code generator
+    """
+    real = a.dtype
+    lanes = 512 // real.bitwidth
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        start, end = arguments[4:]
+        register = ir.VectorType(context.get_value_type(real), lanes)
+
+        def row_starts(kind: Any, array: Any, numbers: Any) -> list[Any]:
+            view = context.make_array(kind)(context, builder, array)
+            _, length = cgutils.unpack_tuple(builder, view.shape, 2)
+            rows = cgutils.unpack_tuple(builder, numbers)
+            return [builder.gep(view.data, [builder.mul(row, length)]) for row in rows]
+
+        def load(row: Any) -> Any:
+            place = builder.bitcast(builder.gep(row, [position]), register.as_pointer())
+            return builder.load(place, align=real.bitwidth // 8)
+
+        ours, others = row_starts(a, *arguments[:3:2]), row_starts(b, *arguments[1:4:2])
+        before = builder.block
+        loop, after = builder.append_basic_block(), builder.append_basic_block()
+        builder.branch(loop)
+        builder.position_at_end(loop)
+        position = builder.phi(start.type)
+        totals = [builder.phi(register) for _ in range(i.count * j.count)]
+        values, other_values = [load(row) for row in ours], [load(row) for row in others]
+        pairs = ((one, other) for one in values for other in other_values)
+        sums = []
+        for total, (one, other) in zip(totals, pairs, strict=True):
+            gap = builder.fsub(one, other)
+            sums.append(
+                builder.fadd(
+                    total, builder.fmul(gap, gap, flags=("contract",)), flags=("contract",)
+                )
+            )
+            total.add_incoming(ir.Constant(register, [0.0] * lanes), before)
+            total.add_incoming(sums[-1], loop)
+        following = builder.add(position, ir.Constant(start.type, lanes))
+        position.add_incoming(start, before)
+        position.add_incoming(following, loop)
+        builder.cbranch(builder.icmp_signed("<", following, end), loop, after)
+        builder.position_at_end(after)
+        found = [_sum_of_register(builder, total) for total in sums]
+        return context.make_tuple(builder, signature.return_type, found)
+
+    return types.UniTuple(real, i.count * j.count)(a, b, i, j, first, last), generate
+
+
+def _sum_of_register(builder: Any, vector: Any) -> Any:
+    index = ir.IntType(32)
+    while (count := vector.type.count // 2) > 0:
+        nothing = ir.Constant(vector.type, ir.Undefined)
+        low, high = (
+            ir.Constant(ir.VectorType(index, count), list(range(k, k + count))) for k in (0, count)
+        )
+        vector = builder.fadd(
+            builder.shuffle_vector(vector, nothing, low),
+            builder.shuffle_vector(vector, nothing, high),
+        )
+    return builder.extract_element(vector, ir.Constant(index, 0))

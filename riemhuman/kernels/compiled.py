@@ -140,6 +140,12 @@ evaluate = _of_compilation("evaluate")
 split = _of_compilation("split")
 """``split(x)`` in marked functions: k and 2⁻ᵏ, for x > 0, such that 2⁻ᵏ x lies in [√½, √2)."""
 
+squared_differences = _of_compilation("squared_differences")
+"""``squared_differences(a, b, i, j, first, last)`` in marked functions, for tuples of rows i and j:
+Σ_t (a[k, t] − b[m, t])² over first ≤ t < last, for all k in i and m in j, row by row. Arrays are
+C-contiguous, and `last` − `first` is a positive multiple of 16. The bits of a sum depend on its own
+two rows alone."""
+
 
 def _bind() -> None:
     """Bind names to compiled functions in all modules that define some."""

@@ -28,8 +28,10 @@ LARGEST, SMALLEST = 1e15, 1e-15
 UNDERFLOW = 1e-34
 """What a square too small for single precision may add to a sum."""
 
-# Pairs times values of one tile: some milliseconds of work, so that features read are used often.
-_TILE_WORK = 20_000_000
+# Pairs times values of one tile, so that features, which come from far in memory, are used often.
+_TILE_WORK = 320_000_000
+# Tiles for each of several threads, which then end at nearly the same time.
+_TILES_A_THREAD = 4
 
 
 def slices(n: int, size: int) -> Iterator[slice]:
@@ -130,8 +132,11 @@ def in_tiles(
     n_a, n_b = len(a[0]), len(b[0])
     squared = np.zeros((n_a, n_b))
     n_values = max(1, *(one[:1].size for one in a))
+    n_pairs = _TILE_WORK / n_values
+    if n_threads > 1:
+        n_pairs = min(n_pairs, n_a * n_b / (_TILES_A_THREAD * n_threads))
     # Whole blocks of four, by which some loops go.
-    size = 4 * int(np.clip(0.25 * math.sqrt(_TILE_WORK / n_values) + 0.5, 2, 16))
+    size = 4 * int(np.clip(0.25 * math.sqrt(n_pairs) + 0.5, 2, 16))
 
     rows = [(i, tuple(one[i] for one in a)) for i in slices(n_a, size)]
     columns = rows if within else [(j, tuple(one[j] for one in b)) for j in slices(n_b, size)]

@@ -24,6 +24,8 @@ _SPEED_ALONE = {
         "LANES": "zeros at the end of rows, which add nothing",
         "CHUNK": "triangles summed before they join the total: rounding errors only",
         "_TILE_WORK": "work of one tile",
+        "_TILES_A_THREAD": "tiles that threads share",
+        "n_pairs": "pairs of one tile",
         "size": "points on the side of one tile",
     },
     "terms/sum.py": {

@@ -1,0 +1,26 @@
+"""How pairs are divided into tiles."""
+
+import numpy as np
+import pytest
+
+from riemhuman.kernels.tiles import in_tiles
+
+
+@pytest.mark.parametrize("within", [True, False])
+def test_several_threads_share_the_pairs_evenly(within):
+    points = np.arange(100.0)[:, None]
+    others = points if within else points + 0.5
+    sizes = []
+
+    def run(pair):
+        (rows,), (columns,) = pair
+        sizes.append(len(rows) * len(columns))
+        return np.abs(rows - columns.T)
+
+    np.testing.assert_array_equal(in_tiles(run, (points,), (others,), 1), np.abs(points - others.T))
+    alone = len(sizes)
+    found = in_tiles(run, (points,), (others,), 3)
+    np.testing.assert_array_equal(found, np.abs(points - others.T))
+    shared = sizes[alone:]
+    assert len(shared) > alone
+    assert max(shared) <= sum(shared) / 3 / 2
