@@ -15,6 +15,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.space import Space
 from riemhuman.kernels.threads import mapped, thread_count
+from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 from riemhuman.terms.sum import Features
 
@@ -195,6 +196,40 @@ class ManyDistances:
         array, shape (n, \*shape)
         """
         return point_array(points, name, self.space.shape, batched=False)
+
+
+def features_in_threads(
+    metric: ManyDistances, points: ndarray, precision: str, n_jobs: int | None
+) -> Features:
+    r"""Return the features of points, see `RiemannianMetric.features`, computed in threads.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        The metric.
+    points : array, shape (n, \*shape)
+        Points.
+    precision : {"single", "double"}
+        Precision of the features.
+    n_jobs : int or None
+        Number of threads, -1 for one a core.
+
+    Returns
+    -------
+    tuple of array, each of shape (n, ...)
+    """
+    n_threads = thread_count(n_jobs)
+    parts = list(slices(len(points), max(1, math.ceil(len(points) / n_threads))))
+    if len(parts) < 2:
+        return metric.features(points, precision)
+    try:
+        found = list(
+            mapped(lambda part: metric.features(points[part], precision), parts, n_threads)
+        )
+    except ArgumentError:
+        # Its message counts from the first point of a part, that of all points from their first.
+        return metric.features(points, precision)
+    return tuple(np.concatenate(arrays) for arrays in zip(*found, strict=True))
 
 
 def squared_dist_rectangle(

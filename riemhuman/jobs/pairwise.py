@@ -20,7 +20,7 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import PRECISIONS
+from riemhuman.geometry.pairwise import PRECISIONS, features_in_threads
 from riemhuman.jobs.cluster import computed_tiles
 from riemhuman.jobs.tiles import (
     POINTS,
@@ -176,7 +176,9 @@ def pairwise_job(
 
         kept = [] if complete else list(arrays)
         for block in ProgressBar(blocks, desc="Points", disable=not progress, unit=" blocks"):
-            _keep_features(job, metric, points, block, layout["block"], precision, kept, tiles)
+            _keep_features(
+                job, metric, points, block, layout["block"], precision, kept, tiles, n_jobs
+            )
         if not complete:
             reader = TileReader(str(job.path), len(features), n_jobs)
             try:
@@ -232,6 +234,7 @@ def _keep_features(
     precision: str,
     names: list[str],
     tiles: list[Tile],
+    n_jobs: int | None,
 ) -> None:
     """Compute the features of a block of points, or check that points and tables are unchanged."""
     number = block.start // size
@@ -261,7 +264,7 @@ def _keep_features(
         )
         _forget_tiles(job, tiles, block)
     try:
-        features = metric.features(some, precision)
+        features = features_in_threads(metric, some, precision, n_jobs)
     except DegenerateSurfaceError as error:
         raise DegenerateSurfaceError(f"{where}: {error}") from error
     written = (*features, some) if precision == "single" else features

@@ -10,6 +10,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import features_in_threads
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.protocols import MetricWithLowerBound
@@ -168,7 +169,7 @@ class NeighborIndex:
         try:
             for part in slices(len(X), _BLOCK):
                 points = self.checked(X, part.start, part.stop)
-                features = self.metric.features(points, "single")
+                features = features_in_threads(self.metric, points, "single", self.n_jobs)
                 self._points.append(points)
                 for rows, feature in zip(self._features, features, strict=True):
                     rows.append(feature)

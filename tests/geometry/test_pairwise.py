@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurface
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import squared_dist_rectangle
+from riemhuman.geometry.pairwise import features_in_threads, squared_dist_rectangle
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import VectorSpace
 
@@ -522,3 +522,30 @@ def test_features_are_computed_in_as_many_threads(monkeypatch, n_jobs, n_threads
     monkeypatch.setattr(type(case.metric), "features", watched)
     np.testing.assert_array_equal(case.metric.dist_pairwise(case.points, n_jobs=n_jobs), expected)
     assert len(threads) == n_threads
+
+
+def test_features_in_threads(monkeypatch):
+    metric, points = metric_of(sphere_template(), "srnf"), surfaces(sphere_template(), 7, rng=5)
+    together, threads = threading.Barrier(3, timeout=30), set()
+    features = SRNFMetric.features
+
+    def watched(metric, some, *options):
+        if len(some) < len(points):
+            together.wait()
+            threads.add(threading.get_ident())
+        return features(metric, some, *options)
+
+    monkeypatch.setattr(SRNFMetric, "features", watched)
+    alone = features_in_threads(metric, points, "single", 1)
+    assert threads == set()
+    for one, other in zip(alone, features_in_threads(metric, points, "single", 3), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert len(threads) == 3
+
+
+def test_features_in_threads_count_from_the_first_point():
+    template = sphere_template()
+    metric, points = metric_of(template, WEIGHTS[1]), surfaces(template, 7, rng=5)
+    points[5] = 0.0
+    with pytest.raises(DegenerateSurfaceError, match=r"item \(5,\)"):
+        features_in_threads(metric, points, "single", 3)
