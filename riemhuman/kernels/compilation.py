@@ -226,9 +226,9 @@ def squared_differences(
     """Return Σ_t (a[k, t] − b[m, t])² over first ≤ t < last, for all k in i and m in j.
 
     Of what is read, each number serves a whole block of sums, as in a product of matrices. It goes
-    through registers of 64 bytes, which LLVM chooses for none of its own loops; to put the loop
-    down takes less time than to have it found. The order of a sum is that of its two rows alone:
-    one partial sum for each place of a register, then halves added to halves.
+    through vectors of 64 bytes; those that LLVM finds by itself have half of that, and take longer
+    to compile. The order of a sum does not depend on the block: one partial sum for each place of a
+    vector, then halves added to halves.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def squared_differences(
     i, j : type
         Types of tuples of row numbers.
     first, last : type
-        Types of column numbers, whole registers apart.
+        Types of column numbers, whole vectors apart.
 
     Returns
     -------
@@ -286,13 +286,13 @@ def squared_differences(
         position.add_incoming(following, loop)
         builder.cbranch(builder.icmp_signed("<", following, end), loop, after)
         builder.position_at_end(after)
-        found = [_sum_of_register(builder, total) for total in sums]
+        found = [_sum_of_vector(builder, total) for total in sums]
         return context.make_tuple(builder, signature.return_type, found)
 
     return types.UniTuple(real, i.count * j.count)(a, b, i, j, first, last), generate
 
 
-def _sum_of_register(builder: Any, vector: Any) -> Any:
+def _sum_of_vector(builder: Any, vector: Any) -> Any:
     index = ir.IntType(32)
     while (count := vector.type.count // 2) > 0:
         nothing = ir.Constant(vector.type, ir.Undefined)

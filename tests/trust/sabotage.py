@@ -136,6 +136,12 @@ def _split(x: Any) -> Any:
     return float(exponent), 2.0**-exponent
 
 
+def _squared_differences(a: Any, b: Any, i: Any, j: Any, first: int, last: int) -> Any:
+    """Return Σ_t (a[k, t] − b[m, t])² over first ≤ t < last, for all k in i and m in j."""
+    pairs = ((a[k, first:last], b[m, first:last]) for k in i for m in j)
+    return tuple(np.sum((one - other) ** 2) for one, other in pairs)
+
+
 class _Interpreted:
     """Runs compiled functions as Python, every test for some seconds at most."""
 
@@ -149,6 +155,7 @@ class _Interpreted:
         compilation.polynomial = polynomial
         compilation.evaluate = _horner
         compilation.split = _split
+        compilation.squared_differences = _squared_differences
         signal.signal(signal.SIGALRM, self._end)
 
     @pytest.hookimpl(wrapper=True)
