@@ -23,9 +23,8 @@ def add_verbs(verbs: Verbs) -> None:
         "convert-model",
         _convert,
         "plain arrays from a body model's pickle",
-        "Writes a model of the SMPL family as an .npz file of plain arrays, which loads without\n"
-        "running code. A pickle is code: only calls known to be harmless are run; any other call\n"
-        "is refused by name.",
+        "Writes a model of the SMPL family as an .npz file of plain arrays. A pickle is code: it\n"
+        "is read as data and never run, and a call that is not known is refused by name.",
         "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
         "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
     )
