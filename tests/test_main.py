@@ -65,7 +65,7 @@ def test_reads_a_labelled_folder(tmp_path, capsys):
     assert main(["--bodies", str(tmp_path)]) == 2
     assert "labels.csv; write one with the columns" in capsys.readouterr().err
     assert main(labels) == 2
-    assert "--labels goes with --bodies" in capsys.readouterr().err
+    assert "--labels needs --bodies FOLDER" in capsys.readouterr().err
 
 
 def test_the_verb_is_optional(capsys):
