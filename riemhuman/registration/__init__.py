@@ -6,6 +6,7 @@ from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
 from riemhuman.registration.template_registration import TemplateRegistration
+from riemhuman.registration.transferred_models import transfer_model
 
 __all__ = [
     "RegisteredScan",
@@ -18,6 +19,7 @@ __all__ = [
     "read_records",
     "register_folder",
     "simulated_scan",
+    "transfer_model",
 ]
 
 

@@ -6,8 +6,9 @@ prints, for the open model at full resolution, the errors of a hundred scans (re
 10 % in holes, any heading), how many were refused, retrieval after registration beside that of the
 exact bodies, and seconds a scan; what landmarks, half of the surface, 5 mm noise, 2,000 points and
 more cost; seconds and memory for 5,000 to 500,000 points; errors of natural bodies, whose hands lie
-on hips and head; and how far points go astray between bodies that the model cannot make. Where
-benchmarks are disabled, the same code runs on one coarse scan.
+on hips and head; how far points go astray between bodies that the model cannot make; and how well the
+model fits such bodies once it is transferred to their mesh. Where benchmarks are disabled, the same
+code runs on one coarse scan.
 """
 
 import resource
@@ -24,7 +25,7 @@ from scanned_people import (
 )
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, simulated_scan
+from riemhuman.registration import ScanRegistration, simulated_scan, transfer_model
 
 SEED = 4242
 FAR = 0.05
@@ -276,3 +277,24 @@ def test_bodies_of_other_kinds(benchmark, registrations):
                     f"{kind}, {len(found)} pairs: {1000 * every.mean():.1f} mm in the mean, "
                     f"{100 * np.mean(every < FAR):.1f} % below 5 cm"
                 )
+
+
+def test_transferred_models(benchmark, registrations):
+    """The model on another mesh, from one body, fits other people of that mesh."""
+    full = not benchmark.disabled
+    model = registrations["full" if full else "coarse"].model
+    n_people, n_moments = (6, 4) if full else (2, 1)
+    bodies, triangles = foreign_bodies(model, SEED, n_people, n_moments)
+
+    def run():
+        transferred = transfer_model(model, rh.Template(bodies[0, 0], triangles))
+        return 1000.0 * transferred.fit(bodies).mean_distance
+
+    distances = benchmark.pedantic(run, rounds=1)
+    if full:
+        print(
+            f"\nfits of the transferred model: {distances[0, 0]:.1f} mm to the body itself, "
+            f"{np.median(distances[0, 1:]):.1f} mm to its other poses in the median, "
+            f"{np.median(distances[1:]):.1f} mm to other people, {distances[1:].max():.1f} at most"
+        )
+    assert distances.max() < 15.0

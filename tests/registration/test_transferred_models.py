@@ -1,0 +1,71 @@
+"""Body models on other meshes: they make the body they came from, and fit other people."""
+
+import numpy as np
+import pytest
+from scanned_people import foreign_bodies
+from trimesh.creation import icosphere
+
+import riemhuman as rh
+from riemhuman.registration import transfer_model
+
+
+@pytest.fixture(scope="module")
+def model():
+    return rh.datasets.load_open_model("coarse")
+
+
+@pytest.fixture(scope="module")
+def people(model):
+    """Return two people, in two poses each, whom the model cannot make, and their triangles."""
+    return foreign_bodies(model, 31, 2, 2)
+
+
+@pytest.fixture(scope="module")
+def transferred(model, people):
+    bodies, faces = people
+    return transfer_model(model, rh.Template(bodies[0, 0], faces))
+
+
+def test_bodies_of_the_other_mesh_are_fitted(transferred, people):
+    """The body itself closely, its other pose by skinning, another person by the shape space."""
+    bodies, _ = people
+    distances = transferred.fit(bodies).mean_distance
+    assert distances[0, 0] < 0.001
+    assert distances[0, 1] < 0.006
+    assert np.all(distances[1] < 0.012)
+
+
+def test_joints_stay_inside_the_body(model, transferred):
+    """In the rest pose they are where the first model has them, but for the person's build."""
+    gaps = np.linalg.norm(transferred.joints() - model.joints(), axis=1)
+    assert gaps.max() < 0.05
+    assert transferred.joint_names == model.joint_names
+
+
+def test_pose_directions_are_transferred(model):
+    """A model with them, transferred to a posed body of its own mesh, makes the same body."""
+    rng = np.random.default_rng(0)
+    posedirs = 1e-3 * rng.standard_normal((model.n_vertices, 3, 9 * (model.n_joints - 1)))
+    tree = np.stack([model.parents, np.arange(model.n_joints)])
+    bending = rh.BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        tree,
+        posedirs=posedirs,
+        joint_names=model.joint_names,
+    )
+    motion = rh.datasets.load_open_motions("coarse", sequences=["jumping_jacks"])[0]
+    points = bending(pose=motion.pose_vectors[len(motion) // 4])
+    again = transfer_model(bending, rh.Template(points, model.faces))
+    assert again.posedirs.shape == posedirs.shape
+    assert again.fit(points).mean_distance < 0.001
+
+
+def test_what_is_no_body_is_refused(model):
+    ball = icosphere(subdivisions=3)
+    egg = rh.Template(ball.vertices * [0.3, 0.85, 0.2], ball.faces)
+    with pytest.raises(rh.errors.ArgumentError, match="body must be a body to which .* found that"):
+        transfer_model(model, egg)
