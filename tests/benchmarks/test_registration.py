@@ -6,8 +6,8 @@ prints, for the open model at full resolution, the errors of a hundred scans (re
 10 % in holes, any heading), how many were refused, retrieval after registration beside that of the
 exact bodies, and seconds a scan; what landmarks, half of the surface, 5 mm noise, 2,000 points and
 more cost; seconds and memory for 5,000 to 500,000 points; errors of natural bodies, whose hands lie
-on hips and head; how far points go astray between bodies that the model cannot make; and how well the
-model fits such bodies once it is transferred to their mesh. Where benchmarks are disabled, the same
+on hips and head; how far points go astray between bodies that the model cannot make; and how well
+it fits such bodies once it is transferred to their mesh. Where benchmarks are disabled, the same
 code runs on one coarse scan.
 """
 
