@@ -253,3 +253,7 @@ def test_stills_stand_in_where_there_is_no_webgl(pages):
         browser.find("input[type=radio][value='1']").click()
         assert browser.run(shown) == [False, True]
         assert not browser.find("[data-part=play]").is_displayed()
+        browser.open(pages / "paths.html", 400, 760)
+        browser.wait_for("return !document.querySelector('[data-part=message]').hidden")
+        still, stage = browser.find(".still").size, browser.find(".stage").size
+        assert stage["height"] <= still["height"] + 10 < 150  # no tall empty stage

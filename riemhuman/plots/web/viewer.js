@@ -58,6 +58,7 @@ class Viewer {
   beStill() {
     this.pause();
     delete this.element.dataset.ready;
+    this.element.dataset.still = "true";
     ["running", "turning", "help", "labels", "hint"].forEach((part) => { this.find(part).hidden = true; });
     this.find("message").hidden = false;
     const stills = this.element.querySelectorAll(".still");
