@@ -319,14 +319,14 @@ def _draw_map(
 
 
 def _draw_precision_recall(distances: Mapping[str, Step], labels: ndarray) -> Figure:
-    figure = new_figure(4.0, 3.2)
+    figure = new_figure(3.5, 3.2)
     matrices = {name: step.arrays["distances"] for name, step in distances.items()}
     plot_precision_recall(matrices, labels, ax=figure.subplots())
     return figure
 
 
 def _draw_confusion(distances: ndarray, labels: ndarray, names: Sequence[str]) -> Figure:
-    figure = new_figure(3.9, 3.7)
+    figure = new_figure(3.5, 3.5)
     plot_confusion(distances, labels, [spoken(name) for name in names], ax=figure.subplots())
     return figure
 

@@ -49,6 +49,17 @@ def test_names_on_maps_are_legible_on_a_telephone(browser, report_page):
     assert NAME_POINTS * min(pixels_a_point) >= 10
 
 
+def test_the_smallest_text_of_figures_is_legible_on_a_telephone(browser, report_page):
+    browser.open(report_page, 400, 900)
+    pixels_a_point = browser.run(
+        "return [...document.querySelectorAll('#retrieval img, .scroll img')]"
+        ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
+    )
+    assert len(pixels_a_point) > 6
+    small = 8 / 1.2  # points
+    assert small * min(pixels_a_point) >= 9
+
+
 def test_it_prints_on_few_pages_and_loses_no_column(browser, report_page):
     browser.open(report_page, 718, 1000)  # as wide as what a page holds
     printed = base64.b64decode(browser.devtools("Page.printToPDF")["data"])
