@@ -78,14 +78,14 @@ def doubts(evidence: Evidence) -> list[str]:
     if evidence.margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
-            f"{evidence.margin:.2f}); solve with landmarks= to decide"
+            f"{evidence.margin:.2f}); the argument landmarks of ScanRegistration.solve decides"
         )
     if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < HELD_ELSEWHERE:
         reasons.append(
             f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
             f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} found next to nothing "
             f"in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may be held "
-            "elsewhere; solve with landmarks= to decide"
+            "elsewhere; the argument landmarks of ScanRegistration.solve decides"
         )
     if evidence.strain > LARGEST_STRAIN:
         reasons.append(

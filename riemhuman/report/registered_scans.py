@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
-from riemhuman.plots.colors import value_colors
+from riemhuman.plots.colors import VALUE_COLORS, value_colors
 from riemhuman.plots.web_files import web_file
 from riemhuman.registration.folders import ScanRecord, read_records
 from riemhuman.report.page import Section, page, paragraph
@@ -81,8 +81,7 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
     lead = (
         f"{len(records) - len(doubtful)} of {len(records)} scans are registered and trusted. "
         "From left to right: the scan, the body, and the scan coloured by its distance from the "
-        f"body, with {1000 * LARGEST_METRES:.0f} mm and more in dark red. Parts of the body "
-        "without a counterpart in the scan are blue-grey."
+        "body. Parts of the body without a counterpart in the scan are blue-grey."
     )
     cards = "".join(_card(record) for record in records)
     return Section(
@@ -92,6 +91,7 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
         [
             f"<style>{web_file('scans.css', 'riemhuman.report')}</style>",
             paragraph(lead),
+            _colour_scale(),
             f'<div class="scans">{cards}</div>',
         ],
     )
@@ -114,8 +114,19 @@ def _card(record: ScanRecord) -> str:
 
 
 def _sentence(message: str) -> str:
-    """Return a message with a full stop at its end."""
+    """Return a message as a sentence; a name of a file at its beginning stays as it is."""
+    if message.partition(" ")[0].isalpha():
+        message = message[0].upper() + message[1:]
     return message if message.endswith(".") else f"{message}."
+
+
+def _colour_scale() -> str:
+    """Return the bar of the colours of distances, between its ends."""
+    return (
+        '<p class="colour-bar">Distance: 0 '
+        f'<i style="background: linear-gradient(to right, {", ".join(VALUE_COLORS)})"></i> '
+        f"{1000 * LARGEST_METRES:.0f} mm and more</p>"
+    )
 
 
 def _pictures(record: ScanRecord) -> str:
