@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -112,5 +113,12 @@ def spoken(name: str) -> str:
     Returns
     -------
     str
+
+    Examples
+    --------
+    >>> from riemhuman.report.plan import spoken
+    >>> spoken("t_like"), spoken("arms_up")
+    ('T-like', 'arms up')
     """
-    return name.replace("_", " ")
+    whole = re.sub(r"^([at])_(?=(like|pose)$)", lambda found: f"{found[1].upper()}-", name)
+    return whole.replace("_", " ")
