@@ -12,7 +12,6 @@ surface f with corners q₁, q₂, q₃ has
 from __future__ import annotations
 
 import math
-from functools import partial
 from typing import NamedTuple
 
 import autograd.numpy as np
@@ -127,7 +126,6 @@ def frame_components(first: Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
     return np.stack([dot(axis, h) for axis in axes for h in (along, across)], axis=-1)
 
 
-@primitive
 def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray, ndarray]:
     """Return f_u and f_v of every triangle.
 
@@ -142,20 +140,8 @@ def partial_derivatives(points: ndarray, operator: csr_matrix) -> tuple[ndarray,
     -------
     f_u, f_v : array, shape (..., F, 3)
     """
-    both, n_faces = apply_operator(operator, points), operator.shape[0] // 2
-    return both[..., :n_faces, :], both[..., n_faces:, :]
-
-
-def _transposed(operator: csr_matrix, upstream: tuple[ndarray, ndarray]) -> ndarray:
-    return apply_operator(operator.T, np.concatenate([upstream[0], upstream[1]], axis=-2))
-
-
-defvjp(partial_derivatives, lambda _, f, operator: partial(_transposed, operator), argnums=(0,))
-defjvp(
-    partial_derivatives,
-    lambda tangent, answer, points, operator: partial_derivatives(tangent, operator),
-    argnums=(0,),
-)
+    f_u, f_v = np.split(apply_operator(operator, points), 2, axis=-2)
+    return f_u, f_v
 
 
 @primitive
