@@ -261,10 +261,11 @@ class Term(InheritsDocstrings, ABC):
         Returns
         -------
         float
+            By default infinite, no bound: distances from single precision are then computed again.
         """
         flat = np.concatenate([np.ravel(field) for field in fields])
         kept[: len(flat)] = flat
-        return 0.0
+        return np.inf
 
     def pack_surface(
         self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray

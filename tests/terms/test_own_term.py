@@ -42,12 +42,19 @@ class LogArea(Term):
         return changes_a[0] * changes_b[0]
 
 
+class Kept(LogArea):
+    """Features in single precision, and no bound on what that loses."""
+
+    single = True
+
+
 SPACE = AlignedSurfaces(sphere_template())
 POINTS = surfaces(SPACE.template, 5, rng=1)
 H = deformations(SPACE.template, 3, rng=2)
 METRICS = {
     "flat": SurfaceMetric(SPACE, [RootArea(0.7)]),
     "any": SurfaceMetric(SPACE, [LogArea(0.7)]),
+    "any, kept in single precision": SurfaceMetric(SPACE, [Kept(0.7)]),
     "sum": SurfaceMetric(SPACE, [EbinTerm(1.0, 0.1), LogArea(0.3), RootArea(2.0)]),
 }
 each_metric = pytest.mark.parametrize("metric", METRICS.values(), ids=METRICS)
@@ -59,6 +66,13 @@ def test_tables_of_distances(metric, precision):
     expected = np.array([[metric.dist(f, g) for g in POINTS] for f in POINTS])
     found = metric.dist_pairwise(POINTS, precision=precision, n_jobs=2)
     np.testing.assert_allclose(found, expected, rtol={"single": 1e-5, "double": 1e-10}[precision])
+
+
+def test_distances_whose_rounding_no_term_bounds_are_computed_in_double_precision():
+    metric = METRICS["any, kept in single precision"]
+    points = POINTS[0] + 1e-9 * (POINTS - POINTS[0])
+    found = metric.dist_pairwise(points, precision="single")
+    np.testing.assert_allclose(found, metric.dist_pairwise(points, precision="double"), rtol=1e-6)
 
 
 @each_metric
