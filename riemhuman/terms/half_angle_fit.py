@@ -70,10 +70,7 @@ _sine = polynomial(
     + (1.6907591059828979e-15,),
 )
 # sin(2a)/(2a) as a function of a² in [0, π²/4]: the next term of the series is below 1e-17.
-_double_sine = polynomial(
-    tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(9)),
-    tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15)),
-)
+_DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))
 # log(1 + f)/f for f in [√½ − 1, √2 − 1], to 1e-7 and 1e-16.
 _logarithm = polynomial(
     (1.0, -0.49999997, 0.333341926, -0.25001353, 0.199559331, -0.165779904, 0.14977406)
@@ -137,7 +134,9 @@ def half_angle_and_slope(m: float, half_kappa: float) -> tuple[float, float]:
     angle = half_kappa * length
     inside = angle < 0.5 * math.pi
     squared = angle * angle if inside else 0.25 * math.pi**2
-    slope = 2.0 * half_kappa**2 * _double_sine(squared) * ((length + tiny) / (sinh + tiny))
+    slope = (
+        2.0 * half_kappa**2 * evaluate(_DOUBLE_SINE, squared) * ((length + tiny) / (sinh + tiny))
+    )
     return squared * _sine(squared), slope if inside else 0.0
 
 
