@@ -5,15 +5,34 @@ Compiled code reads and writes beyond the ends of arrays without a word.
 
 import numpy as np
 import pytest
-from cases import open_template, surfaces
+from cases import deformations, open_template, surfaces
 
 from riemhuman.kernels import moving_frames, surface, triangles, turns
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, ebin, flat, normals, root_normals
+from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.terms import (
+    EbinTerm,
+    NormalTerm,
+    RootNormalTerm,
+    ebin,
+    first_order,
+    flat,
+    normal_projection,
+    normals,
+    root_normals,
+    second_order,
+    zeroth_order,
+)
 from riemhuman.terms.sum import SumOfTerms
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
 TERMS = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7)]
+FIRST_ORDER = first_order.FirstOrderTerm(
+    TEMPLATE, first_order.FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3)
+)
+QUADRATIC = [FIRST_ORDER, normal_projection.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
+QUADRATIC += [zeroth_order.ZerothOrderTerm(TEMPLATE, 0.4)]
+QUADRATIC += [second_order.SecondOrderTerm(TEMPLATE, 0.1)]
 MODULES = (triangles, ebin, flat, normals, root_normals)
 
 
@@ -66,6 +85,17 @@ def test_features(by_python, precision):
         lambda: SumOfTerms(TERMS[::2], TEMPLATE).features(collapsed(points), precision),
     ]
     check(MODULES, by_python, calls)
+
+
+@pytest.mark.parametrize("quadratic", QUADRATIC, ids=lambda term: type(term).__name__)
+def test_squared_norms(by_python, quadratic):
+    h, f = (by_vertex(make(TEMPLATE, 2, rng=6)) for make in (deformations, surfaces))
+    modules = (first_order, moving_frames, normal_projection, second_order, zeroth_order)
+    calls = [
+        lambda: quadratic.squared_norms_and_slopes(h, f),
+        lambda: [quadratic.squared_norms(h, f)],
+    ]
+    check(modules, by_python, calls)
 
 
 def test_loops_over_single_surfaces(by_python):

@@ -74,6 +74,7 @@ def test_pairs(term):
         field_features(term, together, AREAS, "double"),
         driver.features(POINTS, "double"),
     ):
+        assert len(features) == driver.n_arrays
         close(driver.squared_distances(features, features), term.weight * np.array(expected))
         pair = (of_one_kind(features[0]), of_one_kind(features[0].copy()))
         close(term.squared_distances(*pair, AREAS), expected)

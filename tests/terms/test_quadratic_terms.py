@@ -1,5 +1,7 @@
 """Terms of zeroth, first and second order: the compiled forms are those of the definitions."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from autograd import grad
@@ -11,6 +13,7 @@ from riemhuman.kernels.moving_frames import by_vertex
 from riemhuman.terms import normal_projection, second_order
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.normal_projection import NormalPartTerm
+from riemhuman.terms.quadratic import SumOfQuadraticTerms
 from riemhuman.terms.second_order import SecondOrderTerm
 from riemhuman.terms.zeroth_order import ZerothOrderTerm, corner_averages
 
@@ -78,7 +81,30 @@ def test_threads_give_the_same_bits(name, monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
+def test_sums_of_terms():
+    template = sphere_template()
+    terms = list(terms_over(template).values())[:2]
+    both = SumOfQuadraticTerms(terms, template)
+    path, h = surfaces(template, 4, rng=10), deformations(template, 2, rng=11)
+    products = sum(term.inner_product(h[0], h[1], path[:3]) for term in terms)
+    np.testing.assert_allclose(both.inner_product(h[0], h[1], path[:3]), products, rtol=1e-13)
+    found = h[0].ravel() @ (both.matrix(path[:3]) @ h[1].ravel())
+    np.testing.assert_allclose(found, np.mean(products), rtol=1e-10)
+    # Of the step from one surface to the next, at their mean, in a third of the time.
+    squares = [
+        term.inner_product(after - before, after - before, 0.5 * (before + after))
+        for before, after in pairwise(path)
+        for term in terms
+    ]
+    energy, gradient = both.path_energy(path)
+    np.testing.assert_allclose(energy, 3 * np.sum(squares), rtol=1e-12)
+    assert both.path_energy(path, gradient=False) == (pytest.approx(energy, rel=1e-14), None)
+    direction = deformations(template, 4, rng=12)
+    assert taylor_slope(lambda x: both.path_energy(x)[0], path, direction, gradient) >= 1.9
+
+
 def test_forms_say_the_weights():
+    assert not np.any(FirstOrderWeights().forms())
     for weights in WEIGHTS.values():
         found = FirstOrderWeights.from_forms(*weights.forms())
         np.testing.assert_allclose(found, weights, atol=1e-15)
