@@ -3,78 +3,10 @@
 from __future__ import annotations
 
 import ast
+from collections import Counter
 from pathlib import Path
 
-_ROOM = "room for intermediate results: more does no harm"
-
-# What sets how fast a right answer is found, and never which: tests must not care. Names are of
-# constants, variables, functions or arguments of the file.
-_SPEED_ALONE = {
-    "kernels/triangles.py": {
-        "_WORTH_THREADS": "from which size on threads share the work",
-        "threaded": "whether threads share the work",
-        **dict.fromkeys(("both", "axes", "along", "image"), _ROOM),
-    },
-    "kernels/turns.py": {
-        "_WORTH_THREADS": "from which size on threads share the work",
-        "threaded": "whether threads share the work",
-        **dict.fromkeys(("axis", "before", "after", "from_axes"), _ROOM),
-    },
-    "kernels/tiles.py": {
-        "LANES": "zeros at the end of rows, which add nothing",
-        "CHUNK": "triangles summed before they join the total: rounding errors only",
-        "_TILE_WORK": "work of one tile",
-        "_TILES_A_THREAD": "tiles that threads share",
-        "n_pairs": "pairs of one tile",
-        "size": "points on the side of one tile",
-    },
-    "terms/sum.py": {
-        "_WORTH_THREADS": "from which size on threads share the work",
-        "_IN_CACHE": "triangles that terms pass over together",
-        "threaded": "whether threads share the work",
-        "size": "triangles that terms pass over together",
-    },
-    "terms/half_angle_fit.py": {"_DEGREES": "more terms than needed are no less exact"},
-    "terms/term.py": {"_BLOCK": "surfaces looked at together"},
-    "kernels/threads.py": {
-        "N_CHUNKS": "parts that threads share",
-        "_is_large": "from which size on threads share the work",
-        "threaded": "whether threads share the work",
-    },
-    "geometry/pairwise.py": {
-        "MEMORY": "features held at once",
-        "_BLOCK": "points of one block",
-        "_CLOSE_BLOCK": "points of one block of close pairs",
-    },
-    "solvers/basis_path.py": {
-        "gram": "surfaces that a preconditioner is averaged over",
-        "unit": "unit of the values: any does",
-    },
-    "solvers/disentangling.py": {
-        "_LEAST_AREA": "share of their areas to which hardly any triangle shrinks",
-    },
-    "solvers/minimization.py": {
-        "_MEMORY": "steps that the minimiser remembers",
-        "_ROUND": "iterations after which a preconditioner is formed anew",
-        "refresh": "when the progress bar is drawn",
-    },
-    "solvers/path_straightening.py": {
-        "_N_NODES": "points that a preconditioner is averaged over",
-        "_WALL": "height of the wall: any above the first value does",
-        "nodes": "points that a preconditioner is averaged over",
-        "unit": "unit of the values: any does",
-    },
-    "solvers/preconditioner.py": {"_RIDGE": "added to the diagonal of a preconditioner"},
-    "solvers/spatial_factors.py": {
-        "_LARGEST_BLOCK": "up to which size a point is one block of a preconditioner",
-        "_N_PROBES": "random vectors that a preconditioner is estimated from",
-        "_RIDGE": "added to the diagonal of a preconditioner",
-        "_RIDGE_OF_BLOCKS": "added to the diagonal of a preconditioner",
-        "one_block": "whether a point is one block of a preconditioner",
-        "rng": "random vectors that a preconditioner is estimated from",
-    },
-    "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
-}
+from harmless_changes import SAME_RESULT, SPEED_ALONE
 
 _OPERATORS = {
     ast.Add: ast.Sub,
@@ -101,16 +33,31 @@ _COMPARISONS = {
 }
 
 
+def is_compiled(function: ast.FunctionDef) -> bool:
+    """Tell whether a function is marked `compiled`."""
+    return any("compiled" in ast.unparse(decorator) for decorator in function.decorator_list)
+
+
 class _Saboteur(ast.NodeTransformer):
     """Visits the places where something can be changed; changes the one of a number."""
 
-    def __init__(self, target: int = -1, passed_over: frozenset[str] = frozenset()) -> None:
-        self.count = 0
+    def __init__(self, name: str, lines: list[str], target: int) -> None:
+        self.count = self.n_passed_over = 0
         self.line, self.what = 0, ""
         self._target = target
-        self._passed_over = passed_over
+        self._passed_over = SPEED_ALONE.get(name, {})
+        self._same_result = SAME_RESULT.get(name, {})
+        self._lines = lines
+        # By lines and changes: how many places there are.
+        self.met: Counter[tuple[str, str]] = Counter()
+        self._compiled = False
 
     def _here(self, node: ast.expr | ast.stmt, what: str) -> bool:
+        line = self._lines[node.lineno - 1].strip()
+        self.met[line, what] += 1
+        if {what, f"{what} #{self.met[line, what]}"} & set(self._same_result.get(line, {})):
+            self.n_passed_over += 1
+            return False
         self.count += 1
         if self.count - 1 != self._target:
             return False
@@ -176,14 +123,27 @@ class _Saboteur(ast.NodeTransformer):
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
         # Decorators say how code is compiled and kept.
         if node.name not in self._passed_over:
+            around, self._compiled = self._compiled, is_compiled(node)
             node.args = self.visit(node.args)
             node.body = [self.visit(statement) for statement in node.body]
+            self._compiled = around
         return node
 
     def visit_ClassDef(self, node: ast.ClassDef) -> ast.AST:
         # Nor is it behaviour that a record is frozen.
         node.body = [self.visit(statement) for statement in node.body]
         return node
+
+    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
+        branches = {ast.unparse(node.body), ast.unparse(node.orelse)}
+        if isinstance(node.test, ast.Compare) and branches == {
+            ast.unparse(side) for side in (node.test.left, *node.test.comparators)
+        }:
+            # The lesser or the greater of two: where they are equal, either is.
+            self.generic_visit(node.test)
+            node.body, node.orelse = self.visit(node.body), self.visit(node.orelse)
+            return node
+        return self.generic_visit(node)
 
     def visit_If(self, node: ast.If) -> ast.AST:
         return node if ast.unparse(node.test) == "TYPE_CHECKING" else self.generic_visit(node)
@@ -197,6 +157,9 @@ class _Saboteur(ast.NodeTransformer):
             # Any number below 0 stands for what is left.
             node.func = self.visit(node.func)
             node.args = [self._visit_size(argument) for argument in node.args]
+        elif self._compiled and called.endswith(".empty"):
+            # Room for intermediate results: more does no harm.
+            pass
         elif called != "warnings.warn":
             self.generic_visit(node)
         return node
@@ -230,13 +193,37 @@ class _Saboteur(ast.NodeTransformer):
 
 def changed_at(file: Path, target: int = -1) -> tuple[_Saboteur, str]:
     """Change a place of a file; return the saboteur and the changed text."""
-    passed_over = _SPEED_ALONE.get(f"{file.parent.name}/{file.name}", {})
-    saboteur = _Saboteur(target, frozenset(passed_over))
-    tree = saboteur.visit(ast.parse(file.read_text(encoding="utf-8")))
+    text = file.read_text(encoding="utf-8")
+    saboteur = _Saboteur(f"{file.parent.name}/{file.name}", text.splitlines(), target)
+    tree = saboteur.visit(ast.parse(text))
     return saboteur, ast.unparse(ast.fix_missing_locations(tree))
 
 
-def places_in(room: Path, names: list[str]) -> list[tuple[Path, int]]:
-    """Return every place that can be changed in the files of these names, or of the whole room."""
+def places_in(room: Path, names: list[str]) -> tuple[list[tuple[Path, int]], int]:
+    """Return every place that can be changed in the files of these names, or of the whole room.
+
+    And how many others `SAME_RESULT` lists.
+    """
     files = sorted(file for file in room.glob("*.py") if not names or file.name in names)
-    return [(file, number) for file in files for number in range(changed_at(file)[0].count)]
+    visited = [(file, changed_at(file)[0]) for file in files]
+    places = [(file, number) for file, found in visited for number in range(found.count)]
+    return places, sum(found.n_passed_over for _, found in visited)
+
+
+def lost(package: Path) -> list[str]:
+    """Return what the tables of changes that do no harm list, and the package does not have."""
+    found = []
+    for name in sorted({*SPEED_ALONE, *SAME_RESULT}):
+        if not (package / name).exists():
+            found.append(name)
+            continue
+        nodes = list(ast.walk(ast.parse((package / name).read_text(encoding="utf-8"))))
+        known = {getattr(node, field, None) for node in nodes for field in ("id", "arg", "name")}
+        found += [f"{name}: {some}" for some in SPEED_ALONE.get(name, {}) if some not in known]
+        met = changed_at(package / name)[0].met
+        for line, changes in SAME_RESULT.get(name, {}).items():
+            for change in changes:
+                what, _, number = change.partition(" #")
+                if met[line, what] < int(number or 1):
+                    found.append(f"{name}: {change}: {line}")
+    return found

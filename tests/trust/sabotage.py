@@ -7,7 +7,7 @@ in a run of the room without any change. Files of compiled functions are tested 
 which compiles nothing and shows who runs which function; an error that compiled functions do not
 raise counts for nothing there, and whoever survives is tested compiled, by all tests of the room.
 It prints the share of changes that were noticed, and those that were not. A change that makes the
-tests hang counts as noticed.
+tests hang counts as noticed. What no test can notice is not changed: see `harmless_changes`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ from __future__ import annotations
 import argparse
 import ast
 import contextlib
+import hashlib
 import importlib
+import itertools
 import json
 import math
 import os
@@ -26,12 +28,13 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import CodeType
 from typing import Any, NoReturn
 
 import numba
 import numpy as np
 import pytest
-from random_changes import changed_at, places_in
+from random_changes import changed_at, is_compiled, lost, places_in
 
 # What most tests import: loaded once.
 for _module in (
@@ -83,33 +86,42 @@ class _Recorder:
 
     def __init__(self, package: Path, path: Path) -> None:
         self._package, self._path = f"{package}{os.sep}", path
-        self._run: set[tuple[str, int]] = set()
+        # By their ids: hashes of code are those of its text, which takes time at every call.
+        self._run: dict[int, CodeType] = {}
         self._tests: dict[str, Any] = {}
         self._failed: set[str] = set()
 
-    def _note(self, frame: Any, event: str, _: Any) -> None:
-        code = frame.f_code
-        if code.co_filename.startswith(self._package):
-            self._run.add((code.co_filename.removeprefix(self._package), code.co_firstlineno))
+    def _watch(self) -> None:
+        self._run = ran = {}
+
+        def note(frame: Any, event: str, _: Any) -> None:
+            code = frame.f_code
+            ran[id(code)] = code
+
+        sys.settrace(note)
+
+    def _functions(self) -> list[tuple[str, int]]:
+        """Return what ran since `_watch`: files of the package, and first lines."""
+        sys.settrace(None)
+        ours = [code for code in self._run.values() if code.co_filename.startswith(self._package)]
+        names = [code.co_filename.removeprefix(self._package) for code in ours]
+        return sorted({*zip(names, (code.co_firstlineno for code in ours), strict=True)})
 
     @pytest.hookimpl(wrapper=True)
     def pytest_make_collect_report(self, collector: Any) -> Any:
         # What a file of tests makes for all of them.
-        self._run = set()
-        sys.settrace(self._note)
+        self._watch()
         report = yield
-        sys.settrace(None)
-        if self._run:
-            self._tests[collector.nodeid] = (0.0, sorted(self._run))
+        if functions := self._functions():
+            self._tests[collector.nodeid] = (0.0, functions)
         return report
 
     @pytest.hookimpl(wrapper=True)
     def pytest_runtest_protocol(self, item: Any) -> Any:
-        self._run, began = set(), time.monotonic()
-        sys.settrace(self._note)
+        began = time.monotonic()
+        self._watch()
         result = yield
-        sys.settrace(None)
-        self._tests[item.nodeid] = (time.monotonic() - began, sorted(self._run))
+        self._tests[item.nodeid] = (time.monotonic() - began, self._functions())
         return result
 
     def pytest_runtest_logreport(self, report: Any) -> None:
@@ -190,11 +202,11 @@ class _Copy:
         self.folder, self.room = folder, room
         for name in ("riemhuman", "tests"):
             ignored = shutil.ignore_patterns("__pycache__")
-            shutil.copytree(ROOT / name, folder / name, ignore=ignored)
+            shutil.copytree(ROOT / name, folder / name, ignore=ignored, dirs_exist_ok=True)
         for name in ("setup.cfg", "README.md"):
             shutil.copy(ROOT / name, folder)
         self._compiled = folder / "compiled"
-        self._compiled.mkdir()
+        self._compiled.mkdir(exist_ok=True)
         self._output = ""
         self._sources = {
             ".".join(source.relative_to(folder).with_suffix("").parts): source.read_text("utf-8")
@@ -210,17 +222,24 @@ class _Copy:
 
         Returns how many there are, and how many run interpreted.
         """
-        self._tests, end = self._recorded([], self._compiled, seconds)
+        kept = self.folder / "recorded.json"
+        if not kept.exists():
+            kept.write_text(json.dumps(self._both_recorded(seconds)), encoding="utf-8")
+        recorded = self._tests, self._interpreted = json.loads(kept.read_text(encoding="utf-8"))
+        n_tests, n_interpreted = (sum("::" in test for test in tests) for tests in recorded)
+        return n_tests, n_interpreted
+
+    def _both_recorded(self, seconds: float) -> tuple[dict[str, Any], dict[str, Any]]:
+        tests, end = self._recorded([], self._compiled, seconds)
         if end != "survived":
             sys.exit(f"{self._output}\nthe tests of the room fail without any change")
+        interpreted: dict[str, Any] = {}
         if any(
             self.is_compiled(file) for file in (self.folder / "riemhuman" / self.room).iterdir()
         ):
             # What passes compiled alone, or is slow, is not asked interpreted.
-            self._interpreted, _ = self._recorded([_Interpreted()], None, seconds)
-        recorded = (self._tests, self._interpreted)
-        n_tests, n_interpreted = (sum("::" in test for test in tests) for tests in recorded)
-        return n_tests, n_interpreted
+            interpreted, _ = self._recorded([_Interpreted()], None, seconds)
+        return tests, interpreted
 
     def _recorded(
         self, plugins: list[Any], compiled: Path | None, seconds: float
@@ -262,7 +281,6 @@ class _Copy:
             if isinstance(node, ast.FunctionDef) and node.lineno <= line <= (node.end_lineno or 0)
         ]
         starts = {min([n.lineno, *(d.lineno for d in n.decorator_list)]) for n in around}
-        is_compiled = any("compiled" in ast.unparse(d) for n in around for d in n.decorator_list)
         mirror = _MIRRORS.get(name, f"{self.room}/test_{file.name}")
 
         def chosen(recorded: dict[str, Any]) -> list[str]:
@@ -277,7 +295,7 @@ class _Copy:
             return sorted(found, key=lambda t: (not t.startswith(f"tests/{mirror}"), seconds[t]))
 
         interpreted = chosen(self._interpreted) if self.is_compiled(file) else []
-        if not is_compiled:
+        if not any(map(is_compiled, around)):
             return interpreted, chosen(self._tests)
         # Who runs a compiled function is known of what runs interpreted.
         spared = set(self._interpreted) - set(interpreted)
@@ -365,6 +383,17 @@ class _Copy:
         os._exit(code)
 
 
+def _digest(room: str) -> str:
+    """Return what changes with the package, or with the tests of a room."""
+    folders = ROOT.glob("riemhuman/**/*.py"), ROOT.glob("tests/*.py")
+    digest = hashlib.sha256()
+    for file in sorted({*itertools.chain(*folders, ROOT.glob(f"tests/{room}/**/*.py"))}):
+        # Compiled functions on disk are known by the time of their source.
+        digest.update(f"{file.relative_to(ROOT)} {file.stat().st_mtime_ns}".encode())
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def _exit_code(child: int, seconds: float) -> int | None:
     """Return how a process ends, or None where it runs for too long; nothing of it is left."""
     deadline = time.monotonic() + seconds
@@ -397,10 +426,21 @@ def main() -> None:
         help="begin no change after so long; the order is random",
     )
     parser.add_argument("--least", type=float, default=0.0, help="per cent, else the run fails")
+    parser.add_argument(
+        "--keep",
+        type=Path,
+        help="folder for what is recorded, which the next run of the same files finds there",
+    )
     options = parser.parse_args()
-    with tempfile.TemporaryDirectory() as folder:
-        copy = _Copy(Path(folder), options.room)
-        places = places_in(copy.folder / "riemhuman" / options.room, options.files)
+    if gone := lost(ROOT / "riemhuman"):
+        sys.exit("listed in harmless_changes.py, and no longer in the package: " + "; ".join(gone))
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        if options.keep:
+            folder = options.keep.absolute() / options.room / _digest(options.room)
+            folder.mkdir(parents=True, exist_ok=True)
+        copy = _Copy(folder, options.room)
+        places, n_passed_over = places_in(copy.folder / "riemhuman" / options.room, options.files)
         chosen = random.Random(options.seed).sample(places, min(options.n, len(places)))
         start = time.monotonic()
         n_tests, n_interpreted = copy.check_tests(20 * options.timeout)
@@ -429,7 +469,8 @@ def main() -> None:
     share = 100 * noticed / len(ends)
     sys.stdout.write(
         f"{noticed} of {len(ends)} noticed by tests/{options.room}, {share:.0f} % "
-        f"({ends.count('timed out')} by hanging; {len(places)} places)\n"
+        f"({ends.count('timed out')} by hanging; {len(places)} places, and {n_passed_over} known "
+        "to change nothing were passed over)\n"
     )
     if share < options.least:
         sys.exit(f"at least {options.least:g} % were asked for")

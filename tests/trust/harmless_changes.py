@@ -1,0 +1,82 @@
+"""Changes of the code that no test can notice, since no result depends on them.
+
+`random_changes` passes over them; what is listed here and no longer in the code is an error.
+"""
+
+from __future__ import annotations
+
+_ROOM = "room for intermediate results: more does no harm"
+
+# What sets how fast a right answer is found, and never which: tests must not care. Names are of
+# constants, variables, functions or arguments of the file.
+SPEED_ALONE = {
+    "kernels/triangles.py": {
+        "_WORTH_THREADS": "from which size on threads share the work",
+        "threaded": "whether threads share the work",
+        **dict.fromkeys(("both", "axes", "along"), _ROOM),
+    },
+    "kernels/turns.py": {
+        "_WORTH_THREADS": "from which size on threads share the work",
+        "threaded": "whether threads share the work",
+        **dict.fromkeys(("axis", "before", "after", "from_axes"), _ROOM),
+    },
+    "kernels/tiles.py": {
+        "LANES": "zeros at the end of rows, which add nothing",
+        "CHUNK": "triangles summed before they join the total: rounding errors only",
+        "_TILE_WORK": "work of one tile",
+        "_TILES_A_THREAD": "tiles that threads share",
+        "n_pairs": "pairs of one tile",
+        "size": "points on the side of one tile",
+    },
+    "terms/sum.py": {
+        "_WORTH_THREADS": "from which size on threads share the work",
+        "_IN_CACHE": "triangles that terms pass over together",
+        "threaded": "whether threads share the work",
+        "size": "triangles that terms pass over together",
+    },
+    "terms/half_angle_fit.py": {"_DEGREES": "more terms than needed are no less exact"},
+    "kernels/threads.py": {
+        "N_CHUNKS": "parts that threads share",
+        "_is_large": "from which size on threads share the work",
+        "threaded": "whether threads share the work",
+    },
+    "geometry/pairwise.py": {
+        "MEMORY": "features held at once",
+        "_BLOCK": "points of one block",
+        "_CLOSE_BLOCK": "points of one block of close pairs",
+    },
+    "solvers/basis_path.py": {
+        "gram": "surfaces that a preconditioner is averaged over",
+    },
+    "solvers/disentangling.py": {
+        "_LEAST_AREA": "share of their areas to which hardly any triangle shrinks",
+    },
+    "solvers/minimization.py": {
+        "_MEMORY": "steps that the minimiser remembers",
+        "_ROUND": "iterations after which a preconditioner is formed anew",
+        "refresh": "when the progress bar is drawn",
+    },
+    "solvers/path_straightening.py": {
+        "nodes": "points that a preconditioner is averaged over",
+    },
+    "solvers/preconditioner.py": {"_RIDGE": "added to the diagonal of a preconditioner"},
+    "solvers/spatial_factors.py": {
+        "_LARGEST_BLOCK": "up to which size a point is one block of a preconditioner",
+        "_N_PROBES": "random vectors that a preconditioner is estimated from",
+        "_RIDGE": "added to the diagonal of a preconditioner",
+        "_RIDGE_OF_BLOCKS": "added to the diagonal of a preconditioner",
+        "one_block": "whether a point is one block of a preconditioner",
+        "rng": "random vectors that a preconditioner is estimated from",
+    },
+    "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
+}
+
+# By files and lines: changes after which every result is the same, and why. Of several places of
+# one kind in a line, the n-th alone is "... #n".
+SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
+    "terms/half_angle_fit.py": {
+        "_DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))": {
+            "15 changed": "the next term of the series is below 1e-17",
+        },
+    },
+}
