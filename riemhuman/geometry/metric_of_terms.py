@@ -11,7 +11,6 @@ from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
-from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.kernels.known_gradient import with_known_gradient
@@ -19,6 +18,7 @@ from riemhuman.kernels.threads import quadratic_form
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.terms.quadratic import SumOfQuadraticTerms
 from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms.term_checks import checked_terms
 
 
 class MetricOfTerms(RiemannianMetric):
@@ -40,7 +40,10 @@ class MetricOfTerms(RiemannianMetric):
     Raises
     ------
     ArgumentError
-        If there is no term.
+        If there is no term, or the fields of one do not have the shape that `Term` says, or those
+        of a triangle depend on other triangles.
+    ArgumentTypeError
+        If something else is found in place of a term.
     """
 
     space: TemplateSurfaces
@@ -64,10 +67,7 @@ class MetricOfTerms(RiemannianMetric):
             log_solver=log_solver,
             transport_solver=transport_solver,
         )
-        self.terms = tuple(terms)
-        if not self.terms:
-            raise ArgumentError("terms must hold at least one term; found none")
-
+        self.terms = checked_terms(terms, self.driver.term_class)
         self._sum = self.driver(self.terms, space.template)
 
     def inner_product(

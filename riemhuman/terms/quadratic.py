@@ -102,6 +102,8 @@ class SumOfQuadraticTerms:
         The template.
     """
 
+    term_class = QuadraticTerm
+
     def __init__(self, terms: Sequence[QuadraticTerm], template: Any) -> None:
         self.terms, self.template = tuple(terms), template
 

@@ -49,6 +49,8 @@ class SumOfTerms:
         Template areas.
     """
 
+    term_class = Term
+
     def __init__(self, terms: Sequence[Term], template: Any) -> None:
         self.terms, self.template = tuple(terms), template
         self.n_arrays = 2 * len(self.terms)

@@ -73,6 +73,7 @@ class Term(InheritsDocstrings, ABC):
     (3, 3)
     """
 
+    weight = 1.0  # of subclasses that do not call __init__
     sees_rotations = True
     sees_lengths = True
     needs_area = False

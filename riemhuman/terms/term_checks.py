@@ -1,0 +1,98 @@
+"""Checks of the terms that a metric is made of, once, when it is made."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.kernels.surface import Derivatives, follow_up
+from riemhuman.terms.flat import FlatTerm
+from riemhuman.terms.term import Term
+
+# Partial derivatives of three triangles on each of two surfaces, of no special shape.
+_TRIANGLES = np.random.default_rng(0).uniform(0.2, 1.0, (2, 2, 3, 3))
+_TRIANGLES[0, ..., 0] += 1.0
+_TRIANGLES[1, ..., 1] += 1.0
+
+
+def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
+    """Return the terms of a metric after checking that loops over triangles can run them.
+
+    A loop trusts the shapes of the fields; wrong ones would have it write beyond its arrays.
+
+    Parameters
+    ----------
+    terms : sequence of Term or QuadraticTerm
+        The terms.
+    term_class : type
+        What each of them must be.
+
+    Returns
+    -------
+    tuple
+
+    Raises
+    ------
+    ArgumentError
+        If there is no term, or a term's fields or squared distances do not have the shape that
+        `Term` says, or those of a triangle depend on other triangles.
+    ArgumentTypeError
+        If something else is found in place of a term or of a field.
+    """
+    if not isinstance(terms, Sequence) or isinstance(terms, str):
+        raise ArgumentTypeError(f"terms must be a sequence of terms; found {terms!r}")
+    if not terms:
+        raise ArgumentError("terms must hold at least one term; found none")
+    for term in terms:
+        if not isinstance(term, term_class):
+            raise ArgumentTypeError(
+                f"terms must hold instances of {term_class.__name__}; found {term!r}"
+            )
+        if isinstance(term, Term):
+            _check_fields(term)
+    return tuple(terms)
+
+
+def _check_fields(term: Term) -> None:
+    name, shape = type(term).__name__, _TRIANGLES.shape[1:3]
+    together = _fields(term, follow_up(*_TRIANGLES))
+    for field in together:
+        dimensions = (3,) if isinstance(term, FlatTerm) else (2, 3)
+        if field.shape[:2] != shape or field.ndim not in dimensions:
+            expected = " or ".join(["(..., F)", "(..., F, n)"][-len(dimensions) :])
+            raise ArgumentError(
+                f"the fields of {name} must have shape {expected}; for derivatives of shape "
+                f"(2, 3, 3), of three triangles on each of two surfaces, found {field.shape}"
+            )
+    alone = _fields(term, follow_up(*_TRIANGLES[:, 1:, 2:]))
+    for whole, part in zip(together, alone, strict=True):
+        if not np.allclose(whole[1:, 2:], part, rtol=1e-8, atol=1e-8, equal_nan=True):
+            raise ArgumentError(
+                f"the fields of {name} must be computed triangle by triangle; found values that "
+                "change with the other triangles"
+            )
+    found = np.shape(term.squared_dist(together, together))
+    if found != shape:
+        raise ArgumentError(
+            f"squared_dist of {name} must return shape (..., F), one number a triangle; for fields "
+            f"of three triangles on each of two surfaces, found {found}"
+        )
+
+
+def _fields(term: Term, first: Derivatives) -> tuple[ndarray, ...]:
+    name, fields = type(term).__name__, term.fields(first)
+    if not isinstance(fields, tuple) or not fields:
+        raise ArgumentTypeError(
+            f"fields of {name} must return a tuple of arrays; found {type(fields).__name__}"
+        )
+    for field in fields:
+        if np.asarray(field).dtype.kind != "f":
+            raise ArgumentTypeError(
+                f"the fields of {name} must be arrays of real numbers; found "
+                f"{np.asarray(field).dtype}"
+            )
+    return tuple(map(np.asarray, fields))
