@@ -74,5 +74,9 @@ class UnseenLengthsWarning(UserWarning):
     """A mean is computed with a metric that ignores the edge lengths of surfaces."""
 
 
+class UnseenSlidesWarning(UserWarning):
+    """A path over all vertices is searched with a metric that ignores motions along surfaces."""
+
+
 class ClusterError(RiemhumanError, RuntimeError):
     """A cluster cannot continue its work."""

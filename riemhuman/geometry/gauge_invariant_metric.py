@@ -39,6 +39,8 @@ class GaugeInvariantMetric(MidpointMetric):
 
     Raises
     ------
+    ArgumentError
+        If the triangles of the template are not consistently oriented.
     ArgumentTypeError
         If the metric is not a first-order metric on surfaces.
 
@@ -46,14 +48,15 @@ class GaugeInvariantMetric(MidpointMetric):
     -----
     Motions along the surface cost nothing: there is no closed-form distance, the Gram matrix is
     semidefinite, and the surfaces of a path of least energy are free to slide along themselves.
-    Unlike G, the metric sees translations. The triangles of the template must be consistently
-    oriented.
+    Unlike G, the metric sees translations.
 
-    Paths over smooth deformations, such as mesh harmonics, are found in some tens of iterations.
-    Over a basis of motions, between distant poses, the energy still decreases after hundreds.
-    Sliding is not the reason: a motion without stretching, even a translation, costs φ² times the
-    squared curvatures, and fingers that move far cost most. The path of least energy swells them as
-    they travel, far from the straight path, and a small cost of sliding does not change that.
+    Search for paths over smooth deformations, as in the example, and compare energies found over
+    the same ones only: the more of them, the lower the energy. Over all vertices a mesh crumples,
+    because creases that slide cost little, the energy falls on and on, and a warning says so.
+
+    A motion without stretching, even a translation, costs φ² times the squared curvatures, and
+    fingers that move far cost most: the path of least energy swells them as they travel. The metric
+    is for surfaces that are near each other, such as bodies in one pose.
 
     Examples
     --------
@@ -61,8 +64,12 @@ class GaugeInvariantMetric(MidpointMetric):
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> metric = rh.GaugeInvariantMetric(rh.ElasticMetric(space, a=1.0, lam=1.0, c=1.0))
-    >>> velocity = bodies[1] - bodies[0]
+    >>> velocity = bodies[10] - bodies[0]
     >>> bool(metric.norm(velocity, bodies[0]) > 0)
+    True
+    >>> harmonics = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> solver = rh.solvers.BasisPath(harmonics, n_nodes=4)
+    >>> solver.solve(metric, bodies[0], bodies[10]).converged
     True
     """
 

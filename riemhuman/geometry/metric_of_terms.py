@@ -11,6 +11,7 @@ from autograd.tracer import isbox
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.kernels.known_gradient import with_known_gradient
@@ -101,10 +102,14 @@ class MetricOfTerms(RiemannianMetric):
 
         Raises
         ------
+        ArgumentError
+            If there is no surface.
         DegenerateSurfaceError
             If a triangle of a surface has no area.
         """
         surfaces = self.space.check_tangent_vec(base_point, "base_point")
+        if surfaces.size == 0:
+            raise ArgumentError("base_point must hold at least one surface; found none")
         return self._sum.matrix(surfaces.reshape(-1, *self.space.shape))
 
     def energy(self, path: ndarray) -> ndarray:

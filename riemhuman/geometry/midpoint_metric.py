@@ -23,6 +23,21 @@ class MidpointMetric(MetricOfTerms):
 
     driver = SumOfQuadraticTerms
 
+    @property
+    def sees_translations(self) -> bool:
+        """Whether a term sees translations."""
+        return any(term.sees_translations for term in self.terms)
+
+    @property
+    def sees_lengths(self) -> bool:
+        """Whether a term sees the lengths of edges."""
+        return any(term.sees_lengths for term in self.terms)
+
+    @property
+    def sees_slides(self) -> bool:
+        """Whether a term sees surfaces slide along themselves."""
+        return any(term.sees_slides for term in self.terms)
+
     def remove_drift(self, path: ndarray) -> ndarray:
         """Remove translations from a path if no term sees them.
 
@@ -32,6 +47,6 @@ class MidpointMetric(MetricOfTerms):
             A path of the same energy with the same ends.
         """
         path = self.check_points(path, "path")
-        if any(term.sees_translations for term in self.terms):
+        if self.sees_translations:
             return path
         return still_path(path, self.space.template.vertex_areas, rotations=False)

@@ -6,6 +6,7 @@ what a method takes, what it returns, and what it may leave out. `riemhuman.solv
 """
 
 from riemhuman.protocols.capabilities import (
+    MetricOfSlides,
     MetricOfSurfaces,
     MetricWithCompanion,
     MetricWithLowerBound,
@@ -46,6 +47,7 @@ __all__ = [
     "GeodesicSolver",
     "LogSolver",
     "MeanSolver",
+    "MetricOfSlides",
     "MetricOfSurfaces",
     "MetricWithCompanion",
     "MetricWithLowerBound",

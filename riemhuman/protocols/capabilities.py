@@ -102,6 +102,18 @@ class MetricOfSurfaces(Protocol):
 
 
 @runtime_checkable
+class MetricOfSlides(Protocol):
+    """A metric of surfaces that tells whether it sees them slide along themselves.
+
+    Where it does not, meshes in paths over all vertices crumple: creases that slide cost little.
+    """
+
+    @property
+    def sees_slides(self) -> bool:
+        """Whether it costs something when a surface slides along itself."""
+
+
+@runtime_checkable
 class MetricWithCompanion(MetricOfSurfaces, Protocol):
     """A metric that knows what joins it in searches for surfaces, to see what it does not."""
 

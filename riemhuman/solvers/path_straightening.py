@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -13,12 +14,13 @@ from numpy import ndarray
 from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import real_number, whole_number
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, UnseenSlidesWarning
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import (
     INTERRUPTED,
     GeodesicSolver,
+    MetricOfSlides,
     PathEnergy,
     SurfaceSpace,
     uninterrupted,
@@ -151,8 +153,18 @@ class PathStraightening(ManyPaths):
         -----
         ConvergenceWarning
             If the stopping test was not met.
+        UnseenSlidesWarning
+            If the metric does not see surfaces slide along themselves: their meshes crumple.
         """
         start, end = check_end_points(metric, start, end)
+        if isinstance(metric, MetricOfSlides) and not metric.sees_slides:
+            warnings.warn(
+                f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
+                "meshes of a path crumple, and its energy falls on and on. Search over smooth "
+                "deformations, as BasisPath(DeformationBasis.from_laplacian(template)) does",
+                UnseenSlidesWarning,
+                stacklevel=2,
+            )
         n_segments = self.n_nodes - 1
         if n_segments == 1:
             single = linear_path(start, end, 2)

@@ -15,7 +15,7 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.checks import values_of
-from riemhuman.errors import DegenerateSurfaceError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.kernels import surface
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.moving_frames import fill_edges, is_worth_threads
@@ -65,6 +65,34 @@ def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
     sums = np.where(unused[..., None], 1.0, sums)
     unit = sums / np.sqrt(surface.dot(sums, sums))[..., None]
     return np.where(unused[..., None], 0.0, unit)
+
+
+def refuse_mixed_orientation(faces: ndarray) -> None:
+    """Refuse triangles that turn opposite sides up, so that normals around a vertex mean nothing.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles. Edges that more than two of them share say nothing.
+
+    Raises
+    ------
+    ArgumentError
+        If two triangles pass their common edge in the same direction.
+    """
+    sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
+    ahead = sides[:, 0] < sides[:, 1]
+    edges, edge_of_side = onp.unique(onp.sort(sides, axis=1), axis=0, return_inverse=True)
+    edge_of_side = edge_of_side.reshape(-1)
+    counts = onp.bincount(edge_of_side)
+    mixed = (counts == 2) & (onp.bincount(edge_of_side, weights=ahead) != 1)
+    if mixed.any():
+        one, other = edges[onp.argmax(mixed)]
+        raise ArgumentError(
+            f"the two triangles at the edge between the vertices {one} and {other} of the template "
+            f"turn opposite sides up (and those at {int(mixed.sum()) - 1} other edges), so that "
+            "vertices have no normals; orient all triangles of the template consistently"
+        )
 
 
 def project(h: ndarray, f: ndarray, template: Any, averages: csr_array) -> ndarray:
@@ -238,12 +266,20 @@ class NormalPartTerm(QuadraticTerm):
         The template.
     term : QuadraticTerm
         The term of the parts.
+
+    Raises
+    ------
+    ArgumentError
+        If the triangles are not consistently oriented.
     """
 
     sees_translations = True
+    sees_slides = False
 
     def __init__(self, template: Any, term: QuadraticTerm) -> None:
+        refuse_mixed_orientation(template.faces)
         self.template, self.term = template, term
+        self.sees_lengths = term.sees_lengths
         self._averages = corner_averages(template.faces, template.n_vertices)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:

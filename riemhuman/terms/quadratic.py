@@ -25,9 +25,15 @@ class QuadraticTerm(InheritsDocstrings, ABC):
     ----------
     sees_translations : bool
         Whether translations cost something.
+    sees_lengths : bool
+        Whether it costs something when edges get longer or shorter.
+    sees_slides : bool
+        Whether it costs something when a surface slides along itself.
     """
 
     sees_translations = False
+    sees_lengths = True
+    sees_slides = True
 
     @abstractmethod
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:

@@ -23,6 +23,7 @@ from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.solvers import BasisPath, LinearPath
+from riemhuman.surfaces import DeformationBasis
 from riemhuman.terms import FlatTerm
 
 METRICS = {
@@ -84,6 +85,23 @@ def test_geodesic(benchmark, name, poses):
         f"\n{name}, {' to '.join(poses)}, {resolution}: {wall:.2f} s, {processor:.2f} s of the "
         f"processor, {result.n_evaluations} evaluations, energy {result.energies[0]:.5g} to "
         f"{result.energy:.5g}"
+    )
+    assert result.converged
+
+
+@pytest.mark.parametrize("people", [(20, 40), (30, 50)], ids=str)
+def test_geodesic_along_normals(benchmark, people):
+    """Between two people in one pose, over mesh harmonics."""
+    resolution = "coarse" if benchmark.disabled else "full"
+    data = bodies(resolution)
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(data.template, equip=False)))
+    harmonics = DeformationBasis.from_laplacian(data.template, n_components=100)
+    solver, ends = BasisPath(harmonics, n_nodes=6), data.points[list(people)]
+    result, wall = benchmark.pedantic(lambda: timed(solver, metric, *ends), rounds=1, iterations=1)
+    straight = metric.energy(np.linspace(*ends, 6))
+    print(
+        f"\ngauge-invariant SRNF over 100 harmonics, {resolution}: {wall:.1f} s, "
+        f"{result.n_evaluations} evaluations, energy {straight:.3g} to {result.energy:.3g}"
     )
     assert result.converged
 

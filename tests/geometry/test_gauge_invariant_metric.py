@@ -14,13 +14,20 @@ from cases import (
 from parametric_surfaces import sphere, torus
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentTypeError, DegenerateSurfaceError, NotDefinedError
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    ConvergenceWarning,
+    DegenerateSurfaceError,
+    NotDefinedError,
+    UnseenSlidesWarning,
+)
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.solvers import BasisPath
+from riemhuman.solvers import BasisPath, PathStraightening
 from riemhuman.surfaces import DeformationBasis, Template
 from riemhuman.terms import normal_projection
 from riemhuman.terms.zeroth_order import corner_averages
@@ -140,6 +147,40 @@ def test_solvers_find_paths_over_smooth_deformations():
     assert result.energy < 0.995 * metric.energy(np.linspace(start, end, 6))
 
 
+def test_meshes_crumple_over_all_vertices_and_a_warning_says_so():
+    template = sphere_template(2)
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template, equip=False)))
+    start, end = surfaces(template, 2, rng=3, size=0.15)
+    solver = PathStraightening(n_nodes=4, max_iter=30)
+    with (
+        pytest.warns(UnseenSlidesWarning, match="GaugeInvariantMetric.*the meshes of a path crump"),
+        pytest.warns(ConvergenceWarning, match="after 30 iterations"),
+    ):
+        crumpled = solver.solve(metric, start, end)
+    basis = DeformationBasis.from_laplacian(template, n_components=20)
+    smooth = BasisPath(basis, n_nodes=4).solve(metric, start, end)
+    assert crumpled.energy < 0.8 * smooth.energy
+    assert metric.metric.energy(crumpled.path) > 2 * metric.metric.energy(smooth.path)
+
+
+@pytest.mark.parametrize("others", [SRNFMetric, SobolevMetric])
+def test_metrics_that_see_slides_are_not_warned_of(others):
+    template = sphere_template()
+    metric = others(AlignedSurfaces(template, equip=False))
+    assert PathStraightening(n_nodes=3).solve(metric, *surfaces(template, 2)).converged
+
+
+def test_people_in_one_pose_over_harmonics():
+    bodies = load_open_bodies("coarse")
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(bodies.template, equip=False)))
+    basis = DeformationBasis.from_laplacian(bodies.template, n_components=60)
+    solver = BasisPath(basis, n_nodes=6)
+    start, end = bodies.points[20], bodies.points[40]
+    result = solver.solve(metric, start, end)
+    assert result.converged
+    assert result.energy < 0.95 * metric.energy(np.linspace(start, end, 6))
+
+
 def test_why_limbs_do_not_travel_far():
     """Carrying a thin part costs by its curvature, which no regularisation along it changes."""
     bodies = load_open_bodies("coarse")
@@ -203,6 +244,26 @@ def test_vertices_whose_normals_cancel_are_refused():
         with pytest.raises(DegenerateSurfaceError, match="vertex 0 cancel, so that it has none"):
             call()
     assert metric.energy_and_gradient(np.stack([f, f + h]))[0] == np.inf
+
+
+def test_mixed_orientation_is_refused():
+    template = sphere_template()
+    faces = template.faces.copy()
+    faces[7] = faces[7, ::-1]
+    mixed = AlignedSurfaces(Template(template.vertices, faces))
+    with pytest.raises(ArgumentError, match=r"turn opposite sides up \(and those at 2 other edges"):
+        GaugeInvariantMetric(SRNFMetric(mixed))
+    strip = np.array([[0, 1, 3], [1, 4, 3], [1, 2, 4], [2, 5, 4], [2, 3, 5], [3, 0, 5]])
+    sides = Template(np.random.default_rng(0).uniform(size=(6, 3)), strip)
+    with pytest.raises(ArgumentError, match="orient all triangles of the template consistently"):
+        GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(sides)))
+
+
+def test_edges_of_more_than_two_triangles_say_nothing_of_orientation():
+    vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 0.0]])
+    template = Template(vertices, [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
+    metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
+    assert metric.norm(deformations(template, 1)[0], vertices) > 0
 
 
 def test_triangles_without_area_are_refused():

@@ -224,6 +224,26 @@ def test_distances_by_a_solver_and_means_by_exp_and_log():
     np.testing.assert_allclose(halves, metric.dist(start, near) / 2, rtol=0.01)
 
 
+def test_exp_and_log_over_all_vertices_agree_on_where_a_surface_is():
+    """Translations cost nothing: `exp` and `log` move the centroid evenly, and so alike."""
+    template = sphere_template()
+    start, end = surfaces(template, 2, rng=15, size=0.1)
+    solvers = {
+        "exp_solver": DiscreteExponential(n_steps=4),
+        "log_solver": DiscreteLogarithm(n_steps=4),
+    }
+    metric = SobolevMetric(AlignedSurfaces(template, equip=False), d1=0.5, a2=1e-2, **solvers)
+    end = end + [0.3, 0.0, 0.0]
+    np.testing.assert_allclose(metric.exp(metric.log(end, start), start), end, atol=1e-7)
+
+
+def test_no_surfaces_have_no_matrix():
+    template = sphere_template()
+    metric = SobolevMetric(AlignedSurfaces(template, equip=False))
+    with pytest.raises(ArgumentError, match="base_point must hold at least one surface; found non"):
+        metric.metric_matrix(np.zeros((0, template.n_vertices, 3)))
+
+
 def test_translations_drift_where_they_cost_nothing():
     template = sphere_template()
     path = np.repeat(template.vertices[None], 3, axis=0)
