@@ -157,7 +157,12 @@ class PathStraightening(ManyPaths):
             If the metric does not see surfaces slide along themselves: their meshes crumple.
         """
         start, end = check_end_points(metric, start, end)
-        if isinstance(metric, MetricOfSlides) and not metric.sees_slides:
+        n_segments = self.n_nodes - 1
+        if n_segments == 1:
+            single = linear_path(start, end, 2)
+            return known_path(metric, self.energy, single, "a single segment", gap=0.0)
+        sees_slides = not isinstance(metric, MetricOfSlides) or metric.sees_slides
+        if not sees_slides and not np.array_equal(start, end):
             warnings.warn(
                 f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
                 "meshes of a path crumple, and its energy falls on and on. Search over smooth "
@@ -165,10 +170,6 @@ class PathStraightening(ManyPaths):
                 UnseenSlidesWarning,
                 stacklevel=2,
             )
-        n_segments = self.n_nodes - 1
-        if n_segments == 1:
-            single = linear_path(start, end, 2)
-            return known_path(metric, self.energy, single, "a single segment", gap=0.0)
         levels = [n_segments]
         if initial_path is None:
             levels = [*(n for n in self.coarse_segments if n < n_segments), n_segments]
