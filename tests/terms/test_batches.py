@@ -21,7 +21,8 @@ RNG = np.random.default_rng(0)
 G, OTHER = (matrices(6, 2.0, RNG).reshape(2, 3, 2, 2) for _ in range(2))
 A, B = (0.2 * ebin_tangent.symmetric_part(RNG.standard_normal(G.shape)) for _ in range(2))
 TIMES = RNG.uniform(0.1, 0.9, G.shape[:2])
-DERIVATIVES = RNG.standard_normal((2, 2, 3, 5, 3))
+# Two stacks of three triangles.
+DERIVATIVES = RNG.standard_normal((2, 2, 3, 3))
 
 FUNCTIONS = {
     "trace": (ebin_tangent.trace, G),

@@ -132,6 +132,15 @@ def test_coordinates_of_triangles_without_area_are_the_apex(size):
         np.testing.assert_allclose(found[2], 1e-5 * size, rtol=1e-15)
 
 
+@pytest.mark.parametrize("sizes", [(1.0, 1.0), (1e8, 1e8), (1e-8, 1e-8), (1e6, 1e-3)])
+def test_matrices_that_have_lost_their_shape(sizes):
+    """1 − cos² of the angle is ε times 1e5 where det g has five digits left."""
+    e, g = sizes
+    for share, lost in ((3e4, True), (3e5, False)):
+        m = np.sqrt(e * g * (1.0 - share * np.finfo(float).eps))
+        assert ebin_matrices.has_lost_its_shape(np.array([[e, m], [m, g]])) == lost
+
+
 # Relations.
 
 

@@ -15,7 +15,8 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels.tiles import of_one_kind
-from riemhuman.terms import EbinTerm, NormalTerm, arc_fit, half_angle_fit
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, arc_fit, half_angle_fit, sum
+from riemhuman.terms.sum import SumOfTerms
 
 COMPILED = [case for case in surface_cases("dist") if isinstance(case.metric, SurfaceMetric)]
 
@@ -145,6 +146,22 @@ def test_result_does_not_depend_on_threads():
         numba.set_num_threads(threads)
     assert alone == energy
     np.testing.assert_array_equal(gradient_alone, gradient)
+
+
+def test_triangles_in_many_parts(monkeypatch):
+    """One pass over few triangles after the other, with some left at the end."""
+    template = TEMPLATES["sphere"]()
+    driver = SumOfTerms([EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7)], template)
+    path, weights = surfaces(template, 4, rng=3), np.array([0.2, 1.3, 0.7])
+
+    def results():
+        found = (*driver.path_energy(path), *driver.squared_dists(path[0], path[1:], weights))
+        return [*found, driver.path_energy(path, gradient=False)[0]]
+
+    expected = results()
+    monkeypatch.setattr(sum, "_IN_CACHE", 28)  # seven triangles of four surfaces
+    for one, other in zip(results(), expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 
 
 def test_arguments_are_left_alone():
