@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
+import numpy as np
 from numpy import ndarray
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -85,11 +85,11 @@ def contributions(metric: ElasticMetric, point_a: ndarray, point_b: ndarray) -> 
         derivatives(space.check_point(f, "surface"), space.template.differential_operator)
         for f in (point_a, point_b)
     )
-    parts: dict[type, Any] = {EbinTerm: 0.0 * space.template.face_areas, NormalTerm: 0.0}
+    zeros = np.zeros(np.broadcast_shapes(one.areas.shape, other.areas.shape))
+    parts: dict[type, ndarray] = {EbinTerm: zeros, NormalTerm: zeros}
     for term in metric.terms:
         if term.needs_area:
             refuse_degenerate(one.degenerate | other.degenerate)
         values = term.squared_dist(term.fields(one), term.fields(other))
         parts[type(term)] = term.weight * space.template.face_areas * values
-    zeros = 0.0 * (parts[EbinTerm] + parts[NormalTerm])
-    return Contributions(parts[EbinTerm] + zeros, parts[NormalTerm] + zeros)
+    return Contributions(parts[EbinTerm], parts[NormalTerm])

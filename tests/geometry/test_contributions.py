@@ -17,7 +17,7 @@ def test_they_add_up_to_the_squared_distance(weights):
     metric = ElasticMetric(SPACE, *weights)
     one, other = surfaces(SPACE.template, 2, rng=1)
     parts = contributions(metric, one, other)
-    assert parts.total.shape == (SPACE.template.n_faces,)
+    assert parts.metric.shape == parts.normal.shape == (SPACE.template.n_faces,)
     assert parts.total.sum() == pytest.approx(metric.squared_dist(one, other), rel=1e-12)
     assert (parts.metric.any(), parts.normal.any()) == (weights[0] > 0, weights[2] > 0)
 
@@ -45,6 +45,8 @@ def test_leading_axes():
     alone = contributions(metric, some[2], some[0])
     np.testing.assert_array_equal(together.total[2], alone.total)
     assert not together.total[0].any()
+    normals = contributions(ElasticMetric(SPACE, 0.0, 0.0, 1.0), some, some[:1])
+    assert normals.metric.shape == normals.normal.shape == together.metric.shape
 
 
 def test_bad_surfaces():
