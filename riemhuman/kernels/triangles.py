@@ -250,9 +250,9 @@ def _join(record: ndarray, slope: ndarray) -> None:
     by_normal0, by_normal1, by_normal2 = slope[6], slope[7], slope[8]
     by_area, by_e, by_m = slope[9], slope[10], slope[11]
     for t in range(record.shape[1]):
-        area = areas[t]
+        has_area = areas[t] > 0.0
         # N', the slope in f_u × f_v = A n; that in n counts along the triangle alone.
-        scale = 1.0 / area if area > 0.0 else 0.0
+        scale = 1.0 / areas[t] if has_area else 0.0
         radial = normal0[t] * by_normal0[t] + normal1[t] * by_normal1[t]
         radial += normal2[t] * by_normal2[t]
         along = by_area[t] - radial * scale
@@ -267,7 +267,6 @@ def _join(record: ndarray, slope: ndarray) -> None:
         in_v0 = by_v0[t] + mixed * u0[t] + (n1 * u2[t] - n2 * u1[t])
         in_v1 = by_v1[t] + mixed * u1[t] + (n2 * u0[t] - n0 * u2[t])
         in_v2 = by_v2[t] + mixed * u2[t] + (n0 * u1[t] - n1 * u0[t])
-        has_area = area > 0.0
         by_u0[t] = in_u0 if has_area else 0.0
         by_u1[t] = in_u1 if has_area else 0.0
         by_u2[t] = in_u2 if has_area else 0.0
