@@ -79,6 +79,9 @@ def test_curvature_of_planes(case):
     np.testing.assert_allclose(
         metric.sectional_curvature(2 * a - b, a + b, x), curvature, rtol=1e-9
     )
+    np.testing.assert_allclose(
+        metric.sectional_curvature(1e-5 * a, 1e-5 * b, x), curvature, rtol=1e-9
+    )
     assert np.isnan(metric.sectional_curvature(a, -2.0 * a, x))
     several = metric.sectional_curvature(case.tangent_vecs, case.tangent_vecs[::-1], case.points)
     assert several.shape == (4,)

@@ -111,6 +111,7 @@ def test_the_base_point_is_needed_where_tangent_spaces_differ(space, dim, shape,
 @every_space
 def test_random_points_spread_as_far_as_asked(space, dim, shape, metric_class):
     near, far = (space.random_point(20, bound, rng=3) for bound in (1e-3, 1.0))
+    np.testing.assert_array_equal(space.random_point(rng=4), space.random_point(1, 1.0, rng=4))
     ratio = np.ptp(near, axis=0).max() / np.ptp(far, axis=0).max()
     if metric_class is NormalFieldMetric:
         assert ratio == 1.0

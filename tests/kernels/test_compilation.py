@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from riemhuman.kernels import compilation
 from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.compiled import FUSED
 
@@ -79,6 +80,15 @@ def test_a_full_disk_and_damaged_files(package, tmp_path):
         file.write_bytes(file.read_bytes()[:20])
     assert compute(package, NUMBA_CACHE_DIR=str(tmp_path)) == ""
     assert all(len(file.read_bytes()) > 20 for file in kept)
+
+
+def test_stamps_change_with_the_files_of_a_module(tmp_path):
+    file = tmp_path / "some.py"
+    assert compilation._stamp({}) is None
+    assert compilation._stamp({"__file__": str(file)}) is None
+    file.write_text("x = 1")
+    status = file.stat()
+    assert (status.st_mtime, status.st_size) in compilation._stamp({"__file__": str(file)})
 
 
 def test_functions_compute_alike_whoever_called_them_first():

@@ -122,6 +122,24 @@ def test_turns_to_the_last_digits(angle):
     np.testing.assert_array_equal(found[2], [0.0, 0.0, 1.0])
 
 
+@pytest.mark.parametrize("angle", [1e-3, 0.0316])
+def test_every_quotient_of_small_turns_has_all_its_digits(angle):
+    """With ω₃ = 0 the entry between the first two axes is that of K² alone."""
+    around = np.random.default_rng(9).uniform(0.1, 1.4, 100)
+    a, b = angle * np.cos(around), angle * np.sin(around)
+    vectors = np.stack([a, b, 0.0 * a], axis=1)
+    rotations, derivatives = rotation_matrix(vectors), rotation_derivative(vectors)
+    for found, function in (
+        (rotations[:, 0, 2] / b, lambda t: mpmath.sin(t) / t),
+        (rotations[:, 0, 1] / (a * b), lambda t: (1 - mpmath.cos(t)) / t**2),
+        (derivatives[:, 0, 1] / (a * b), lambda t: (t - mpmath.sin(t)) / t**3),
+    ):
+        with mpmath.workdps(40):
+            errors = found / float(function(mpmath.mpf(angle))) - 1.0
+        assert abs(errors.mean()) < 4e-16
+        assert abs(errors).max() < 2e-15
+
+
 def test_turns_of_several_vectors():
     vectors = np.random.default_rng(8).normal(size=(2, 3, 3))
     found = rotation_derivative(vectors)

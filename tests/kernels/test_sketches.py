@@ -51,6 +51,8 @@ def test_triangle_patches_are_even_and_in_one_piece():
     assert len(counts) == 16
     assert counts.max() <= counts.min() + 1
     centers = template.vertices[template.faces].mean(axis=1)
+    halves = triangle_patches(template.vertices * [1.0, 3.0, 1.0], template.faces, 2)
+    assert centers[halves == 0, 1].max() <= centers[halves == 1, 1].min()
     spread = [np.ptp(centers[patches == patch], axis=0).max() for patch in range(16)]
     assert max(spread) < np.ptp(centers, axis=0).max()
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.kernels.tiles import in_tiles
+from riemhuman.kernels.tiles import UNDERFLOW, in_tiles
 
 
 @pytest.mark.parametrize("within", [True, False])
@@ -24,3 +24,8 @@ def test_several_threads_share_the_pairs_evenly(within):
     shared = sizes[alone:]
     assert len(shared) > alone
     assert max(shared) <= sum(shared) / 3 / 2
+
+
+def test_squares_too_small_for_single_precision_stay_below_the_bound():
+    smallest = float(np.finfo(np.float32).tiny)
+    assert smallest <= UNDERFLOW < 1e6 * smallest
