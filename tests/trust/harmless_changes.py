@@ -7,6 +7,9 @@ from __future__ import annotations
 
 _ROOM = "room for intermediate results: more does no harm"
 
+# In all files.
+SPEED_ALONE_EVERYWHERE = {"n_threads": "threads that share the work: the bits are the same"}
+
 # What sets how fast a right answer is found, and never which: tests must not care. Names are of
 # constants, variables, functions or arguments of the file.
 SPEED_ALONE = {
@@ -71,12 +74,57 @@ SPEED_ALONE = {
     "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
 }
 
+_NO_AREA = "triangles without area have no gradient, whatever their slopes"
+_BOUND = "which side of a bound the bound itself is on: no result is known that well"
+
+_RANDOM_POINT = (
+    "def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:"
+)
+
 # By files and lines: changes after which every result is the same, and why. Of several places of
 # one kind in a line, the n-th alone is "... #n".
 SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
+    "geometry/normal_fields.py": {
+        "np.abs(dot(values, values) - 1.0) > 2e-6,": {"Gt to GtE": _BOUND},
+        _RANDOM_POINT: {"1.0 changed": "normals are drawn from the whole sphere"},
+    },
+    "geometry/rotation_fields.py": {
+        _RANDOM_POINT: {"1.0 changed": "rotations are drawn from all there are"},
+    },
+    "geometry/metric_fields.py": {
+        "positive = (point[..., 0, 0] > 0) & ~ebin_matrices.is_degenerate(point)": {
+            "Gt to GtE": "where it is 0, the matrix is degenerate"
+        },
+    },
+    "geometry/pairwise.py": {
+        "if len(parts) < 2:": {"2 changed": "in one call or in two, the features are the same"},
+    },
+    "kernels/triangles.py": {
+        "for c in range(3):": {"3 changed #2": "the loop over the corners from it on is empty"},
+        "scale = 1.0 / areas[t] if has_area else 0.0": {"0.0 changed": _NO_AREA},
+    },
+    "kernels/turns.py": {
+        "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
+    },
+    "terms/ebin_geodesics.py": {
+        "met_apex = (along <= rounding) & (across <= rounding)": {"LtE to Lt": _BOUND},
+    },
+    "terms/ebin_matrices.py": {
+        "return ~(determinants(g) > _FEW_DIGITS * entry(g, 0, 0) * entry(g, 1, 1))": {
+            "Gt to GtE": _BOUND
+        },
+    },
     "terms/half_angle_fit.py": {
         "_DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))": {
             "15 changed": "the next term of the series is below 1e-17",
+        },
+    },
+    "terms/root_normals.py": {
+        "by_one[9, t] += 0.5 * along1 / s1 if s1 > 0.0 else 0.0": {
+            "0.0 changed #2": _NO_AREA,
+        },
+        "by_other[9, t] -= 0.5 * along2 / s2 if s2 > 0.0 else 0.0": {
+            "0.0 changed #2": _NO_AREA,
         },
     },
 }

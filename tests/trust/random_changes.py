@@ -5,8 +5,9 @@ from __future__ import annotations
 import ast
 from collections import Counter
 from pathlib import Path
+from typing import Any
 
-from harmless_changes import SAME_RESULT, SPEED_ALONE
+from harmless_changes import SAME_RESULT, SPEED_ALONE, SPEED_ALONE_EVERYWHERE
 
 _OPERATORS = {
     ast.Add: ast.Sub,
@@ -33,9 +34,9 @@ _COMPARISONS = {
 }
 
 
-def is_compiled(function: ast.FunctionDef) -> bool:
-    """Tell whether a function is marked `compiled`."""
-    return any("compiled" in ast.unparse(decorator) for decorator in function.decorator_list)
+def is_marked(function: ast.FunctionDef, decorator: str) -> bool:
+    """Tell whether a function has a decorator, such as `compiled`."""
+    return any(decorator in ast.unparse(one) for one in function.decorator_list)
 
 
 class _Saboteur(ast.NodeTransformer):
@@ -45,7 +46,7 @@ class _Saboteur(ast.NodeTransformer):
         self.count = self.n_passed_over = 0
         self.line, self.what = 0, ""
         self._target = target
-        self._passed_over = SPEED_ALONE.get(name, {})
+        self._passed_over = {**SPEED_ALONE_EVERYWHERE, **SPEED_ALONE.get(name, {})}
         self._same_result = SAME_RESULT.get(name, {})
         self._lines = lines
         # By lines and changes: how many places there are.
@@ -116,14 +117,22 @@ class _Saboteur(ast.NodeTransformer):
         return node
 
     def visit_arguments(self, node: ast.arguments) -> ast.AST:
-        node.defaults = [self.visit(value) for value in node.defaults]
-        node.kw_defaults = [value and self.visit(value) for value in node.kw_defaults]
+        named = [*node.posonlyargs, *node.args]
+        first = len(named) - len(node.defaults)
+        node.defaults = self._visit_defaults(named[first:], node.defaults)
+        node.kw_defaults = self._visit_defaults(node.kwonlyargs, node.kw_defaults)
         return node
 
+    def _visit_defaults(self, named: list[ast.arg], defaults: list[Any]) -> list[Any]:
+        return [
+            value if value is None or argument.arg in self._passed_over else self.visit(value)
+            for argument, value in zip(named, defaults, strict=True)
+        ]
+
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
-        # Decorators say how code is compiled and kept.
-        if node.name not in self._passed_over:
-            around, self._compiled = self._compiled, is_compiled(node)
+        # Decorators say how code is compiled and kept. Nobody calls what is abstract.
+        if node.name not in self._passed_over and not is_marked(node, "abstractmethod"):
+            around, self._compiled = self._compiled, is_marked(node, "compiled")
             node.args = self.visit(node.args)
             node.body = [self.visit(statement) for statement in node.body]
             self._compiled = around

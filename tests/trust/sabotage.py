@@ -34,7 +34,7 @@ from typing import Any, NoReturn
 import numba
 import numpy as np
 import pytest
-from random_changes import changed_at, is_compiled, lost, places_in
+from random_changes import changed_at, is_marked, lost, places_in
 
 # What most tests import: loaded once.
 for _module in (
@@ -295,7 +295,7 @@ class _Copy:
             return sorted(found, key=lambda t: (not t.startswith(f"tests/{mirror}"), seconds[t]))
 
         interpreted = chosen(self._interpreted) if self.is_compiled(file) else []
-        if not any(map(is_compiled, around)):
+        if not any(is_marked(node, "compiled") for node in around):
             return interpreted, chosen(self._tests)
         # Who runs a compiled function is known of what runs interpreted.
         spared = set(self._interpreted) - set(interpreted)

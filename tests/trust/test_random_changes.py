@@ -39,6 +39,8 @@ def test_places_that_are_gone_are_found(tmp_path):
         ("x = b if not a < b else a", ["x = b if a < b else a", "x = b if not a <= b else a"]),
         ("def f():\n    x = np.empty(3)", ["def f():\n    x = np.empty(4)"]),
         ("@compiled\ndef f():\n    x = np.empty(3)", []),
+        ("@abstractmethod\ndef f(x=1): pass", []),
+        ("def f(a, b=1, n_threads=1): pass", ["def f(a, b=2, n_threads=1):\n    pass"]),
         ("@compiled\ndef f():\n    x = np.zeros(3)", ["@compiled\ndef f():\n    x = np.zeros(4)"]),
     ],
 )
