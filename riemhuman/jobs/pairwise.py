@@ -15,7 +15,6 @@ from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
     DamagedFileWarning,
-    DegenerateSurfaceError,
     FileFormatError,
     RiemhumanError,
 )
@@ -265,8 +264,8 @@ def _keep_features(
         _forget_tiles(job, tiles, block)
     try:
         features = features_in_threads(metric, some, precision, n_jobs)
-    except DegenerateSurfaceError as error:
-        raise DegenerateSurfaceError(f"{where}: {error}") from error
+    except ArgumentError as error:
+        raise type(error)(f"{where}: {error}") from error
     written = (*features, some) if precision == "single" else features
     for name, array in zip(names, written, strict=True):
         job.write(name, (block, array))

@@ -11,7 +11,12 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import ArgumentError, DamagedFileWarning, FileFormatError
+from riemhuman.errors import (
+    ArgumentError,
+    DamagedFileWarning,
+    FileFormatError,
+    RiemhumanError,
+)
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.jobs.cluster import computed_tiles
 from riemhuman.kernels.threads import thread_count
@@ -48,7 +53,9 @@ def path_job(
     r"""Find paths between all pairs of a set of points, or resume an earlier run.
 
     The numbers are those of `riemhuman.solvers.path_distances`. An interrupted or killed job
-    resumes when it is called again with the same arguments; finished paths are kept.
+    resumes when it is called again with the same arguments; finished paths are kept. Where the
+    solver refuses a pair, all blocks of sixteen pairs without such a pair are solved and kept
+    before the error is raised.
 
     Parameters
     ----------
@@ -78,7 +85,8 @@ def path_job(
     Raises
     ------
     RiemhumanError
-        As for `pairwise_job`, where the solver is part of the job like the metric.
+        As for `pairwise_job`, where the solver is part of the job like the metric; and if the
+        solver refuses a pair, which the error names.
 
     Examples
     --------
@@ -124,9 +132,13 @@ def path_job(
             disable=not progress,
             unit=" paths",
         )
+        failures: list[RiemhumanError] = []
         with bar:
             for number, found in computed_tiles(metric, reader, todo, client):
                 block = blocks[number]
+                if isinstance(found, RiemhumanError):
+                    failures.append(found)
+                    continue
                 if keep_paths:
                     shape = tables[PATHS][0][1:]
                     paths = found[:, _N_NUMBERS:].reshape(-1, *shape)
@@ -135,6 +147,11 @@ def path_job(
                 # The record follows the entries: a kill in between costs only these pairs.
                 job.write(_DONE, (number, mark(found)))
                 bar.update(block.stop - block.start)
+        if failures:
+            raise type(failures[0])(
+                f"{failures[0]}; paths are kept in {job.path} but for {len(failures)} of "
+                f"{len(blocks)} blocks of up to {size} pairs"
+            )
         return distances_of(len(points), np.array(job.read(_ROWS)))
 
 
@@ -147,14 +164,31 @@ class _PathFinder:
     keep_paths: bool
     n_jobs: int | None
 
-    def distances(self, metric: RiemannianMetric, tile: slice) -> ndarray:
-        """Return a row for each pair: its numbers, and then its path if it is kept."""
+    def distances(self, metric: RiemannianMetric, tile: slice) -> Any:
+        """Return a row for each pair: its numbers, and then its path if it is kept; or an error."""
         pairs = PairsOfPoints(self.points)[tile]
+        try:
+            results = ManyPaths.solve_many(self.solver, metric, pairs, n_jobs=self.n_jobs)
+        except RiemhumanError as error:
+            return self._named(error, metric, tile)
         rows = []
-        for result in ManyPaths.solve_many(self.solver, metric, pairs, n_jobs=self.n_jobs):
+        for result in results:
             path = result.path.ravel() if self.keep_paths else np.empty(0)
             rows.append(np.concatenate([row_of(metric, result), path]))
         return np.array(rows)
+
+    def _named(
+        self, error: RiemhumanError, metric: RiemannianMetric, tile: slice
+    ) -> RiemhumanError:
+        """Return an error of some pairs with the numbers of the two points that it is about."""
+        rows, columns = np.triu_indices(len(self.points), 1)
+        for i, j in zip(rows[tile], columns[tile], strict=True):
+            try:
+                ManyPaths.solve_many(self.solver, metric, [self.points[[i, j]]])
+            except RiemhumanError as own:
+                said = str(own).removeprefix("pairs[0]: ")
+                return type(own)(f"points[{i}] and points[{j}]: {said}")
+        return error
 
 
 def _unfinished(job: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterator[int]:

@@ -184,6 +184,8 @@ class BasisMean(InheritsDocstrings, MeanSolver):
         start = np.zeros(len(family.directions))
         origin = family.point(start)
         variance, _ = dispersion.value_and_gradient(origin)
+        if not np.isfinite(variance):
+            dispersion.value(origin)  # names the triangle without area, if the metric can
         floor = dispersion.floor(origin)
         # Distances of points that coincide to rounding error have no gradient to follow.
         if variance <= floor:

@@ -35,6 +35,10 @@ if TYPE_CHECKING:
 
 METHODS = ("preconditioned", "l-bfgs-b", "bfgs")
 
+# The share of the energy that the second half of many iterations may have gained at the end, or ten
+# times as much as the tolerance.
+_RECENT = 1e-3
+
 
 @dataclass(frozen=True)
 class BasisPath(ManyPaths):
@@ -65,7 +69,8 @@ class BasisPath(ManyPaths):
         has less energy; `LinearPath` for SciPy's methods.
     tolerance : float
         The preconditioned method stops when a Newton step would gain at most this share of the
-        energy, as far as the preconditioned gradient tells.
+        energy, as far as the preconditioned gradient tells, and the second half of its iterations,
+        if they are ten or more, has gained at most 0.1 %, or ten times this share.
     max_iter : int
         Most iterations.
     remove_drift : bool
@@ -223,8 +228,11 @@ class BasisPath(ManyPaths):
             return value, pair_with_rows(along, self.basis.flat).ravel()
 
         def inverse_hessian_at(coefficients: ndarray) -> Operator:
-            path = self._path(line, coefficients.reshape(shape))
-            gram = metric.gram_matrix(self.basis.vectors, path[[1, -2]])
+            nodes = self._path(line, coefficients.reshape(shape))[[1, -2]]
+            if not np.all(metric.space.belongs(nodes)):
+                # A triangle has vanished on the way, as it may at a small λ.
+                nodes = line[[0, -1]]
+            gram = metric.gram_matrix(self.basis.vectors, nodes)
             hessian = PathPreconditioner(CholeskyFactor(gram), len(line) - 1)
             return lambda slope: hessian.inverse(slope.reshape(shape)).ravel()
 
@@ -241,7 +249,12 @@ class BasisPath(ManyPaths):
         }
         if self.method == "preconditioned":
             return descend_in_rounds(
-                energy, start, inverse_hessian_at, expected_decrease=self.tolerance, **settings
+                energy,
+                start,
+                inverse_hessian_at,
+                expected_decrease=self.tolerance,
+                recent_decrease=max(_RECENT, 10.0 * self.tolerance),
+                **settings,
             )
         method = self.method.upper()
         found = minimize(energy, start, method=method, options=self.options, **settings)

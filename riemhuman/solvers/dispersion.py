@@ -13,6 +13,7 @@ from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.tiles import slices
 from riemhuman.solvers.rounding import rounding_energy
 
 # Points whose features are held together.
@@ -58,7 +59,12 @@ class Dispersion(InheritsDocstrings):
         """
         metric, one = self.metric, self.metric.features(point[None])
         blocks = np.split(self.points, range(_BLOCK, len(self.points), _BLOCK))
-        squared = [metric.bulk.squared_distances(one, metric.features(some)) for some in blocks]
+        try:
+            squared = [metric.bulk.squared_distances(one, metric.features(some)) for some in blocks]
+        except ArgumentError:
+            # Its message counts from the first point of a block, that of all points from theirs.
+            metric.features(self.points)
+            raise
         return np.concatenate(squared, axis=1)[0]
 
     def value(self, point: ndarray) -> float:
@@ -213,13 +219,13 @@ class StreamedDispersion(Dispersion):
 
     def value(self, point: ndarray) -> float:
         """Return V(x)."""
-        return float(sum(share * batch.value(point) for share, batch in self._batches()))
+        return float(sum(share * one for share, one in self._each(lambda one: one.value(point))))
 
     def value_and_gradient(self, point: ndarray) -> tuple[float, ndarray]:
         """Return V(x) and its gradient."""
         value, gradient = 0.0, np.zeros(np.shape(point))
-        for share, batch in self._batches():
-            of_batch, slope = batch.value_and_gradient(point)
+        for share, found in self._each(lambda batch: batch.value_and_gradient(point)):
+            of_batch, slope = found
             value += share * of_batch
             gradient += share * slope
         return value, gradient
@@ -232,13 +238,19 @@ class StreamedDispersion(Dispersion):
         """Return the part of the value that is due to rounding errors."""
         return self._one.floor(point)
 
-    def _batches(self) -> Iterator[tuple[float, Dispersion]]:
-        """Yield every batch, with its share of the weights."""
-        for first in range(0, len(self._all_weights), self._batch_size):
-            some = slice(first, first + self._batch_size)
+    def _each(self, compute: Callable[[Dispersion], Any]) -> Iterator[tuple[float, Any]]:
+        """Yield what is computed of every batch, with its share of the weights."""
+        for some in slices(len(self._all_weights), self._batch_size):
             weights = self._all_weights[some]
-            if weights.any():
-                yield float(weights.sum()), self._of_batch(self.metric, self._all[some], weights)
+            if not weights.any():
+                continue
+            try:
+                found = compute(self._of_batch(self.metric, self._all[some], weights))
+            except ArgumentError as error:
+                # Its message counts from the first point of the batch.
+                where = f"points[{some.start}:{some.start + len(weights)}]"
+                raise type(error)(f"{where}: {error}") from error
+            yield float(weights.sum()), found
 
 
 def check_weights(weights: ndarray | None, n_points: int) -> ndarray:

@@ -51,6 +51,10 @@ _COARSE_TOLERANCE = 1e-4
 _HEAT = 1e-3
 
 
+# The share of the energy that the second half of many iterations may have gained at the end, or
+# fifty times as much as the tolerance.
+_RECENT = 5e-3
+
 # Weight of the Dirichlet energy in the preconditioner of surfaces: fewest iterations on the open
 # bodies, under metrics with and without a and c; a third or three times as much costs some more.
 _STIFFNESS = 0.2
@@ -85,7 +89,8 @@ class PathStraightening(ManyPaths):
         Numbers of segments of the coarse levels, increasing.
     tolerance : float
         The solver stops when a Newton step would gain at most this share of the energy, as far as
-        the preconditioned gradient tells.
+        the preconditioned gradient tells, and the second half of its iterations, if they are ten or
+        more, has gained at most 0.5 %, or fifty times this share.
     max_iter : int
         Largest number of iterations on each level.
     remove_drift : bool
@@ -310,6 +315,7 @@ class _Descent:
             inverse_hessian_at,
             max_iter=solver.max_iter,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
+            recent_decrease=max(_RECENT, 50.0 * solver.tolerance) if is_last else np.inf,
             floor=path_floor(metric, solver.energy, path),
             callback=report,
             progress=solver.progress,

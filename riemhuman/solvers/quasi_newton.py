@@ -41,6 +41,8 @@ def descend(
     *,
     max_iter: int,
     expected_decrease: float,
+    recent_decrease: float = np.inf,
+    earlier: Sequence[float] | ndarray = (),
     floor: float = -np.inf,
     callback: Callable[[int, float, ndarray], object] | None = None,
     progress: bool = False,
@@ -63,6 +65,12 @@ def descend(
         Stop when a Newton step would gain at most this share of the value, as estimated from the
         operator and the last steps, or when many iterations together have gained a small part of
         that.
+    recent_decrease : float
+        A Newton step counts as small only if the second half of the iterations, where they are
+        many, has gained at most this share of the value: along soft directions that no step has
+        explored, an estimate is too small.
+    earlier : sequence of float
+        Values of iterations before these, which count for `recent_decrease`.
     floor : float
         Value at which to stop, for minima that may be zero.
     callback : callable, optional
@@ -89,10 +97,12 @@ def descend(
                 newton = 0.5 * max(memory.scales.max() * float(gradient @ image), -slope)
                 if value <= floor:
                     converged, message = True, "the value is no more than rounding errors"
-                elif newton <= expected_decrease * value:
+                elif newton <= expected_decrease * value and not (
+                    gained_lately([*earlier, *values]) > recent_decrease * value
+                ):
                     converged, message = True, "the expected decrease is below the tolerance"
                 elif stands_still(expected_decrease, values):
-                    converged, message = True, "the value stands still"
+                    converged, message, newton = True, "the value stands still", np.nan
                 elif len(values) > max_iter:
                     message = "the most iterations were made"
                 if message:
@@ -100,7 +110,7 @@ def descend(
                 found = _search(objective, x, direction, value, slope)
                 n_evaluations += found.n_evaluations
                 if not found.step:
-                    message = "no step lowers the value"
+                    message, newton = "no step lowers the value", np.nan
                     break
                 step = found.step * direction
                 new_image = inverse_hessian(found.gradient)
@@ -123,7 +133,7 @@ def descend(
         n_evaluations=n_evaluations,
         converged=converged,
         message=message,
-        gap=estimated_gap(newton, values),
+        gap=0.0 if value <= floor else estimated_gap(newton, values),
     )
 
 
@@ -133,17 +143,33 @@ def estimated_gap(newton: float, values: Sequence[float] | ndarray) -> float:
     Parameters
     ----------
     newton : float
-        Estimated gain of a Newton step.
+        Estimated gain of a Newton step, nan where the slope does not tell, as at a kink.
     values : sequence of float
         Values at the start and after each iteration.
 
     Returns
     -------
     float
+        nan if there are few values, too.
+    """
+    return float(np.fmax(_CAUTION * newton, gained_lately(values)))
+
+
+def gained_lately(values: Sequence[float] | ndarray) -> float:
+    """Return what the second half of iterations gained.
+
+    Parameters
+    ----------
+    values : sequence of float
+        Values at the start and after each iteration.
+
+    Returns
+    -------
+    float
+        nan if the iterations are few.
     """
     n_iterations = len(values) - 1
-    lately = values[n_iterations // 2] - values[-1] if n_iterations >= _SLOW else 0.0
-    return max(_CAUTION * newton, float(lately))
+    return float(values[n_iterations // 2] - values[-1]) if n_iterations >= _SLOW else np.nan
 
 
 def descend_in_rounds(
@@ -189,6 +215,7 @@ def descend_in_rounds(
             x,
             inverse_hessian_at(x),
             max_iter=min(_ROUND, max_iter - done),
+            earlier=values[:-1],
             callback=report,
             **settings,
         )
@@ -197,7 +224,9 @@ def descend_in_rounds(
         done = len(values) - 1
         stuck = found.n_iterations == 0
         if found.converged or found.interrupted or stuck or done >= max_iter:
-            gap = max(found.gap, estimated_gap(0.0, values))
+            gap = found.gap
+            if gap != 0.0:
+                gap = float(np.fmax(gap, estimated_gap(np.nan, values)))
             return replace(
                 found, values=values, gap=gap, n_iterations=done, n_evaluations=n_evaluations
             )

@@ -686,6 +686,9 @@ def test_a_wrong_point_is_named_and_what_is_done_is_kept(tmp_path):
     wrong[20, 3, 1] = np.nan
     with pytest.raises(ArgumentError, match=r"points\[\d+:\d+\] holds 1 NaN"):
         pairwise_job(METRIC, wrong, tmp_path, memory=MEMORY)
+    wrong[20] = 1000.0 * POINTS[20]
+    with pytest.raises(ArgumentError, match=r"points\[\d+:\d+\]: points\[\d+\] is .*metres"):
+        pairwise_job(METRIC, wrong, tmp_path, memory=MEMORY)
     assert np.load(tmp_path / "digests.npy").any(axis=1).sum() > 0
     np.testing.assert_array_equal(
         pairwise_job(METRIC, POINTS, tmp_path), METRIC.dist_pairwise(POINTS)

@@ -68,6 +68,19 @@ def test_damage_is_found_and_solved_again(expected, tmp_path):
     assert_same(found, expected)
 
 
+def test_a_pair_that_is_refused_loses_no_other_block(tmp_path):
+    points = POINTS.copy()
+    first, second, _ = METRIC.space.template.faces[0]
+    points[4, first] = points[4, second]
+    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[4\]: .*but for 3 of 4"):
+        path_job(PoissonPath(4), METRIC, points, tmp_path, n_jobs=2)
+    lengths = np.load(tmp_path / "rows.npy")[:, 0]
+    expected = path_distances(PoissonPath(4), METRIC, points[:4]).lengths
+    np.testing.assert_array_equal(lengths[:3], expected[0, 1:])
+    # Pairs of the last point are in all blocks but the first.
+    np.testing.assert_array_equal(lengths[3:], 0.0)
+
+
 def test_another_job_is_refused(tmp_path):
     path_job(PoissonPath(4), METRIC, POINTS, tmp_path)
     for solver, metric, points, what in (

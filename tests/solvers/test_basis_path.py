@@ -308,6 +308,18 @@ def test_evaluations_are_counted_and_seen_by_the_callback(method):
     assert result.energies[0] == pytest.approx(metric.energy(bulge), rel=1e-12)
 
 
+def test_a_warm_start_on_which_a_triangle_has_vanished():
+    """As paths may have them at a small λ: the surface next to the start has no Gram matrix."""
+    metric, (start, end) = elastic((1.0, 0.01, 0.0)), bodies.swung_arms(2)
+    path = PoissonPath(5).solve(metric, start, end).path.copy()
+    first, second, _ = bodies.space().template.faces[100]
+    path[1, first] = path[1, second]
+    solver = BasisPath(bodies.basis().truncated(20), n_nodes=5)
+    result = solver.solve(metric, start, end, initial_path=path)
+    assert result.converged
+    assert result.energy < metric.energy(path)
+
+
 def test_a_single_segment_has_no_search():
     ends = bodies.body("resting"), bodies.body("arm raised")
     found = BasisPath(bodies.basis(), n_nodes=2).solve(elastic((1, 1, 0)), *ends)

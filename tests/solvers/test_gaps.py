@@ -75,3 +75,12 @@ def test_slow_iterations_tell_by_what_they_gained():
     assert estimated_gap(1e-9, values) == values[20] - values[40]
     assert estimated_gap(1.0, values) == 3.0
     assert estimated_gap(1e-3, values[:5]) == 3e-3
+    assert np.isnan(estimated_gap(np.nan, values[:5]))
+
+
+@pytest.mark.parametrize("solver", [BasisPath(bodies_in_motion.basis()), PathStraightening()])
+def test_ends_that_the_metric_does_not_tell_apart_have_no_gap(solver):
+    metric = ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 0.0)
+    start = bodies_in_motion.body("resting")
+    turned = start @ np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    assert solver.solve(metric, start, turned).gap == 0.0

@@ -5,7 +5,7 @@ import pytest
 from scipy import optimize
 
 from riemhuman.solvers import quasi_newton
-from riemhuman.solvers.quasi_newton import descend, descend_in_rounds
+from riemhuman.solvers.quasi_newton import descend, descend_in_rounds, gained_lately
 
 SETTINGS = {"max_iter": 500, "expected_decrease": 1e-10}
 
@@ -113,6 +113,7 @@ def test_minima_at_zero_stop_at_the_floor():
     assert found.converged
     assert found.value <= 1e-20
     assert "rounding" in found.message
+    assert found.gap == 0.0
     without = descend(function, np.ones(3), lambda g: g, **SETTINGS)
     assert without.n_iterations > found.n_iterations
 
@@ -150,6 +151,42 @@ def test_no_step_lowers_a_value_with_a_wrong_gradient():
     assert not found.converged
     assert "no step" in found.message
     assert found.n_iterations == 0
+    assert np.isnan(found.gap)
+
+
+def test_the_slope_at_a_kink_tells_nothing():
+    """A steep cusp beside a bowl: as where a triangle of a path has vanished."""
+
+    def function(x):
+        root = np.sqrt(abs(x[0])) + 1e-12
+        cusp = 1e-2 * np.sign(x[0]) / (2.0 * root)
+        bowl = np.geomspace(1.0, 1e3, len(x) - 1) * x[1:]
+        value = 1.0 + 1e-2 * root + 0.5 * float(bowl @ x[1:])
+        return value, np.concatenate([[cusp], bowl])
+
+    start = np.concatenate([[1e-4], np.ones(9)])
+    found = descend_in_rounds(
+        function, start, lambda x: lambda g: g, max_iter=200, expected_decrease=1e-12
+    )
+    assert abs(found.x[0]) < 1e-6
+    assert "no step" in found.message or "still" in found.message
+    assert found.gap == gained_lately(found.values)
+
+
+@pytest.mark.parametrize("n_a_round", [15, 50])
+def test_many_iterations_end_when_they_gain_little(monkeypatch, n_a_round):
+    """The operator sees little of the soft directions, so that Newton steps seem small early."""
+    monkeypatch.setattr(quasi_newton, "_ROUND", n_a_round)
+    function, _ = problem(condition=1e3)
+    settings = {"max_iter": 500, "expected_decrease": 1e-2}
+    start, operator_at = np.zeros(60), lambda x: lambda g: 1e-3 * g
+    early = descend_in_rounds(function, start, operator_at, **settings)
+    found = descend_in_rounds(function, start, operator_at, recent_decrease=1e-3, **settings)
+    assert early.converged
+    assert gained_lately(early.values) > 1e-3 * early.value
+    assert found.converged
+    assert early.value > 1.1
+    assert found.value < 1.001
 
 
 def test_rounds_form_the_operator_anew(monkeypatch):

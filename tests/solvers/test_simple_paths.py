@@ -79,7 +79,7 @@ def test_end_points_are_checked():
     metric, point = CASES["all triangle"].metric, CASES["all triangle"].points[0]
     start, end = check_end_points(metric, point.astype(np.float32), point.tolist())
     assert start.dtype == end.dtype == np.float64
-    with pytest.raises(ArgumentError, match=r"start must have shape .*\(1, 4, 3\)"):
+    with pytest.raises(ArgumentError, match=r"start must have shape \(3, 3\); found \(4, 3\)"):
         check_end_points(metric, np.zeros((4, 3)), point)
     with pytest.raises(ArgumentError, match="end holds 9 NaN"):
         check_end_points(metric, point, np.nan * point)

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers import BasisMean, StreamingMean
+from riemhuman.solvers import BasisMean, StreamingMean, StreamingMedian
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.statistics import FrechetMean
 
@@ -68,6 +68,23 @@ def test_arrays_mapped_from_files_serve(tmp_path):
 def test_settings_are_checked(setting):
     with pytest.raises(ArgumentError, match=setting):
         StreamingMean(**{setting: 0})
+
+
+@pytest.mark.parametrize("solver", [StreamingMean, StreamingMedian])
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda body: np.nan * body, ArgumentError, "NaN"),
+        (lambda body: 1000.0 * body, ArgumentError, r"points\[2\].*millimetres"),
+        (lambda body: 0.0 * body, DegenerateSurfaceError, r"item \(2,\)"),
+    ],
+)
+def test_a_wrong_body_is_named_by_its_batch(solver, change, error, message):
+    points = POINTS.copy()
+    points[6] = change(points[6])
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.1)
+    with pytest.raises(error, match=r"^points\[4:8\]: .*" + message):
+        solver(sample_size=2, batch_size=4).solve(metric, points)
 
 
 def test_no_points():
