@@ -133,6 +133,7 @@ def path_job(
             unit=" paths",
         )
         failures: list[RiemhumanError] = []
+        found: Any
         with bar:
             for number, found in computed_tiles(metric, reader, todo, client):
                 block = blocks[number]
