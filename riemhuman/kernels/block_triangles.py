@@ -1,7 +1,9 @@
 """Elimination of sparse symmetric matrices in 3 x 3 blocks, A = L D Lᵀ, and of many right sides.
 
 The coordinates of a vertex stand together, and so do the right sides: one block of the matrix meets
-contiguous numbers. Which blocks of L are not 0 is told by `riemhuman.kernels.elimination`.
+contiguous numbers. Loops over right sides run in vector registers where the number of these is
+known when the loop is compiled, and fills the registers. Which blocks of L are not 0 is told by
+`riemhuman.kernels.elimination`.
 """
 
 from __future__ import annotations
@@ -10,6 +12,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.kernels.compiled import FUSED, compiled
+
+WIDE = (0,) * 20
+"""As many right sides as this has entries take hardly longer than nine."""
 
 
 @compiled(fastmath=FUSED)
@@ -77,7 +82,9 @@ def eliminate(
 
 
 @compiled(fastmath=FUSED)
-def solve_lower(ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray) -> None:
+def solve_lower(
+    ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray, lanes: tuple[int, ...] | None
+) -> None:
     """Replace X by L⁻¹ X.
 
     Parameters
@@ -91,25 +98,31 @@ def solve_lower(ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray) -> No
         Transposed blocks of L, whose diagonal is 1.
     x : array, shape (n, 3k)
         k right sides of the first coordinate, then of the second and third.
+    lanes : tuple of int, or None
+        `WIDE` if there are as many right sides as it has entries, else None.
     """
-    k = x.shape[1] // 3
+    k = x.shape[1] // 3 if lanes is None else len(lanes)
+    y0, y1, y2 = np.empty(k), np.empty(k), np.empty(k)
     for j in range(len(x)):
         first, y = ends[j], x[j]
         low, corner, last = blocks[first, 1], blocks[first, 2], blocks[first, 5]
         for i in range(k):
-            y[k + i] -= low * y[i]
-            y[2 * k + i] -= corner * y[i] + last * y[k + i]
+            y0[i] = y[i]
+            y1[i] = y[k + i] - low * y0[i]
+            y2[i] = y[2 * k + i] - (corner * y0[i] + last * y1[i])
+            y[k + i], y[2 * k + i] = y1[i], y2[i]
         for p in range(first + 1, ends[j + 1]):
             z, b = x[rows[p]], blocks[p]
             for i in range(k):
-                y0, y1, y2 = y[i], y[k + i], y[2 * k + i]
-                z[i] -= b[0] * y0 + b[3] * y1 + b[6] * y2
-                z[k + i] -= b[1] * y0 + b[4] * y1 + b[7] * y2
-                z[2 * k + i] -= b[2] * y0 + b[5] * y1 + b[8] * y2
+                z[i] -= b[0] * y0[i] + b[3] * y1[i] + b[6] * y2[i]
+                z[k + i] -= b[1] * y0[i] + b[4] * y1[i] + b[7] * y2[i]
+                z[2 * k + i] -= b[2] * y0[i] + b[5] * y1[i] + b[8] * y2[i]
 
 
 @compiled(fastmath=FUSED)
-def solve_upper(ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray) -> None:
+def solve_upper(
+    ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray, lanes: tuple[int, ...] | None
+) -> None:
     """Replace X by L⁻ᵀ X.
 
     Parameters
@@ -118,18 +131,24 @@ def solve_upper(ends: ndarray, rows: ndarray, blocks: ndarray, x: ndarray) -> No
         L, see `solve_lower`.
     x : array, shape (n, 3k)
         Right sides.
+    lanes : tuple of int, or None
+        See `solve_lower`.
     """
-    k = x.shape[1] // 3
+    k = x.shape[1] // 3 if lanes is None else len(lanes)
+    y0, y1, y2 = np.empty(k), np.empty(k), np.empty(k)
     for j in range(len(x) - 1, -1, -1):
         first, y = ends[j], x[j]
+        for i in range(k):
+            y0[i], y1[i], y2[i] = y[i], y[k + i], y[2 * k + i]
         for p in range(first + 1, ends[j + 1]):
             z, b = x[rows[p]], blocks[p]
             for i in range(k):
                 z0, z1, z2 = z[i], z[k + i], z[2 * k + i]
-                y[i] -= b[0] * z0 + b[1] * z1 + b[2] * z2
-                y[k + i] -= b[3] * z0 + b[4] * z1 + b[5] * z2
-                y[2 * k + i] -= b[6] * z0 + b[7] * z1 + b[8] * z2
+                y0[i] -= b[0] * z0 + b[1] * z1 + b[2] * z2
+                y1[i] -= b[3] * z0 + b[4] * z1 + b[5] * z2
+                y2[i] -= b[6] * z0 + b[7] * z1 + b[8] * z2
         low, corner, last = blocks[first, 1], blocks[first, 2], blocks[first, 5]
         for i in range(k):
-            y[k + i] -= last * y[2 * k + i]
-            y[i] -= low * y[k + i] + corner * y[2 * k + i]
+            second = y1[i] - last * y2[i]
+            y[i] = y0[i] - (low * second + corner * y2[i])
+            y[k + i], y[2 * k + i] = second, y2[i]

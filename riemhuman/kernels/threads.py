@@ -20,6 +20,9 @@ from riemhuman.errors import ArgumentError
 
 N_CHUNKS = 4
 
+# Columns of long rows that BLAS multiplies at a time: it copies them before, within the cache.
+_IN_CACHE = 16384
+
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
@@ -240,7 +243,11 @@ def pair_with_rows(vectors: ndarray, rows: ndarray) -> ndarray:
     """
 
     def task(first: int, last: int) -> ndarray:
-        return vectors[:, first:last] @ rows[:, first:last].T
+        total = np.zeros((len(vectors), len(rows)))
+        for start in range(first, last, _IN_CACHE):
+            part = slice(start, min(start + _IN_CACHE, last))
+            total += vectors[:, part] @ rows[:, part].T
+        return total
 
     return np.add.reduce(in_chunks(task, rows.shape[1], threaded=_is_large(rows)))
 

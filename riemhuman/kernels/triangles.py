@@ -125,8 +125,12 @@ def degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> 
     array of bool, shape (n, F)
     """
     degenerate = np.empty((len(surfaces), len(faces)), dtype=bool)
-    for f, marked in zip(surfaces, degenerate, strict=True):
-        mark_degenerate(f, faces, frames, marked)
+
+    def run(first: int, last: int) -> None:
+        for f, marked in zip(surfaces[first:last], degenerate[first:last], strict=True):
+            mark_degenerate(f, faces, frames, marked)
+
+    in_chunks(run, len(surfaces), threaded=degenerate.size > 10 * _WORTH_THREADS)
     return degenerate
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.block_triangles import eliminate, solve_lower, solve_upper
+from riemhuman.kernels.block_triangles import WIDE, eliminate, solve_lower, solve_upper
 from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
@@ -29,6 +30,9 @@ _N_PROBES = 3
 # Entries that are eliminated together, the coordinates of a vertex.
 _BLOCK = 3
 _ON_DIAGONAL = np.array([0, 4, 8])
+
+# So few right sides take no longer than if they were filled up to `WIDE`.
+_FEW = 8
 
 # Points of at most so many coordinates are one block.
 _LARGEST_BLOCK = 16
@@ -77,7 +81,13 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return self._solve_upper(self._solve_lower(columns) / self._squared_scale)
+
+        def both(x: ndarray) -> ndarray:
+            x = self._solve_lower(x)
+            x /= self._squared_scale
+            return self._solve_upper(x)
+
+        return _many_together(both, columns)
 
     def solve(self, columns: ndarray) -> ndarray:
         """Return L⁻¹ X.
@@ -91,7 +101,7 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return self._solve_lower(columns) / self._scale
+        return _many_together(self._solve_lower, columns) / self._scale
 
     def solve_transposed(self, columns: ndarray) -> ndarray:
         """Return L⁻ᵀ X.
@@ -105,20 +115,38 @@ class SparseCholeskyFactor(CholeskyFactor):
         -------
         array, shape (K, m)
         """
-        return self._solve_upper(columns / self._scale)
+        return _many_together(self._solve_upper, columns / self._scale)
 
     def _solve_lower(self, columns: ndarray) -> ndarray:
         """Return the solution in the order of elimination, for a diagonal of 1."""
         x = columns[self._order]
-        solve_lower(*self._lower, x.reshape(len(x) // _BLOCK, -1))
+        solve_lower(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
         return x
 
     def _solve_upper(self, x: ndarray) -> ndarray:
         """Overwrite x; return the solution, back in the order of columns."""
-        solve_upper(*self._lower, x.reshape(len(x) // _BLOCK, -1))
+        solve_upper(*self._lower, x.reshape(len(x) // _BLOCK, -1), _lanes(x))
         columns = np.empty_like(x)
         columns[self._order] = x
         return columns
+
+
+def _lanes(x: ndarray) -> tuple[int, ...] | None:
+    return WIDE if x.shape[1] == len(WIDE) else None
+
+
+def _many_together(solve: Callable[[ndarray], ndarray], columns: ndarray) -> ndarray:
+    """Solve for as many right sides at a time as `WIDE` has entries, unless there are few."""
+    n, width = columns.shape[1], len(WIDE)
+    if n <= _FEW:
+        return solve(np.ascontiguousarray(columns))
+    solutions = []
+    for first in range(0, n, width):
+        some = columns[:, first : first + width]
+        filled = np.zeros((len(columns), width))
+        filled[:, : some.shape[1]] = some
+        solutions.append(solve(filled)[:, : some.shape[1]])
+    return solutions[0] if n <= width else np.hstack(solutions)
 
 
 class BlockCholeskyFactor(CholeskyFactor):

@@ -19,13 +19,20 @@ class TriangleAssembler:
 
     def __init__(self, faces: np.ndarray, n_vertices: int) -> None:
         self._size = 3 * n_vertices
-        coordinates = (3 * faces[:, :, None] + np.arange(3)).reshape(-1, 9)
-        rows = np.repeat(coordinates, 9, axis=1).ravel()
-        columns = np.tile(coordinates, (1, 9)).ravel()
-        keys, self._positions = np.unique(rows * self._size + columns, return_inverse=True)
-        self._columns = (keys % self._size).astype(np.int32)
-        counts = np.bincount(keys // self._size, minlength=self._size)
-        self._row_ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
+        # Each pair of vertices that share a triangle has a block of 3 x 3 entries.
+        faces = faces.astype(np.int64)
+        pairs = faces[:, :, None] * n_vertices + faces[:, None, :]
+        keys, blocks = np.unique(pairs, return_inverse=True)
+        above, beside = np.divmod(keys, n_vertices)
+        counts = np.bincount(above, minlength=n_vertices)
+        starts = np.concatenate([[0], np.cumsum(counts)])[above]
+        first = 9 * starts + 3 * (np.arange(len(keys)) - starts)
+        i, j = np.arange(3)[:, None], np.arange(3)
+        entries = first[:, None, None] + 3 * i * counts[above, None, None] + j
+        self._columns = np.empty(entries.size, dtype=np.int32)
+        self._columns[entries] = 3 * beside[:, None, None] + j
+        self._row_ends = np.concatenate([[0], np.cumsum(np.repeat(3 * counts, 3))]).astype(np.int32)
+        self._positions = entries[blocks.reshape(pairs.shape)].swapaxes(2, 3).ravel()
 
     def assemble(self, blocks: np.ndarray) -> sparse.csr_array:
         """Return the sum of the matrices of all triangles.

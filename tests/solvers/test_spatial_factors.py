@@ -46,6 +46,17 @@ def test_sparse_factor(scale):
     check_transposed(factor, 42)
 
 
+@pytest.mark.parametrize("n_sides", [4, 9, 20, 45])
+def test_right_sides_need_not_be_solved_for_together(n_sides):
+    """Nor lie in one order in memory; some numbers of them are filled up with zeros."""
+    root = sparse.random_array((42, 42), density=0.05, rng=np.random.default_rng(1))
+    factor = SparseCholeskyFactor(sparse.csr_array(root @ root.T + sparse.eye_array(42)))
+    sides = np.random.default_rng(2).standard_normal((n_sides, 42)).T
+    for solve in (factor.inverse, factor.solve, factor.solve_transposed):
+        one_by_one = np.hstack([solve(side[:, None].copy()) for side in sides.T])
+        np.testing.assert_allclose(solve(sides), one_by_one, rtol=1e-12, atol=1e-14)
+
+
 def test_steep_matrices_are_eliminated_without_exchanging_rows():
     """An entry beside the diagonal is 316 times the one on it, before and after its column."""
     steep = np.array([[1.0, 316.0], [316.0, 316.0**2 + 1.0]])
