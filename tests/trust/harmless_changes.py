@@ -75,6 +75,7 @@ SPEED_ALONE = {
 }
 
 _NO_AREA = "triangles without area have no gradient, whatever their slopes"
+_RIGHT = "at right angles the sum of two unit vectors is as long as their difference"
 _BOUND = "which side of a bound the bound itself is on: no result is known that well"
 
 _RANDOM_POINT = (
@@ -99,12 +100,32 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "geometry/pairwise.py": {
         "if len(parts) < 2:": {"2 changed": "in one call or in two, the features are the same"},
     },
+    "kernels/compiled.py": {
+        "return njit(nogil=True, **options)(function)": {
+            "truth flipped": "whether other threads run meanwhile"
+        },
+    },
+    "kernels/rotations.py": {
+        "small = squared_angle < _SERIES_BELOW": {"Lt to LtE": _BOUND},
+    },
+    "kernels/special_orthogonal.py": {
+        "near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2": {
+            "Lt to LtE": _BOUND,
+            "Gt to GtE": _BOUND,
+        },
+        "if largest < 1e-9:  # quadratic: the rest is rounding": {"Lt to LtE": _BOUND},
+    },
     "kernels/triangles.py": {
         "for c in range(3):": {"3 changed #2": "the loop over the corners from it on is empty"},
         "scale = 1.0 / areas[t] if has_area else 0.0": {"0.0 changed": _NO_AREA},
     },
     "kernels/turns.py": {
         "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
+    },
+    "terms/ebin.py": {
+        "if self.lam <= LARGEST_LAMBDA:": {"LtE to Lt": "there, both ways are exact to rounding"},
+        "inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & "
+        "(radius < LARGEST)": {"Lt to LtE": _BOUND, "Gt to GtE": _BOUND},
     },
     "terms/ebin_geodesics.py": {
         "met_apex = (along <= rounding) & (across <= rounding)": {"LtE to Lt": _BOUND},
@@ -114,10 +135,19 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "Gt to GtE": _BOUND
         },
     },
+    "terms/flat.py": {
+        "gap += (vector[k] - kept[k]) ** 2 if abs(vector[k]) < LARGEST else math.inf": {
+            "Lt to LtE": _BOUND
+        },
+    },
     "terms/half_angle_fit.py": {
         "_DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))": {
             "15 changed": "the next term of the series is below 1e-17",
         },
+    },
+    "terms/normals.py": {
+        "acute = x1[t] * x2[t] + y1[t] * y2[t] + z1[t] * z2[t] >= 0.0": {"GtE to Gt": _RIGHT},
+        "acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)": {"GtE to Gt": _RIGHT},
     },
     "terms/root_normals.py": {
         "by_one[9, t] += 0.5 * along1 / s1 if s1 > 0.0 else 0.0": {
@@ -126,5 +156,14 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "by_other[9, t] -= 0.5 * along2 / s2 if s2 > 0.0 else 0.0": {
             "0.0 changed #2": _NO_AREA,
         },
+    },
+    "terms/rotations.py": {
+        "near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)": {"GtE to Gt": _RIGHT},
+    },
+    "terms/sum.py": {
+        "by_vertex.flags.writeable = False  # the kind that loops are compiled for": {
+            "truth flipped": "loops are compiled for the other kind as well"
+        },
+        "if end - start < size:": {"Lt to LtE": "room is made anew for every part"},
     },
 }
