@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from riemhuman.kernels import compilation
+from riemhuman.kernels import compilation, compiled
 from riemhuman.kernels.compilation import njit
 from riemhuman.kernels.compiled import FUSED
 
@@ -105,3 +105,9 @@ def test_functions_compute_alike_whoever_called_them_first():
     a, b = 1.0 + 2.0**-30, 1.0 + 2.0**-29
     assert caller(a, b, a * b) == 0.0
     assert rounding_error(a, b, a * b) == 0.0
+
+
+def test_a_polynomial_is_bound_in_the_module_that_defines_it():
+    names = {"polynomial": compiled.polynomial}
+    exec("square = polynomial((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))", names)
+    assert names["square"].module_names is names
