@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -154,6 +155,17 @@ def test_reversal_of_time(solved):
     metric = elastic((1, 1, 0))
     back = BasisPath(bodies.basis()).solve(metric, solved.path[-1], solved.path[0])
     assert back.energy == pytest.approx(solved.energy, rel=1e-4)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_the_way_back_between_natural_bodies(weights):
+    """People with habits, soft tissue and hands on the body, in poses of each other."""
+    points = load_open_bodies("coarse", variant="natural", people=4).points
+    solver = BasisPath(bodies.basis(), n_nodes=6)
+    for start, end in ((4, 29), (36, 15), (7, 38)):
+        there = solver.solve(elastic(weights), points[start], points[end])
+        back = solver.solve(elastic(weights), points[end], points[start])
+        assert back.energy == pytest.approx(there.energy, rel=1e-3)
 
 
 def test_closer_to_the_models_own_motion_than_the_straight_path():
