@@ -12,6 +12,14 @@ import numpy as np
 from numpy import ndarray
 from scipy import linalg
 
+from riemhuman.errors import ArgumentError
+
+INDEFINITE = (
+    "the matrix of the metric is not positive semidefinite, or not finite; "
+    "riemhuman.solvers.check_metric(metric, points) tells what is wrong"
+)
+"""What is said of a metric whose matrix has no Cholesky factor."""
+
 # The Gram matrix is singular on deformations the metric does not see, translations for one.
 _RIDGE = 1e-8
 
@@ -23,12 +31,20 @@ class CholeskyFactor:
     ----------
     matrix : array, shape (K, K)
         Symmetric positive semidefinite matrix.
+
+    Raises
+    ------
+    ArgumentError
+        If the matrix is indefinite or not finite.
     """
 
     def __init__(self, matrix: ndarray) -> None:
         size = np.trace(matrix) / len(matrix)
         ridge = _RIDGE * (np.diag(matrix) + (size if size > 0 else 1.0))
-        self._lower = linalg.cholesky(matrix + np.diag(ridge), lower=True)
+        try:
+            self._lower = linalg.cholesky(matrix + np.diag(ridge), lower=True)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise ArgumentError(INDEFINITE) from error
 
     def solve(self, columns: ndarray) -> ndarray:
         """Return L⁻¹ X.

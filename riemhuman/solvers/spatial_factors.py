@@ -10,12 +10,13 @@ import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.block_triangles import WIDE, eliminate, solve_lower, solve_upper
 from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
-from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.solvers.preconditioner import INDEFINITE, CholeskyFactor
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
 # steps along them must not be endless.
@@ -64,7 +65,7 @@ class SparseCholeskyFactor(CholeskyFactor):
             found.ends, found.rows, found.columns, found.row_ends, found.by_row, lower, pivots
         )
         if not np.all(pivots > 0.0):
-            raise np.linalg.LinAlgError("the matrix is not positive definite, or not finite")
+            raise ArgumentError(INDEFINITE)
         self._lower = found.ends, found.rows, lower
         self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
@@ -162,7 +163,10 @@ class BlockCholeskyFactor(CholeskyFactor):
         _, _, k = blocks.shape
         sizes = np.trace(blocks, axis1=-2, axis2=-1) / k
         ridge = _RIDGE_OF_BLOCKS * (sizes + (sizes.mean() if sizes.any() else 1.0))
-        lower = np.linalg.cholesky(blocks + ridge[:, None, None] * np.eye(k))
+        try:
+            lower = np.linalg.cholesky(blocks + ridge[:, None, None] * np.eye(k))
+        except np.linalg.LinAlgError as error:
+            raise ArgumentError(INDEFINITE) from error
         self._inverse = np.linalg.inv(lower)
 
     def solve(self, columns: ndarray) -> ndarray:

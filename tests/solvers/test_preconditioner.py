@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from riemhuman.errors import ArgumentError
 from riemhuman.solvers.preconditioner import CholeskyFactor, PathPreconditioner
 
 
@@ -26,6 +27,12 @@ def test_factor_solves(scale):
 def test_singular_matrices_get_a_ridge():
     for matrix in (positive_matrix(5, rank=3), np.zeros((5, 5))):
         assert np.all(np.isfinite(CholeskyFactor(matrix).solve(np.eye(5))))
+
+
+@pytest.mark.parametrize("entry", [-1.0, np.nan])
+def test_indefinite_matrices_are_refused(entry):
+    with pytest.raises(ArgumentError, match="not positive semidefinite, or not finite.*check_metr"):
+        CholeskyFactor(np.diag([1.0, entry, 1.0]))
 
 
 def test_what_is_not_finite_is_passed_on():

@@ -6,6 +6,7 @@ import pytest
 from cases import CASES, HalfPlane, HyperbolicInnerProduct, cases_that, name_of
 from scipy import sparse
 
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.kernels.laplacian import cotangent_laplacian
@@ -85,8 +86,14 @@ def test_entries_that_are_not_stored_get_a_ridge():
 def test_indefinite_matrices_are_refused(entry):
     dense = np.ones((6, 6)) + np.eye(6)
     dense[4, 4] = entry
-    with pytest.raises(np.linalg.LinAlgError, match="not positive definite, or not finite"):
+    with pytest.raises(ArgumentError, match="not positive semidefinite, or not finite"):
         SparseCholeskyFactor(sparse.csr_array(dense))
+
+
+def test_indefinite_blocks_are_refused():
+    blocks = np.stack([np.eye(2), np.diag([1.0, -1.0])])
+    with pytest.raises(ArgumentError, match="not positive semidefinite, or not finite"):
+        BlockCholeskyFactor(blocks)
 
 
 @pytest.mark.parametrize("name", ["all sphere", "stretch open", "srnf triangle"])
