@@ -111,7 +111,7 @@ def _run(options: argparse.Namespace) -> None:
 def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
     from riemhuman import retrieval
     from riemhuman.learned.code_descriptor import LEARNED
-    from riemhuman.retrieval.representations import available
+    from riemhuman.retrieval.representations import STRAIGHT, available
 
     reporter = Reporter(options.quiet)
     with reporter.task("All representations"):
@@ -124,6 +124,11 @@ def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
         "\nPer cent, each body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
     )
+    if any(record.representation.endswith(STRAIGHT) for record in records):
+        say(
+            "\nMetrics called straight have no closed-form distance: their rows compare by the\n"
+            "norm of the difference of two bodies, halfway between them."
+        )
     if any(record.representation.endswith(LEARNED) for record in records):
         say(f"\n{_about_codes()}")
 

@@ -14,8 +14,18 @@ from riemhuman.descriptors import (
 )
 from riemhuman.extensions import extensions
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
+from riemhuman.geometry.sobolev_metric import SobolevMetric
+from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.learned.code_descriptor import shipped_descriptors
 from riemhuman.retrieval.benchmark import table_metrics
+from riemhuman.solvers.simple_paths import LinearPath
+from riemhuman.terms.normal_projection import mixed_edges
+
+STRAIGHT = ", straight"
+"""How names end of metrics without closed form, which compare by the cost of the straight way."""
+SOBOLEV = f"Sobolev metric{STRAIGHT}"
+GAUGE_INVARIANT = f"gauge-invariant SRNF{STRAIGHT}"
 
 
 def available(bodies: Any) -> dict[str, Any]:
@@ -37,6 +47,8 @@ def available(bodies: Any) -> dict[str, Any]:
     """
     registered = hasattr(bodies, "points") and hasattr(bodies, "template")
     found: dict[str, Any] = dict(table_metrics(bodies)) if registered else {}
+    if registered:
+        found |= _straight_metrics(AlignedSurfaces(bodies.template, equip=False))
     model = getattr(bodies, "model", None)
     if registered and callable(getattr(model, "fit", None)):
         found["model shape vector"] = ModelShapeVectors(model)
@@ -52,6 +64,18 @@ def available(bodies: Any) -> dict[str, Any]:
         # The mean over vertices is common in retrieval, but it uses the registration.
         found["WKS, mean over vertices"] = WaveKernelSignature(pooling="vertex mean")
     return found | of_extensions(bodies)
+
+
+def _straight_metrics(space: AlignedSurfaces) -> dict[str, Any]:
+    """Return metrics without a closed-form distance, by the cost of the straight way.
+
+    Thousands of geodesics would take hours; norms of differences, halfway, take minutes.
+    """
+    straight = LinearPath(n_nodes=2)
+    found: dict[str, Any] = {SOBOLEV: SobolevMetric(space, d1=1.0, geodesic_solver=straight)}
+    if len(mixed_edges(space.template.faces)) == 0:
+        found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), straight)
+    return found
 
 
 def of_extensions(bodies: Any) -> dict[str, Any]:

@@ -67,32 +67,23 @@ def vertex_normals(f: ndarray, template: Any, averages: csr_array) -> ndarray:
     return np.where(unused[..., None], 0.0, unit)
 
 
-def refuse_mixed_orientation(faces: ndarray) -> None:
-    """Refuse triangles that turn opposite sides up, so that normals around a vertex mean nothing.
+def mixed_edges(faces: ndarray) -> ndarray:
+    """Return the edges whose two triangles turn opposite sides up, as both pass them one way.
 
     Parameters
     ----------
     faces : array of int, shape (F, 3)
         Triangles. Edges that more than two of them share say nothing.
 
-    Raises
-    ------
-    ArgumentError
-        If two triangles pass their common edge in the same direction.
+    Returns
+    -------
+    array of int, shape (n, 2)
     """
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    ahead = sides[:, 0] < sides[:, 1]
     edges, edge_of_side = onp.unique(onp.sort(sides, axis=1), axis=0, return_inverse=True)
     edge_of_side = edge_of_side.reshape(-1)
-    counts = onp.bincount(edge_of_side)
-    mixed = (counts == 2) & (onp.bincount(edge_of_side, weights=ahead) != 1)
-    if mixed.any():
-        one, other = edges[onp.argmax(mixed)]
-        raise ArgumentError(
-            f"the two triangles at the edge between the vertices {one} and {other} of the template "
-            f"turn opposite sides up (and those at {int(mixed.sum()) - 1} other edges), so that "
-            "vertices have no normals; orient all triangles of the template consistently"
-        )
+    n_ahead = onp.bincount(edge_of_side, weights=sides[:, 0] < sides[:, 1])
+    return edges[(onp.bincount(edge_of_side) == 2) & (n_ahead != 1)]
 
 
 def project(h: ndarray, f: ndarray, template: Any, averages: csr_array) -> ndarray:
@@ -277,7 +268,14 @@ class NormalPartTerm(QuadraticTerm):
     sees_slides = False
 
     def __init__(self, template: Any, term: QuadraticTerm) -> None:
-        refuse_mixed_orientation(template.faces)
+        mixed = mixed_edges(template.faces)
+        if len(mixed):
+            raise ArgumentError(
+                f"the two triangles at the edge between the vertices {mixed[0, 0]} and "
+                f"{mixed[0, 1]} of the template turn opposite sides up (and those at "
+                f"{len(mixed) - 1} other edges), so that vertices have no normals; orient all "
+                "triangles of the template consistently"
+            )
         self.template, self.term = template, term
         self.sees_lengths = term.sees_lengths
         self._averages = corner_averages(template.faces, template.n_vertices)

@@ -7,7 +7,8 @@ from descriptor_meshes import sphere
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.retrieval import benchmark
-from riemhuman.retrieval.representations import available
+from riemhuman.retrieval.representations import GAUGE_INVARIANT, SOBOLEV, available
+from riemhuman.surfaces import Template
 
 TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]
 
@@ -22,6 +23,7 @@ def test_registered_bodies_have_all():
     names = list(available(everyone))
     assert names[:3] == ["shape metric (1, 0.0001, 0)", "pose metric (0, 0, 1)", "SRNF"]
     assert set(TEMPLATE_FREE) < set(names)
+    assert {SOBOLEV, GAUGE_INVARIANT} < set(names)
     if hasattr(everyone.model, "fit"):
         assert "model shape vector" in names
 
@@ -38,6 +40,16 @@ def test_registered_bodies_have_all():
     assert len(records) == 2 * len(names)
     who = {record.representation: record.scores.nn for record in records if record.task == "shape"}
     assert all(who[name] == 100.0 for name in TEMPLATE_FREE)
+
+
+def test_templates_of_mixed_orientation_have_no_gauge_invariant_metric():
+    bodies = load_open_bodies("coarse")
+    faces = bodies.template.faces.copy()
+    faces[0] = faces[0, ::-1]
+    mixed = SimpleNamespace(points=bodies.points, template=Template(bodies.points[0], faces))
+    names = set(available(mixed))
+    assert SOBOLEV in names
+    assert GAUGE_INVARIANT not in names
 
 
 def test_without_a_model_or_registration():
