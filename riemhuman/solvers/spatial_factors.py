@@ -12,7 +12,7 @@ from scipy import sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.kernels.block_triangles import WIDE, eliminate, solve_lower, solve_upper
+from riemhuman.kernels.block_triangles import WIDTHS, eliminate, solve_lower, solve_upper
 from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
@@ -32,8 +32,8 @@ _N_PROBES = 3
 _BLOCK = 3
 _ON_DIAGONAL = np.array([0, 4, 8])
 
-# So few right sides take no longer than if they were filled up to `WIDE`.
-_FEW = 8
+# So few right sides are not filled up with zeros to one of `WIDTHS`.
+_FEW = 6
 
 # Points of at most so many coordinates are one block.
 _LARGEST_BLOCK = 16
@@ -133,21 +133,23 @@ class SparseCholeskyFactor(CholeskyFactor):
 
 
 def _lanes(x: ndarray) -> tuple[int, ...] | None:
-    return WIDE if x.shape[1] == len(WIDE) else None
+    return (0,) * x.shape[1] if x.shape[1] in WIDTHS else None
 
 
 def _many_together(solve: Callable[[ndarray], ndarray], columns: ndarray) -> ndarray:
-    """Solve for as many right sides at a time as `WIDE` has entries, unless there are few."""
-    n, width = columns.shape[1], len(WIDE)
+    """Solve for one of `WIDTHS` right sides at a time, filled up with zeros, unless for few."""
+    n = columns.shape[1]
     if n <= _FEW:
         return solve(np.ascontiguousarray(columns))
+    n_parts = -(-n // max(WIDTHS))
+    width = next(width for width in WIDTHS if n_parts * width >= n)
     solutions = []
     for first in range(0, n, width):
         some = columns[:, first : first + width]
         filled = np.zeros((len(columns), width))
         filled[:, : some.shape[1]] = some
         solutions.append(solve(filled)[:, : some.shape[1]])
-    return solutions[0] if n <= width else np.hstack(solutions)
+    return solutions[0] if n_parts == 1 else np.hstack(solutions)
 
 
 class BlockCholeskyFactor(CholeskyFactor):

@@ -47,7 +47,7 @@ def test_sparse_factor(scale):
     check_transposed(factor, 42)
 
 
-@pytest.mark.parametrize("n_sides", [4, 9, 20, 45])
+@pytest.mark.parametrize("n_sides", [1, 4, 9, 20, 27, 45])
 def test_right_sides_need_not_be_solved_for_together(n_sides):
     """Nor lie in one order in memory; some numbers of them are filled up with zeros."""
     root = sparse.random_array((42, 42), density=0.05, rng=np.random.default_rng(1))
