@@ -14,7 +14,7 @@ from numpy import ndarray
 from riemhuman.kernels.compiled import FUSED, compiled
 
 WIDTHS = 1, 16, 20
-"""Numbers of right sides that are compiled in: 16 take no longer than seven of any number."""
+"""Numbers of right sides that loops are compiled for: 16 then take no longer than 8 otherwise."""
 
 
 @compiled(fastmath=FUSED)
