@@ -236,7 +236,8 @@ def test_gaps(benchmark, weights, variant):
             above = 100 * (result.energy / least.energy - 1)
             rows.append((above, result.gap, 100 * abs(result.energy / back.energy - 1)))
         shown, stated, swapped = np.array(rows).T
-        low, middle, high = np.nanpercentile(stated / shown, [0, 50, 100])
+        gained = shown > 0.0
+        low, middle, high = np.nanpercentile(stated[gained] / shown[gained], [0, 50, 100])
         print(
             f"\n{variant:7} {weights!s:16} {name}: {np.median(shown):.3f} % above the minimum in "
             f"the median, {shown.max():.3f} % at most; gaps stated are {low:.2f} to {high:.2f} of "
