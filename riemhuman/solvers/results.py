@@ -151,7 +151,8 @@ class PathResult(Result):
         Estimate, in per cent of the energy, of how much further iterations would reduce it. On
         bodies it was at least a third of that over a basis, a fifth in all coordinates, and two to
         three times it in the median over a basis; it does not know of another valley that a longer
-        search would find. nan for paths that do not minimise energy, and where slopes and iterations do not tell.
+        search would find. nan for paths that do not minimise energy, and where slopes and
+        iterations do not tell.
 
     Examples
     --------
