@@ -1,11 +1,13 @@
 """Frames of triangles that compiled loops share, against NumPy; interpreted, as written."""
 
+import itertools
+
 import autograd.numpy as anp
 import numpy as np
 import pytest
 from autograd import grad
 
-from riemhuman.kernels import moving_frames
+from riemhuman.kernels import moving_frames, triangles
 from riemhuman.kernels.surface import DEGENERATE
 
 N_VERTICES, N_TIMES, TIME = 6, 3, 1
@@ -116,3 +118,12 @@ def test_vertex_by_vertex(noise):
     assert moving_frames.is_worth_threads(np.empty((4, 1, 3)), large)
     assert not moving_frames.is_worth_threads(np.empty((4, 1, 3)), large[1:])
     assert moving_frames.is_worth_threads(np.empty((4, 2, 3)), large[:10_001])
+
+
+@pytest.mark.parametrize(("along", "beside"), [*itertools.permutations(range(3), 2)])
+def test_triangles_as_thin_as_rounding_errors_have_no_area(along, beside):
+    one, other = np.eye(3)[along], 0.5 * np.eye(3)[along] + 1e-9 * np.eye(3)[beside]
+    f, face = np.stack([np.zeros(3), one, other])[:, None], np.arange(3)
+    assert moving_frames.frame_of.py_func(f, face, 0)[:3] == (0.0, 1.0, 0.0)
+    assert moving_frames.fill_edges.py_func(f, face, 0, np.empty((2, 3))) == 0.0
+    assert triangles.first_forms.py_func(*one, *other)[-1] == 0.0

@@ -47,10 +47,12 @@ def close(found, expected, rtol=1e-11):
     np.testing.assert_allclose(found, expected, rtol=0, atol=rtol * np.abs(expected).max())
 
 
+@pytest.mark.parametrize("size", [1.0, 1e-3])
 @each_term
-def test_segments(term):
+def test_segments(term, size):
+    points = size * POINTS
     records = np.empty((len(POINTS), triangles.LENGTH, len(FACES)))
-    by_vertex = of_one_kind(np.swapaxes(POINTS, 0, 1))
+    by_vertex = of_one_kind(np.swapaxes(points, 0, 1))
     triangles.fill_records(by_vertex, FACES, FRAMES, 0, len(FACES), records)
     found = []
     for add_segments in (term.add_segments, lambda *parts: Term.add_segments(term, *parts)):
@@ -63,18 +65,20 @@ def test_segments(term):
     close(gradient, expected_gradient)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.parametrize("size", [1.0, 1e-3])
 @each_term
-def test_pairs(term):
-    fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in POINTS]
+def test_pairs(term, size):
+    points = size * POINTS
+    fields = [term.fields(surface.derivatives(f, OPERATOR)) for f in points]
     expected = [[term.squared_dist(one, other) @ AREAS for other in fields] for one in fields]
     driver = SumOfTerms([term], TEMPLATE)
     together = tuple(map(np.stack, zip(*fields, strict=True)))
     for features in (
         field_features(term, together, AREAS, "double"),
-        driver.features(POINTS, "double"),
+        driver.features(points, "double"),
     ):
         assert len(features) == driver.n_arrays
+        np.testing.assert_array_equal(driver.rounding(features), 0.0)
         close(driver.squared_distances(features, features), term.weight * np.array(expected))
         pair = (of_one_kind(features[0]), of_one_kind(features[0].copy()))
         close(term.squared_distances(*pair, AREAS), expected)
