@@ -108,11 +108,15 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "kernels/rotations.py": {
         "small = squared_angle < _SERIES_BELOW": {"Lt to LtE": _BOUND},
     },
+    "kernels/scalars.py": {
+        "safe = np.where(x == 0, 1.0, x)": {"1.0 changed": "what it stands for is not taken"},
+    },
     "kernels/special_orthogonal.py": {
         "near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2": {
             "Lt to LtE": _BOUND,
             "Gt to GtE": _BOUND,
         },
+        "largest = 0.0": {"0.0 changed": "all ten rounds are gone, to the same rotation"},
         "if largest < 1e-9:  # quadratic: the rest is rounding": {"Lt to LtE": _BOUND},
     },
     "kernels/triangles.py": {
@@ -120,6 +124,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "scale = 1.0 / areas[t] if has_area else 0.0": {"0.0 changed": _NO_AREA},
     },
     "kernels/turns.py": {
+        "queue = [(0.0, root, root)]": {"0.0 changed": "the root is alone in the queue"},
         "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
     },
     "terms/ebin.py": {

@@ -52,6 +52,8 @@ class _Saboteur(ast.NodeTransformer):
         # By lines and changes: how many places there are.
         self.met: Counter[tuple[str, str]] = Counter()
         self._compiled = False
+        # By tests of choices around: the branch.
+        self._taken: dict[str, int] = {}
 
     def _here(self, node: ast.expr | ast.stmt, what: str) -> bool:
         line = self._lines[node.lineno - 1].strip()
@@ -169,9 +171,23 @@ class _Saboteur(ast.NodeTransformer):
         elif self._compiled and called.endswith(".empty"):
             # Room for intermediate results: more does no harm.
             pass
+        elif called.endswith("np.where") and len(node.args) == 3:
+            self._visit_choice(node)
         elif called != "warnings.warn":
             self.generic_visit(node)
         return node
+
+    def _visit_choice(self, node: ast.Call) -> None:
+        """Visit a choice by `where`, but not what a choice around it by the same test passes by."""
+        test = ast.unparse(node.args[0])
+        taken = self._taken.get(test)
+        node.args[0] = self.visit(node.args[0])
+        for branch in (1, 2):
+            if taken in (None, branch):
+                self._taken[test] = branch
+                node.args[branch] = self.visit(node.args[branch])
+        if taken is None:
+            del self._taken[test]
 
     def _visit_size(self, node: ast.expr) -> ast.expr:
         if isinstance(node, ast.Tuple):

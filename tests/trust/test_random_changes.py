@@ -39,6 +39,10 @@ def test_places_that_are_gone_are_found(tmp_path):
         ("x = b if not a < b else a", ["x = b if a < b else a", "x = b if not a <= b else a"]),
         ("def f():\n    x = np.empty(3)", ["def f():\n    x = np.empty(4)"]),
         ("@compiled\ndef f():\n    x = np.empty(3)", []),
+        (
+            "y = np.where(c, 1, f(np.where(c, 2, x)))",
+            ["y = np.where(c, 2, f(np.where(c, 2, x)))"],
+        ),
         ("@abstractmethod\ndef f(x=1): pass", []),
         ("def f(a, b=1, n_threads=1): pass", ["def f(a, b=2, n_threads=1):\n    pass"]),
         ("@compiled\ndef f():\n    x = np.zeros(3)", ["@compiled\ndef f():\n    x = np.zeros(4)"]),
