@@ -164,7 +164,7 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     dict of str to RiemannianMetric
         The paper's shape metric and pose metric, the metrics of square root normal fields and of
         diffused rotations, and the general elastic metric. Metrics without a closed-form distance
-        are too slow for tables of all pairs.
+        are in `riemhuman.retrieval.representations.available`.
 
     Raises
     ------
