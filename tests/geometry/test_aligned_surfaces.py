@@ -465,3 +465,11 @@ def test_surfaces_in_another_unit_are_refused_wherever_they_meet():
     assert space.metric.dist(metres, 0.0 * metres) > 0
     with pytest.raises(ArgumentError, match="scale must be one of 'template', None"):
         AlignedSurfaces(template, scale="metres")
+
+
+def test_scales_are_checked_where_the_space_has_one():
+    template = sphere_template()
+    with pytest.raises(ArgumentError, match="as large as the template"):
+        AlignedSurfaces(template).check_scale(100.0 * template.vertices)
+    AlignedSurfaces(template).check_scale(1.5 * template.vertices)
+    AlignedSurfaces(template, scale=None).check_scale(100.0 * template.vertices)

@@ -209,3 +209,12 @@ def test_gradients_are_those_of_one_path():
 def test_the_part_of_the_family_that_a_metric_lacks(weights, unseen):
     found = ElasticMetric(SPACE, *weights).unseen_part
     assert (found and (found.a, found.lam, found.c)) == unseen
+
+
+def test_features_are_those_of_a_list_of_surfaces():
+    metric, points = ElasticMetric(SPACE, 1.0, 1.0, 1.0), surfaces(SPACE.template, 2)
+    shape = rf"points must have shape \(n_points, {SPACE.template.n_vertices}, 3\); found"
+    for wrong in (points[None], points[0]):
+        with pytest.raises(ArgumentError, match=shape):
+            metric.features(wrong)
+    assert len(metric.features(points)[0]) == 2

@@ -5,7 +5,7 @@ from functools import partial
 import numba
 import numpy as np
 import pytest
-from autograd import value_and_grad
+from autograd import grad, value_and_grad
 from cases import CASES, TEMPLATES, name_of, surface_cases, surfaces
 from mpmath import mp
 
@@ -15,7 +15,15 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels.tiles import of_one_kind
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, arc_fit, half_angle_fit, sum
+from riemhuman.terms import (
+    EbinTerm,
+    NormalTerm,
+    RootNormalTerm,
+    arc_fit,
+    half_angle_fit,
+    normals,
+    sum,
+)
 from riemhuman.terms.sum import SumOfTerms
 
 COMPILED = [case for case in surface_cases("dist") if isinstance(case.metric, SurfaceMetric)]
@@ -230,6 +238,19 @@ def test_squared_arc():
 
 
 @mp.workdps(60)
+@pytest.mark.parametrize("q", [0.5, 3.0, 4.0])
+def test_slopes_of_the_definition_by_both_chords(q):
+    def exact(p, q):
+        return 4 * mp.atan2(mp.sqrt(p), mp.sqrt(q)) ** 2
+
+    by_p, by_q = grad(normals.squared_arc, 0), grad(normals.squared_arc, 1)
+    for p in (1e-6, 0.2, 3.0):
+        assert by_p(p, q) == pytest.approx(float(mp.diff(exact, (p, q), (1, 0))), rel=1e-9)
+        assert by_q(p, q) == pytest.approx(float(mp.diff(exact, (p, q), (0, 1))), rel=1e-9)
+    assert by_p(0.0, q) == pytest.approx(by_p(1e-18, q), rel=1e-9)
+    assert by_q(0.0, q) == 0.0
+
+
 def test_slope_of_the_squared_arc_up_to_antipodal_vectors():
     for q in np.logspace(-30, -1, 60):
         theta = mp.pi - 2 * mp.asin(mp.sqrt(mp.mpf(float(q))) / 2)
