@@ -139,6 +139,7 @@ def test_matrices_that_have_lost_their_shape(sizes):
     for share, lost in ((3e4, True), (3e5, False)):
         m = np.sqrt(e * g * (1.0 - share * np.finfo(float).eps))
         assert ebin_matrices.has_lost_its_shape(np.array([[e, m], [m, g]])) == lost
+    assert ebin_matrices.has_lost_its_shape(np.zeros((2, 2)))
 
 
 # Relations.

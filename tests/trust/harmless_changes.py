@@ -135,11 +135,6 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "terms/ebin_geodesics.py": {
         "met_apex = (along <= rounding) & (across <= rounding)": {"LtE to Lt": _BOUND},
     },
-    "terms/ebin_matrices.py": {
-        "return ~(determinants(g) > _FEW_DIGITS * entry(g, 0, 0) * entry(g, 1, 1))": {
-            "Gt to GtE": _BOUND
-        },
-    },
     "terms/flat.py": {
         "gap += (vector[k] - kept[k]) ** 2 if abs(vector[k]) < LARGEST else math.inf": {
             "Lt to LtE": _BOUND
