@@ -27,9 +27,10 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.solvers import BasisPath, PathStraightening
 from riemhuman.surfaces import DeformationBasis, Template
-from riemhuman.terms import normal_projection
+from riemhuman.terms import NormalTerm, normal_projection
 from riemhuman.terms.zeroth_order import corner_averages
 
 MAJOR, MINOR = 1.0, 0.4
@@ -211,6 +212,26 @@ def test_surfaces_are_free_to_slide_but_not_to_move():
 # Refusals.
 
 
+class Bends(NormalTerm):
+    """Normals, in a power of the area or in a form of each triangle that has no parts."""
+
+    def __init__(self, area_power, one_by_one):
+        super().__init__()
+        self.area_power, self._one_by_one = area_power, one_by_one
+
+    def form(self, first):
+        form = super().form(first)
+        return np.broadcast_to(form, (*first.areas.shape, 6, 6)) if self._one_by_one else form
+
+
+@pytest.mark.parametrize(("area_power", "one_by_one"), [(0.5, False), (0.0, True), (0.5, True)])
+def test_terms_of_their_own_kind_are_refused(area_power, one_by_one):
+    space = AlignedSurfaces(sphere_template(), equip=False)
+    GaugeInvariantMetric(SurfaceMetric(space, [Bends(0.0, False)]))
+    with pytest.raises(ArgumentTypeError, match="first-order metric.*; found SurfaceMetric$"):
+        GaugeInvariantMetric(SurfaceMetric(space, [Bends(area_power, one_by_one)]))
+
+
 def test_distances_are_refused_without_a_solver():
     case = CASES["gauge-invariant srnf open"]
     with pytest.raises(NotDefinedError, match="GaugeInvariantMetric has no closed form for sq"):
@@ -233,15 +254,17 @@ def test_other_metrics_are_refused(metric, found):
 
 
 def test_vertices_whose_normals_cancel_are_refused():
-    template = Template([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], [[0, 1, 2], [0, 2, 1]])
+    vertices = [[2, 2, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0.0]]
+    template = Template(vertices, [[1, 2, 3], [1, 3, 2]])
     metric = GaugeInvariantMetric(SRNFMetric(AlignedSurfaces(template)))
-    f, h = template.vertices, np.ones((3, 3))
+    f, h = template.vertices, np.ones((4, 3))
     for call in (
         lambda: metric.norm(h, f),
+        lambda: metric.norm(h, np.stack([f, f])),
         lambda: metric.metric_matrix(f),
         lambda: metric.energy(np.stack([f, f + h])),
     ):
-        with pytest.raises(DegenerateSurfaceError, match="vertex 0 cancel, so that it has none"):
+        with pytest.raises(DegenerateSurfaceError, match="vertex 1 cancel, so that it has none"):
             call()
     assert metric.energy_and_gradient(np.stack([f, f + h]))[0] == np.inf
 

@@ -549,3 +549,14 @@ def test_features_in_threads_count_from_the_first_point():
     points[5] = 0.0
     with pytest.raises(DegenerateSurfaceError, match=r"item \(5,\)"):
         features_in_threads(metric, points, "single", 3)
+
+
+@pytest.mark.parametrize("name", ["edges", "ebin 1 sphere", "sobolev all sphere", "mixed sphere"])
+def test_sets_of_points_have_one_axis_before_those_of_a_point(name):
+    case = CASES[name]
+    points = case.points[:2]
+    assert case.metric.check_points(points).shape == points.shape
+    for others in (points[0], points[None]):
+        for door in (case.metric.check_points, case.metric.features):
+            with pytest.raises(ArgumentError, match=r"points must have shape \(n_points, "):
+                door(others)

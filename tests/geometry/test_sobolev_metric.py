@@ -5,6 +5,7 @@ import pytest
 from autograd import grad
 from cases import deformations, open_template, sphere_template, surfaces, triangle_template
 from parametric_surfaces import sphere, torus
+from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
@@ -20,6 +21,7 @@ from riemhuman.solvers import (
     PathStraightening,
 )
 from riemhuman.surfaces import DeformationBasis, Template
+from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 
 NAMES = ("a0", "a1", "b1", "c1", "d1", "a2")
 ALL = {"a0": 0.3, "a1": 0.7, "b1": 0.4, "c1": 1.1, "d1": 0.5, "a2": 0.02}
@@ -355,3 +357,32 @@ def test_single_precision_and_integers_are_taken():
     expected = metric.squared_norm(h.astype(float), f.astype(float))
     assert metric.squared_norm(h, f) == expected
     assert metric.squared_norm(h.astype(np.float32), f.astype(np.float32)) == expected
+
+
+@pytest.mark.parametrize("name", ["a1", "b1", "c1", "d1"])
+def test_stretching_in_either_way_is_a_change_of_lengths(name):
+    term = FirstOrderTerm(sphere_template(), FirstOrderWeights(**{name: 1.0}))
+    assert term.sees_lengths == (name in ("a1", "b1"))
+
+
+def test_drift_leaves_turns_alone():
+    """They cost something: the path of a turn there and back has energy, and keeps it."""
+    template = sphere_template()
+    path = np.repeat(template.vertices[None], 3, axis=0)
+    path[1] = path[1] @ Rotation.from_rotvec([0.2, 0.1, -0.3]).as_matrix() + [0.4, 0.0, 0.0]
+    metric = SobolevMetric(AlignedSurfaces(template))
+    stilled = metric.remove_drift(path)
+    assert metric.energy(stilled) == pytest.approx(metric.energy(path), rel=1e-9)
+    assert np.linalg.norm(stilled - path) > 0.1
+
+
+@pytest.mark.parametrize("weights", [{"a1": 1.0, "b1": 1.0, "c1": 1.0, "a2": 0.1}, ALL])
+def test_paths_through_surfaces_without_area(weights):
+    template = sphere_template()
+    metric = only(AlignedSurfaces(template), **weights)
+    path = surfaces(template, 3, rng=6)
+    # Halfway between surfaces whose triangles have area.
+    path[2] = -path[1]
+    assert metric.energy_and_gradient(path)[0] == np.inf
+    with pytest.raises(DegenerateSurfaceError):
+        metric.energy(path)

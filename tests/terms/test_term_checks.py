@@ -107,3 +107,11 @@ def test_a_term_that_says_no_weight_has_weight_one():
     np.testing.assert_allclose(found[0, 1], metric.dist(points[0], points[1]), rtol=1e-12)
     energy = metric.energy(points)
     np.testing.assert_allclose(energy, RiemannianMetric.energy(metric, points), rtol=1e-12)
+
+
+def test_fields_that_some_triangles_do_not_have_are_none_of_these_slips():
+    class OfNone(FlatTerm):
+        def field(self, first):
+            return anp.where(first.areas > 1e9, first.areas, anp.nan)[..., None]
+
+    assert np.isnan(SurfaceMetric(SPACE, [OfNone()]).dist(*surfaces(SPACE.template, 2)))

@@ -48,6 +48,9 @@ SPEED_ALONE = {
         "_BLOCK": "points of one block",
         "_CLOSE_BLOCK": "points of one block of close pairs",
     },
+    "geometry/rotation_metric.py": {
+        "_AT_A_TIME": "deformations whose images are computed together"
+    },
     "solvers/basis_path.py": {
         "gram": "surfaces that a preconditioner is averaged over",
     },
