@@ -155,9 +155,12 @@ def test_half_a_turn_says_what_is_the_matter():
     data = load_open_bodies("coarse")
     metric = ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
     basis, start = DeformationBasis.from_laplacian(data.template, 20), data.points[0]
-    with pytest.warns(ConvergenceWarning, match="step before the start: triangle .* turned over"):
+    # The path may be found or not, and be another with other rounding errors.
+    with pytest.warns(ConvergenceWarning) as told:
         found = DiscreteLogarithm(basis, n_steps=4).solve(metric, start * [-1, 1, -1], start)
     assert not found.converged
+    assert "step before the start: triangle" in str(told[-1].message)
+    assert "turned over" in str(told[-1].message)
 
 
 def test_velocities_that_do_not_fit_the_path_are_no_logarithms():

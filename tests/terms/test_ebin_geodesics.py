@@ -304,3 +304,10 @@ def test_the_size_by_which_a_whitened_change_is_rounded():
     sizes = np.abs(factor) @ np.abs(delta_g) @ np.swapaxes(np.abs(factor), -1, -2)
     found = ebin_geodesics._whitened_size(delta_g, g)
     np.testing.assert_allclose(found, sizes.sum(axis=(-2, -1)), rtol=1e-12)
+
+
+def test_the_angle_per_unit_where_nothing_shears():
+    along = np.array([0.2, 1.0, 7.0])
+    found = ebin_geodesics.angle_per_unit(along, np.zeros(3))
+    np.testing.assert_array_equal(found, 1.0 / along)
+    np.testing.assert_allclose(ebin_geodesics.angle_per_unit(along, np.full(3, 1e-9)), found)

@@ -142,6 +142,7 @@ def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
     template = TEMPLATES["open"]
     terms, points = [EbinTerm(lam=0.3), NormalTerm(), RootNormalTerm()], some_surfaces(template)
     found = SumOfTerms(terms, template).features(points[::2], "single")
+    assert len(found) == SumOfTerms(terms, template).n_arrays
     expected = [features_of(term, template, points[::2], "single") for term in terms]
     for array, other in zip(found, sum(expected, ()), strict=True):
         np.testing.assert_array_equal(array, other)

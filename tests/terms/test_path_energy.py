@@ -17,6 +17,7 @@ from riemhuman.geometry.surface_metric import SurfaceMetric
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import (
     EbinTerm,
+    FlatTerm,
     NormalTerm,
     RootNormalTerm,
     arc_fit,
@@ -156,10 +157,18 @@ def test_result_does_not_depend_on_threads():
     np.testing.assert_array_equal(gradient_alone, gradient)
 
 
+class Uncompiled(FlatTerm):
+    """A term that runs by its definition."""
+
+    def field(self, first):
+        return first.area_vectors
+
+
 def test_triangles_in_many_parts(monkeypatch):
     """One pass over few triangles after the other, with some left at the end."""
     template = TEMPLATES["sphere"]()
-    driver = SumOfTerms([EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7)], template)
+    terms = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7), Uncompiled(0.4)]
+    driver = SumOfTerms(terms, template)
     path, weights = surfaces(template, 4, rng=3), np.array([0.2, 1.3, 0.7])
 
     def results():

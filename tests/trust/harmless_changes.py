@@ -134,6 +134,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "if self.lam <= LARGEST_LAMBDA:": {"LtE to Lt": "there, both ways are exact to rounding"},
         "inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & "
         "(radius < LARGEST)": {"Lt to LtE": _BOUND, "Gt to GtE": _BOUND},
+        "logarithm = np.arcsinh(size) / np.where(size > 0, size, 1.0) * spatial": {
+            "1.0 changed": "it divides 0"
+        },
     },
     "terms/ebin_geodesics.py": {
         "met_apex = (along <= rounding) & (across <= rounding)": {"LtE to Lt": _BOUND},
@@ -146,6 +149,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "terms/half_angle_fit.py": {
         "_DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))": {
             "15 changed": "the next term of the series is below 1e-17",
+        },
+        "return squared * _sine(squared) + real(0.0) * growth": {
+            "Add to Sub": "it is 0, or what is infinite makes NaN either way"
         },
     },
     "terms/normals.py": {
