@@ -44,6 +44,8 @@ class Minimum(Result):
         Whether it was stopped from the keyboard.
     gap : float
         Estimate of how far the value is above its minimum, nan where there is none.
+    newton_was_small : bool
+        Whether a Newton step promised to gain little at some iteration.
     """
 
     x: ndarray
@@ -51,6 +53,7 @@ class Minimum(Result):
     values: ndarray
     interrupted: bool = False
     gap: float = np.nan
+    newton_was_small: bool = False
 
 
 class _Record:

@@ -51,8 +51,8 @@ _COARSE_TOLERANCE = 1e-4
 _HEAT = 1e-3
 
 # The share of the energy that the second half of many iterations may have gained at the end, or
-# forty times as much as the tolerance.
-_RECENT = 4e-3
+# twenty times as much as the tolerance.
+_RECENT = 2e-3
 
 # Weight of the Dirichlet energy in the preconditioner of surfaces: fewest iterations on the open
 # bodies, under metrics with and without a and c; a third or three times as much costs some more.
@@ -89,7 +89,7 @@ class PathStraightening(ManyPaths):
     tolerance : float
         The solver stops when a Newton step would gain at most this share of the energy, as far as
         the preconditioned gradient tells, and the second half of its iterations, if they are ten or
-        more, has gained at most 0.4 %, or forty times this share.
+        more, has gained at most 0.2 %, or twenty times this share.
     max_iter : int
         Largest number of iterations on each level.
     remove_drift : bool
@@ -314,7 +314,7 @@ class _Descent:
             inverse_hessian_at,
             max_iter=solver.max_iter,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
-            recent_decrease=max(_RECENT, 40.0 * solver.tolerance) if is_last else np.inf,
+            recent_decrease=max(_RECENT, 20.0 * solver.tolerance) if is_last else np.inf,
             floor=path_floor(metric, solver.energy, path),
             callback=report,
             progress=solver.progress,

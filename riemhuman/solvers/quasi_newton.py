@@ -43,6 +43,7 @@ def descend(
     expected_decrease: float,
     recent_decrease: float = np.inf,
     earlier: Sequence[float] | ndarray = (),
+    newton_was_small: bool = False,
     floor: float = -np.inf,
     callback: Callable[[int, float, ndarray], object] | None = None,
     progress: bool = False,
@@ -71,6 +72,9 @@ def descend(
         explored, an estimate is too small.
     earlier : sequence of float
         Values of iterations before these, which count for `recent_decrease`.
+    newton_was_small : bool
+        Whether a Newton step was small in iterations before these. If one was, and no step lowers
+        the value in the end, it has converged.
     floor : float
         Value at which to stop, for minima that may be zero.
     callback : callable, optional
@@ -95,9 +99,11 @@ def descend(
                 direction = memory.direction(image)
                 slope = float(gradient @ direction)
                 newton = 0.5 * max(memory.scales.max() * float(gradient @ image), -slope)
+                is_small = newton <= expected_decrease * value
+                newton_was_small |= is_small
                 if value <= floor:
                     converged, message = True, "the value is no more than rounding errors"
-                elif newton <= expected_decrease * value and not (
+                elif is_small and not (
                     gained_lately([*earlier, *values]) > recent_decrease * value
                 ):
                     converged, message = True, "the expected decrease is below the tolerance"
@@ -110,7 +116,9 @@ def descend(
                 found = _search(objective, x, direction, value, slope)
                 n_evaluations += found.n_evaluations
                 if not found.step:
-                    message, newton = "no step lowers the value", np.nan
+                    # As at a kink, of which slopes know nothing.
+                    converged, newton = newton_was_small, np.nan
+                    message = "no step lowers the value"
                     break
                 step = found.step * direction
                 new_image = inverse_hessian(found.gradient)
@@ -134,6 +142,7 @@ def descend(
         converged=converged,
         message=message,
         gap=0.0 if value <= floor else estimated_gap(newton, values),
+        newton_was_small=newton_was_small,
     )
 
 
@@ -202,7 +211,7 @@ def descend_in_rounds(
     -------
     Minimum
     """
-    x, values, n_evaluations = start, np.empty(0), 0
+    x, values, n_evaluations, newton_was_small = start, np.empty(0), 0, False
     while True:
         done = max(len(values) - 1, 0)
 
@@ -216,10 +225,12 @@ def descend_in_rounds(
             inverse_hessian_at(x),
             max_iter=min(_ROUND, max_iter - done),
             earlier=values[:-1],
+            newton_was_small=newton_was_small,
             callback=report,
             **settings,
         )
         x, n_evaluations = found.x, n_evaluations + found.n_evaluations
+        newton_was_small = found.newton_was_small
         values = np.concatenate([values[:-1], found.values])
         done = len(values) - 1
         stuck = found.n_iterations == 0
