@@ -99,7 +99,7 @@ def descend(
                 direction = memory.direction(image)
                 slope = float(gradient @ direction)
                 newton = 0.5 * max(memory.scales.max() * float(gradient @ image), -slope)
-                is_small = newton <= expected_decrease * value
+                is_small = bool(newton <= expected_decrease * value)
                 newton_was_small |= is_small
                 if value <= floor:
                     converged, message = True, "the value is no more than rounding errors"

@@ -154,7 +154,7 @@ def test_no_step_lowers_a_value_with_a_wrong_gradient():
     assert np.isnan(found.gap)
     # Had the slope been small before, it would be a kink.
     start, settings = np.ones(2), SETTINGS | {"newton_was_small": True}
-    assert descend(lambda x: (float(x @ x), -x), start, lambda g: g, **settings).converged
+    assert descend(lambda x: (float(x @ x), -x), start, lambda g: g, **settings).converged is True
 
 
 def test_the_slope_at_a_kink_tells_nothing():
