@@ -17,8 +17,9 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 Rng = int | np.random.Generator | None
 _LONGEST = 200
-# What weights make of fourth powers of lengths stays within double precision.
-_LARGEST_WEIGHT = 1e60
+# Fourth powers of lengths, and what weights make of them, stay within double precision.
+_LARGEST_WEIGHT = _LONGEST_LENGTH = 1e60
+_SHORTEST_LENGTH = 1e-60
 
 
 def values_of(array: Any, name: str = "array") -> np.ndarray:
@@ -66,6 +67,8 @@ def real_array(
     *,
     batched: bool = True,
     finite: bool = True,
+    rows: bool = False,
+    lengths: bool = False,
 ) -> Any:
     """Return `array` as a float64 array after checking its shape and finiteness.
 
@@ -82,6 +85,10 @@ def real_array(
         Whether any number of leading axes may precede `shape`.
     finite : bool
         Whether NaN and infinite entries are refused.
+    rows : bool
+        Whether rows of as many numbers as a `shape` of integers holds will do, too.
+    lengths : bool
+        Whether areas of these vertices, shape (..., V, 3), must stay within double precision.
 
     Returns
     -------
@@ -92,7 +99,8 @@ def real_array(
     ArgumentTypeError
         If the argument does not convert to real numbers.
     ArgumentError
-        If its shape is wrong or it holds NaN or infinite entries.
+        If its shape is wrong or it holds NaN or infinite entries; or if the largest coordinate of
+        a surface is above 1e60, or below 1e-60 and not 0.
     """
     values = array if type(array) is np.ndarray else values_of(array, name)
     if values.dtype.kind not in "fiub":
@@ -100,6 +108,9 @@ def real_array(
             f"{name} must be an array of real numbers; found {_describe(array, values)}"
         )
     if shape is not None and not (batched and values.shape[-len(shape) :] == tuple(shape)):
+        if rows:
+            array = unflattened(array if hasattr(array, "_trace") else values, shape)
+            values = values_of(array)
         check_shape(values, name, shape, batched=batched)
     if finite and not np.isfinite(values).all():
         bad = np.argwhere(~np.isfinite(values))
@@ -108,43 +119,20 @@ def real_array(
             f"{name} holds {len(bad)} NaN or infinite entries, the first at index {index}; "
             "every entry must be finite"
         )
-    if values is not array and hasattr(array, "_trace"):
-        return array
-    return np.asarray(values, dtype=np.float64)
+    values = np.asarray(values, dtype=np.float64)
+    if lengths:
+        largest = np.abs(values).max(axis=(-2, -1), initial=0.0)
+        wrong = (largest > _LONGEST_LENGTH) | ((largest > 0) & (largest < _SHORTEST_LENGTH))
+        if wrong.any():
+            raise ArgumentError(
+                f"{name} must have coordinates of between {_SHORTEST_LENGTH:g} and "
+                f"{_LONGEST_LENGTH:g} in size; the largest of one is {largest[wrong][0]:g}: choose "
+                "another unit"
+            )
+    return array if hasattr(array, "_trace") else values
 
 
-def point_array(array: Any, name: str, shape: Sequence[int], *, batched: bool = True) -> Any:
-    r"""Return points as a float64 array after checking them; they may come as rows of numbers.
-
-    Parameters
-    ----------
-    array : array_like, shape (..., \*shape) or (..., n)
-        Points, or rows of as many numbers as a point has; an autograd box is kept.
-    name : str
-        Name of the argument, for messages.
-    shape : sequence of int
-        Shape of a point.
-    batched : bool
-        Whether any number of leading axes is legal; otherwise it is one.
-
-    Returns
-    -------
-    array, shape (..., \*shape)
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it does not convert to real numbers.
-    ArgumentError
-        If its shape is another, or entries are NaN or infinite.
-    """
-    expected: Sequence[int | str] = tuple(shape) if batched else ("n_points", *shape)
-    if getattr(array, "shape", ())[-len(shape) :] != tuple(shape):
-        array = unflattened(real_array(array, name, finite=False), shape)
-    return real_array(array, name, expected, batched=batched)
-
-
-def unflattened(array: Any, shape: Sequence[int]) -> Any:
+def unflattened(array: Any, shape: Sequence[Any]) -> Any:
     r"""Return rows of numbers as points, and every other array as it is.
 
     Parameters

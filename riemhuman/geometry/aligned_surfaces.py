@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, one_of, point_array, real_array, values_of
+from riemhuman.checks import Rng, generator, one_of, real_array, values_of
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
@@ -18,7 +18,7 @@ from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.kernels.triangles import degenerate_triangles
 from riemhuman.terms.root_normals import RootNormalTerm
-from riemhuman.units import SCALES, moderate_lengths, refuse_other_scale
+from riemhuman.units import SCALES, refuse_other_scale
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -270,11 +270,12 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
             leave the range of double precision, or a surface is evidently in another unit than the
             template.
         """
-        point = point_array(point, name, self.shape)
-        return moderate_lengths(point, name, self._reference if self.scale else None)
+        point = real_array(point, name, self.shape, rows=True, lengths=True)
+        self.check_scale(point, name)
+        return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
-        return moderate_lengths(real_array(tangent_vec, name, self.shape), name)
+        return real_array(tangent_vec, name, self.shape, lengths=True)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
         """Refuse surfaces that are evidently in another unit than the template; see `scale`.

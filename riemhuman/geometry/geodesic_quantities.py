@@ -8,7 +8,7 @@ from typing import Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import point_array, real_array
+from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.solved_exponential import solved_geodesic
 from riemhuman.geometry.space import Space
@@ -223,7 +223,9 @@ class GeodesicQuantities:
         metric: Any = self
         if self.geodesic_solver is None:
             raise self._not_defined(name)
-        start, end = (point_array(point, "point", self.space.shape) for point in (start, end))
+        start, end = (
+            real_array(point, "point", self.space.shape, rows=True) for point in (start, end)
+        )
         if np.shape(start) != self.space.shape or np.shape(end) != self.space.shape:
             raise ArgumentError(
                 f"{name} by a solver takes one pair of points of shape {self.space.shape}; "

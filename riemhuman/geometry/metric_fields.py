@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, values_of
+from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold
@@ -110,7 +110,7 @@ class MetricFields(Manifold):
         DegenerateSurfaceError
             If a matrix is singular and `completion` is false.
         """
-        point = point_array(point, name, self.shape)
+        point = real_array(point, name, self.shape, rows=True)
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
         crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, values_of
+from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold
@@ -87,7 +87,7 @@ class NormalFields(Manifold):
             If the shape is wrong, or an entry is not finite, or a vector is not of unit length
             to 1e-6.
         """
-        point = point_array(point, name, self.shape)
+        point = real_array(point, name, self.shape, rows=True)
         values = values_of(point)
         refuse_triangles(
             np.abs(dot(values, values) - 1.0) > 2e-6,

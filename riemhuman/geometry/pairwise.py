@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_shape, one_of, point_array, unflattened, whole_number
+from riemhuman.checks import check_shape, one_of, real_array, unflattened, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.space import Space
@@ -195,7 +195,9 @@ class ManyDistances:
         -------
         array, shape (n, \*shape)
         """
-        return point_array(points, name, self.space.shape, batched=False)
+        checked: ndarray = real_array(points, name, self.space.shape, rows=True)
+        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
+        return checked
 
 
 def features_in_threads(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, values_of
+from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.manifold import Manifold
@@ -91,7 +91,7 @@ class RotationFields(Manifold):
         ArgumentError
             If the shape is wrong, or an entry is not finite, or a matrix is no rotation to 1e-6.
         """
-        point = point_array(point, name, self.shape)
+        point = real_array(point, name, self.shape, rows=True)
         refuse_triangles(
             ~_is_rotation(values_of(point), 2e-6), f"{name} must hold rotations", ArgumentError
         )

@@ -8,7 +8,7 @@ from typing import Any
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, point_array, real_array, values_of
+from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.samples import sample_count
@@ -188,7 +188,7 @@ class Space(InheritsDocstrings, ABC):
         ArgumentError
             If the shape is wrong or there are NaN or infinite entries.
         """
-        return point_array(point, name, self.shape)
+        return real_array(point, name, self.shape, rows=True)
 
     def check_scale(self, point: ndarray, name: str = "point") -> None:
         r"""Refuse points that are measured in another unit of length, where there is one.

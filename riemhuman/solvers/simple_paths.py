@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import real_array, unflattened, values_of, whole_number
+from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PathEnergy
@@ -113,8 +113,7 @@ def check_end_points(
     """
     checked = []
     for point, name in ((start, "start"), (end, "end")):
-        values = unflattened(values_of(point, name), metric.space.shape)
-        checked.append(real_array(values, name, metric.space.shape, batched=False))
+        checked.append(real_array(point, name, metric.space.shape, batched=False, rows=True))
         metric.space.check_scale(checked[-1], name)
     return checked[0], checked[1]
 
