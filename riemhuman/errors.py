@@ -4,6 +4,9 @@ Each class also derives from the corresponding built-in exception, so that ``exc
 around a wrong argument and ``except OSError`` around a missing file work.
 """
 
+import sys
+import warnings
+
 
 class RiemhumanError(Exception):
     """Base class of all errors that the library raises.
@@ -80,3 +83,19 @@ class UnseenSlidesWarning(UserWarning):
 
 class ClusterError(RiemhumanError, RuntimeError):
     """A cluster cannot continue its work."""
+
+
+def warn(message: str, category: type[Warning]) -> None:
+    """Issue a warning that points at the line outside the library which led to it.
+
+    Parameters
+    ----------
+    message : str
+        The text.
+    category : type
+        Its class.
+    """
+    frame, level = sys._getframe(), 1
+    while frame.f_back and frame.f_globals["__name__"].startswith(f"{__package__}."):
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, category, stacklevel=level)

@@ -8,7 +8,6 @@ joints.
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,7 @@ from riemhuman.bodies.joint_motions import Posture, Skeleton
 from riemhuman.bodies.model_fit import ModelFit
 from riemhuman.bodies.skinned_model import SkinnedModel
 from riemhuman.checks import one_of, real_array, real_number, whole_number
-from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.units import refuse_other_scale
 
@@ -148,11 +147,10 @@ def fit_model(
         fits = [fitter.fit(surfaces[index]) for index in np.ndindex(lead)]
     failed = [number for number, fit in enumerate(fits) if not fit.converged]
     if failed:
-        warnings.warn(
+        warn(
             f"{len(failed)} of {len(fits)} fits, the first of surface {failed[0]}, stopped after "
             f"up to {max_iter} steps before they came to rest within {tolerance:g} m",
             ConvergenceWarning,
-            stacklevel=3,
         )
     shapes = {
         "betas": (model.n_betas,),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ from riemhuman.errors import (
     DamagedFileWarning,
     FileFormatError,
     RiemhumanError,
+    warn,
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, features_in_threads
@@ -255,11 +255,10 @@ def _keep_features(
         damaged = _damaged_table(job, names, block)
         if damaged is None:
             return
-        warnings.warn(
+        warn(
             f"{job.path / damaged} is damaged: its data for {where} are not what was written; they "
             "are computed again, with everything that depends on them",
             DamagedFileWarning,
-            stacklevel=3,
         )
         _forget_tiles(job, tiles, block)
     try:
@@ -355,12 +354,11 @@ def _unfinished(job: JobFolder, tiles: list[Tile]) -> list[tuple[int, Tile]]:
             mirrored = distances[tile.columns, tile.rows].T
             if {mark(distances[tile.rows, tile.columns]), mark(mirrored)} == {int(marks[number])}:
                 continue
-            warnings.warn(
+            warn(
                 f"{job.path / _UNFINISHED_RESULT} is damaged: tile {number}, distances "
                 f"[{tile.rows.start}:{tile.rows.stop}, {tile.columns.start}:{tile.columns.stop}], "
                 "is not what was written; it is computed again",
                 DamagedFileWarning,
-                stacklevel=4,
             )
         todo.append((number, tile))
     return todo

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +15,7 @@ from riemhuman.errors import (
     DamagedFileWarning,
     FileFormatError,
     RiemhumanError,
+    warn,
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.jobs.cluster import computed_tiles
@@ -205,10 +205,9 @@ def _unfinished(job: JobFolder, blocks: list[slice], keep_paths: bool) -> Iterat
                 found = np.concatenate([found, paths], axis=1)
             if mark(found) == int(marks[number]):
                 continue
-            warnings.warn(
+            warn(
                 f"a table in {job.path} is damaged: its data for pairs {block.start} to "
                 f"{block.stop - 1} are not what was written; they are solved again",
                 DamagedFileWarning,
-                stacklevel=3,
             )
         yield number

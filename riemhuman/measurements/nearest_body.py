@@ -7,7 +7,6 @@ measurements, the step p solves 2 M p + Jᵀ μ = −g, J p = v − m(f).
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -17,7 +16,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
-from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.measurements.measuring import Measurements, as_mapping
 from riemhuman.protocols import MetricWithMatrix
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
@@ -174,7 +173,7 @@ def nearest_body(
     if not converged:
         missed = [name for name, is_one in zip(goals, is_met, strict=True) if not is_one]
         message += f"; not met: {', '.join(missed)}" if missed else ""
-        warnings.warn(message, ConvergenceWarning, stacklevel=2)
+        warn(message, ConvergenceWarning)
     both_measured = measurements.measure(np.stack([start, f]), missing="nan")
     before, after = (
         dict(zip(both_measured.names, row.tolist(), strict=True)) for row in both_measured.values

@@ -8,7 +8,6 @@ derivatives of E for each point.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import autograd.numpy as np
@@ -16,7 +15,7 @@ from autograd import grad
 from numpy import ndarray
 from scipy.sparse.linalg import LinearOperator, lsmr
 
-from riemhuman.errors import ConvergenceWarning
+from riemhuman.errors import ConvergenceWarning, warn
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.spatial_factors import spatial_factor
@@ -138,10 +137,9 @@ def _solved(
         maxiter=_MAX_ITER,
     )
     if reason == _OUT_OF_ITERATIONS:
-        warnings.warn(
+        warn(
             f"the derivative of the exponential is not exact: {_MAX_ITER} iterations do not solve "
             "its equation",
             ConvergenceWarning,
-            stacklevel=2,
         )
     return factor.solve_transposed(variables[:, None]).reshape(shape)

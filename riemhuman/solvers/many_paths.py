@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import values_of
 from riemhuman.docstrings import InheritsDocstrings
-from riemhuman.errors import ArgumentError, ConvergenceWarning, RiemhumanError
+from riemhuman.errors import ArgumentError, ConvergenceWarning, RiemhumanError, warn
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
@@ -88,11 +88,10 @@ class ManyPaths(InheritsDocstrings, ABC):
                 bar.update()
         n_unfinished = sum(not result.converged for result in found)
         if n_unfinished:
-            warnings.warn(
+            warn(
                 f"{type(self).__name__} stopped without converging on {n_unfinished} of "
                 f"{len(pairs)} pairs; `converged` of their results is False",
                 ConvergenceWarning,
-                stacklevel=2,
             )
         return found
 

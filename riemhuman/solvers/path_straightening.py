@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -14,7 +13,7 @@ from numpy import ndarray
 from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import real_number, whole_number
-from riemhuman.errors import ArgumentError, UnseenSlidesWarning
+from riemhuman.errors import ArgumentError, UnseenSlidesWarning, warn
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import (
@@ -167,12 +166,11 @@ class PathStraightening(ManyPaths):
             return known_path(metric, self.energy, single, "a single segment", gap=0.0)
         sees_slides = not isinstance(metric, MetricOfSlides) or metric.sees_slides
         if not sees_slides and not np.array_equal(start, end):
-            warnings.warn(
+            warn(
                 f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
                 "meshes of a path crumple, and its energy falls on and on. Search over smooth "
                 "deformations, as BasisPath(DeformationBasis.from_laplacian(template)) does",
                 UnseenSlidesWarning,
-                stacklevel=2,
             )
         levels = [n_segments]
         if initial_path is None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import warnings
 from dataclasses import dataclass, fields
 from html import escape
 from typing import Any, Self
@@ -12,7 +11,7 @@ from typing import Any, Self
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import ConvergenceWarning, FileFormatError
+from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.protocols import FoundMean, FoundPath
 from riemhuman.representation import Record, held
 from riemhuman.storage.array_files import load_arrays, save_arrays
@@ -256,10 +255,9 @@ def warn_unless_converged(solver: object, result: Result) -> None:
     """
     if not result.converged:
         count = f"{result.n_iterations} iteration{'' if result.n_iterations == 1 else 's'}"
-        warnings.warn(
+        warn(
             f"{type(solver).__name__} stopped without converging after {count}: {result.message}",
             ConvergenceWarning,
-            stacklevel=3,
         )
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.errors import DegenerateSurfaceError, UnseenLengthsWarning
+from riemhuman.errors import DegenerateSurfaceError, UnseenLengthsWarning, warn
 from riemhuman.protocols import MetricOfSurfaces, MetricWithCompanion, SurfaceSpace
 from riemhuman.surfaces.distortion import triangle_areas
 
@@ -39,13 +38,12 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
     if isinstance(metric, MetricWithCompanion) and weight > 0:
         metric = metric.seeing_lengths(weight)
     if isinstance(metric, MetricOfSurfaces) and not metric.sees_lengths:
-        warnings.warn(
+        warn(
             f"{metric!r} does not see the lengths of edges: limbs of the mean may stretch or "
             "shrink like rubber. Use a metric that sees lengths, such as ElasticMetric with a > 0, "
             "a companion (companion_weight > 0 of BasisMean), or a medoid "
             "(riemhuman.statistics.KMedoids)",
             UnseenLengthsWarning,
-            stacklevel=3,
         )
     return metric
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import warnings
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number, whole_number
-from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.units import refuse_other_scale
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
@@ -162,11 +160,10 @@ def generalized_procrustes(
         if _squared_size(_centred(mean - previous, shares), shares) <= (tolerance * size) ** 2:
             break
     else:
-        warnings.warn(
+        warn(
             f"generalized_procrustes stopped after {max_iter} iterations, before its mean "
             f"came to rest within tolerance={tolerance:g}",
             ConvergenceWarning,
-            stacklevel=2,
         )
     mean = _align(mean, first, shares, scale=False)
     return _align(surfaces, mean, shares, bool(scale)), mean

@@ -12,7 +12,7 @@ from oracles import taylor_slope
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, ModelFit
+from riemhuman.bodies import BodyModel, ModelFit, convert, fit_model
 from riemhuman.bodies.correspondence import combination_of_vertices
 from riemhuman.bodies.fitting import LOSSES, _losses
 from riemhuman.bodies.fitting_equations import Equations, least_squares_step
@@ -319,6 +319,16 @@ def test_not_converging_is_said_and_warned_of_once(model):
     assert caught[0].filename == __file__
     assert not fit.converged.any()
     assert np.isfinite(fit.distances).all()
+
+
+def test_the_warning_points_at_the_caller_of_whichever_function_fits(model):
+    every = np.arange(model.n_vertices)
+    points = model() + np.random.default_rng(24).normal(scale=0.02, size=(len(every), 3))
+    with pytest.warns(ConvergenceWarning) as directly:
+        fit = fit_model(model, points, max_iter=1)
+    with pytest.warns(ConvergenceWarning) as deeper:
+        convert(fit, model, to=model, correspondence=every, max_iter=1, tolerance=1e-30)
+    assert [warning.filename for warning in (*directly, *deeper)] == [__file__, __file__]
 
 
 def test_a_joint_that_moves_nothing_stays(model):
