@@ -38,8 +38,9 @@ def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
     Raises
     ------
     ArgumentError
-        If there is no term, or a term's fields or squared distances do not have the shape that
-        `Term` says, or those of a triangle depend on other triangles.
+        If there is no term, or a term's fields or squared distances of ordinary triangles are not
+        finite or do not have the shape that `Term` says, or the fields of a triangle depend on
+        other triangles.
     ArgumentTypeError
         If something else is found in place of a term or of a field.
     """
@@ -53,7 +54,8 @@ def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
                 f"terms must hold instances of {term_class.__name__}; found {term!r}"
             )
         if isinstance(term, Term):
-            _check_fields(term)
+            with np.errstate(all="ignore"):
+                _check_fields(term)
     return tuple(terms)
 
 
@@ -68,19 +70,28 @@ def _check_fields(term: Term) -> None:
                 f"the fields of {name} must have shape {expected}; for derivatives of shape "
                 f"(2, 3, 3), of three triangles on each of two surfaces, found {field.shape}"
             )
+        _refuse_infinite(field, f"the fields of {name}")
     alone = _fields(term, follow_up(*_TRIANGLES[:, 1:, 2:]))
     for whole, part in zip(together, alone, strict=True):
-        if not np.allclose(whole[1:, 2:], part, rtol=1e-8, atol=1e-8, equal_nan=True):
+        if not np.allclose(whole[1:, 2:], part, rtol=1e-8, atol=1e-8):
             raise ArgumentError(
                 f"the fields of {name} must be computed triangle by triangle; found values that "
                 "change with the other triangles"
             )
-    found = np.shape(term.squared_dist(together, together))
-    if found != shape:
-        raise ArgumentError(
-            f"squared_dist of {name} must return shape (..., F), one number a triangle; for fields "
-            f"of three triangles on each of two surfaces, found {found}"
-        )
+    for other in (together, tuple(field[::-1] for field in together)):
+        found = np.asarray(term.squared_dist(together, other))
+        if found.shape != shape:
+            raise ArgumentError(
+                f"squared_dist of {name} must return shape (..., F), one number a triangle; for "
+                f"fields of three triangles on each of two surfaces, found {found.shape}"
+            )
+        _refuse_infinite(found, f"squared_dist of {name}")
+
+
+def _refuse_infinite(found: ndarray, name: str) -> None:
+    if not np.isfinite(found).all():
+        first = found[~np.isfinite(found)][0]
+        raise ArgumentError(f"{name} must be finite on ordinary triangles; found {first}")
 
 
 def _fields(term: Term, first: Derivatives) -> tuple[ndarray, ...]:

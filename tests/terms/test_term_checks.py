@@ -54,9 +54,32 @@ class Summed(WithoutTuple):
         return anp.sum((fields_a[0] - fields_b[0]) ** 2, axis=-1)
 
 
+class LogShape(FlatTerm):
+    def field(self, first):
+        return anp.log(1.0 - first.e)[..., None]
+
+
+class Angles(WithoutTuple):
+    """The arc cosine of a cosine that rounding may take beyond one."""
+
+    def fields(self, first):
+        return (first.area_vectors / first.areas[..., None],)
+
+    def squared_dist(self, fields_a, fields_b):
+        return anp.arccos(1e-15 + anp.sum(fields_a[0] * fields_b[0], axis=-1)) ** 2
+
+
+class Ratios(Angles):
+    def squared_dist(self, fields_a, fields_b):
+        return 1.0 / anp.sum((fields_a[0] - fields_b[0]) ** 2, axis=-1)
+
+
 @pytest.mark.parametrize(
     ("term", "message"),
     [
+        (LogShape, "the fields of LogShape must be finite on ordinary triangles; found nan"),
+        (Angles, "squared_dist of Angles must be finite on ordinary triangles; found nan"),
+        (Ratios, "squared_dist of Ratios must be finite on ordinary triangles; found inf"),
         (WithoutLastAxis, r"fields of WithoutLastAxis must have shape \(..., F, n\);.*\(2, 3\)$"),
         (OneForAll, r"fields of OneForAll must have shape \(..., F, n\);.*\(2, 3\)$"),
         (ShareOfAll, "fields of ShareOfAll must be computed triangle by triangle"),
@@ -110,8 +133,11 @@ def test_a_term_that_says_no_weight_has_weight_one():
 
 
 def test_fields_that_some_triangles_do_not_have_are_none_of_these_slips():
-    class OfNone(FlatTerm):
+    class OfSome(FlatTerm):
         def field(self, first):
-            return anp.where(first.areas > 1e9, first.areas, anp.nan)[..., None]
+            return anp.where(first.areas > 0.1, first.areas, anp.nan)[..., None]
 
-    assert np.isnan(SurfaceMetric(SPACE, [OfNone()]).dist(*surfaces(SPACE.template, 2)))
+    metric = SurfaceMetric(SPACE, [OfSome()])
+    f1, f2 = surfaces(SPACE.template, 2)
+    assert np.isfinite(metric.dist(f1, f2))
+    assert np.isnan(metric.dist(f1, 0.3 * f2))
