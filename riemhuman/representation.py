@@ -69,12 +69,12 @@ def listed(names: Sequence[str], most: int = 10) -> str:
     Parameters
     ----------
     names : sequence of str
-        Names.
+        Names; the end of a long one is left out.
     most : int
         Largest number of names to list.
     """
     more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more
+    return ", ".join(map(_cut, names[:most])) + more
 
 
 class Record(InheritsDocstrings):
@@ -86,7 +86,10 @@ class Record(InheritsDocstrings):
 
 
 def _brief(value: object) -> str:
-    text = " ".join(_name(value).split())
+    return _cut(" ".join(_name(value).split()))
+
+
+def _cut(text: str) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 
 

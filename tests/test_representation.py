@@ -7,7 +7,7 @@ import pytest
 from cases import CASES, name_of, sphere_template
 
 import riemhuman as rh
-from riemhuman.representation import constructed
+from riemhuman.representation import constructed, listed
 
 
 class Recipe:
@@ -91,3 +91,8 @@ def test_a_descriptor_of_ones_own_shows_itself():
             return np.ptp(vertices[:, self.axis], axis=0)
 
     assert repr(Height()) == "Height(axis=1)"
+
+
+def test_a_list_of_names_stays_short_however_many_and_long_they_are():
+    assert listed(["a" * 100, "b", "c"], 2) == "a" * 77 + "..., b and 1 more"
+    assert listed(["a", "b"], 2) == "a, b"

@@ -232,8 +232,9 @@ def _matched(
     for row in rows:
         candidates = [names[row.file]] if row.file in names else stems.get(row.file, [])
         if len(candidates) > 1:
+            several = listed([file.name for file in candidates], 5)
             raise FileFormatError(
-                f"{table}, line {row.line}: {row.file[:60]} may be {_listed(candidates)}; name one"
+                f"{table}, line {row.line}: {row.file[:60]} may be {several}; name one"
             )
         if not candidates:
             unknown.append(row.file)
@@ -245,19 +246,15 @@ def _matched(
                 f"{found[file].line}"
             )
         found[file] = row
-    unlabelled = [file for file in files if file not in found]
+    unlabelled = [file.name for file in files if file not in found]
     if not found or ((unknown or unlabelled) and not allow_missing):
         problems = []
         if unlabelled:
-            problems.append(f"meshes without a row: {_listed(unlabelled)}")
+            problems.append(f"meshes without a row: {listed(unlabelled, 5)}")
         if unknown:
-            problems.append(f"rows without a mesh: {_listed(unknown)}")
+            problems.append(f"rows without a mesh: {listed(unknown, 5)}")
         raise FileFormatError(f"{table} does not match the meshes: {'; '.join(problems)}")
     return {file: found[file] for file in files if file in found}
-
-
-def _listed(files: Sequence[Path | str]) -> str:
-    return listed([file[:60] if isinstance(file, str) else file.name for file in files], 5)
 
 
 def _numbered(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -164,7 +164,7 @@ def load_shrec14(
     found = {name: _file_of(name, names, class_file) for name in ids}
     missing = tuple(name for name in ids if found[name] is None)
     if missing and (not allow_missing or len(missing) == len(ids)):
-        names_missing = listed([name[:60] for name in missing], 20)
+        names_missing = listed(missing, 20)
         rest = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
         raise FileError(
             f"{root} lacks {len(missing)} of the {len(ids)} meshes that {class_file} lists: "

@@ -7,7 +7,7 @@ import io
 import os
 from array import array
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from riemhuman.errors import (
     NotDefinedError,
     RiemhumanError,
 )
-from riemhuman.representation import Record
+from riemhuman.representation import Record, listed
 from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.number_text import real_field, text_content
@@ -98,7 +98,7 @@ class LatentVectors(Record, Descriptor):
             raise ArgumentError(f"vectors holds no numbers; found shape {vectors.shape}")
         twice = [name for name, count in Counter(ids).items() if count > 1]
         if twice:
-            raise ArgumentError(f"ids must differ; repeated ids: {_listed(twice)}")
+            raise ArgumentError(f"ids must differ; repeated ids: {listed(twice)}")
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "vectors", vectors)
 
@@ -184,7 +184,7 @@ class LatentVectors(Record, Descriptor):
         found = self.match(ids)
         if found.missing:
             count = len(found.missing) + len(found.found)
-            unused = f"; vectors without a body: {_listed(found.unused)}" if found.unused else ""
+            unused = f"; vectors without a body: {listed(found.unused)}" if found.unused else ""
             raise ArgumentError(
                 f"{len(found.missing)} of {count} bodies have no vector: "
                 f"{', '.join(found.missing)}{unused}"
@@ -246,11 +246,6 @@ def _is_array(ids: Any) -> bool:
     return isinstance(ids, np.ndarray)
 
 
-def _listed(names: Sequence[str], limit: int = 20) -> str:
-    more = f" and {len(names) - limit} more" if len(names) > limit else ""
-    return ", ".join(name[:60] for name in names[:limit]) + more
-
-
 def _read_npz(file: Path) -> tuple[Any, Any]:
     arrays = load_arrays(file, ["ids", "vectors"], optional=[])
     if arrays["ids"].ndim != 1:
@@ -266,7 +261,7 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
     if counts.max(initial=1) > 1:
         raise FileFormatError(
             f"{file}: ids must differ; repeated ids: "
-            f"{_listed([str(name) for name in ids[counts > 1][:20]])}"
+            f"{listed([str(name) for name in ids[counts > 1]])}"
         )
     return arrays["ids"], arrays["vectors"]
 
