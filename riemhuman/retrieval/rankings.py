@@ -8,8 +8,8 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.retrieval.scores import labelled_distances
 
 
 def precision_recall(
@@ -37,7 +37,8 @@ def precision_recall(
     Raises
     ------
     ArgumentError
-        If the matrix is not square, the number of labels differs, or no two items share a class.
+        If the matrix is not square, a distance off the diagonal is negative, NaN or infinite, the
+        number of labels is not n, or no two items share a class.
 
     Examples
     --------
@@ -47,10 +48,10 @@ def precision_recall(
     >>> D = space.metric.dist_pairwise(bodies.points[:30])
     >>> recall, precision = rh.retrieval.precision_recall(D, bodies.subject[:30])
     """
-    matrix, classes, _ = _checked(distances, labels)
+    matrix, classes = labelled_distances(distances, labels)
     relevant = classes[:, None] == classes[None, :]
     n_relevant = relevant.sum(axis=1) - 1
-    n_levels = int(n_relevant.max())
+    n_levels = int(n_relevant.max(initial=0))
     if n_levels == 0:
         raise ArgumentError(f"labels holds {len(classes)} classes of one item each")
     recall = np.arange(1, n_levels + 1) / n_levels
@@ -84,7 +85,8 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> nda
     Raises
     ------
     ArgumentError
-        If the matrix is not square or the number of labels differs.
+        If the matrix is not square, a distance off the diagonal is negative, NaN or infinite, or
+        the number of labels is not n.
 
     Examples
     --------
@@ -94,22 +96,9 @@ def confusion(distances: ArrayLike, labels: Sequence[Hashable] | ndarray) -> nda
     >>> rh.retrieval.confusion(D, ["a", "a", "b", "b"]).tolist()
     [[2, 0], [0, 2]]
     """
-    matrix, classes, n_classes = _checked(distances, labels)
-    matrix = matrix.copy()
+    matrix, _ = labelled_distances(distances, labels)
     np.fill_diagonal(matrix, np.inf)
-    counts = np.zeros((n_classes, n_classes), dtype=np.int64)
+    names, classes = np.unique(np.asarray(labels), return_inverse=True)
+    counts = np.zeros((len(names), len(names)), dtype=np.int64)
     np.add.at(counts, (classes, classes[matrix.argmin(axis=1)]), 1)
     return counts
-
-
-def _checked(
-    distances: ArrayLike, labels: Sequence[Hashable] | ndarray
-) -> tuple[ndarray, ndarray, int]:
-    matrix = real_array(distances, "distances", ("n", "n"), batched=False)
-    if matrix.shape != (len(labels), len(labels)):
-        raise ArgumentError(
-            f"distances must be a square matrix of {len(labels)} items, one for each label; found "
-            f"shape {matrix.shape}"
-        )
-    names, classes = np.unique(np.asarray(labels), return_inverse=True)
-    return matrix, classes, len(names)

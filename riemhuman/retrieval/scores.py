@@ -98,8 +98,7 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
     >>> rh.retrieval.scores(D, ["a", "a", "b", "b"]).nn
     100.0
     """
-    matrix = _distance_matrix(distances)
-    classes = _class_indices(labels, len(matrix))
+    matrix, classes = labelled_distances(distances, labels)
     n_relevant = np.bincount(classes)[classes] - 1
     queries = np.flatnonzero(n_relevant)
     if len(queries) == 0:
@@ -141,7 +140,29 @@ def _expected_hits(distances: np.ndarray, relevant: np.ndarray) -> tuple[np.ndar
     return hits, float(hits @ precision / relevant.sum())
 
 
-def _distance_matrix(distances: ArrayLike) -> np.ndarray:
+def labelled_distances(
+    distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return distances with zero diagonal, and the number of each item's class, after checks.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Distances; the diagonal is not read.
+    labels : sequence of hashable, length n
+        Class of each item.
+
+    Returns
+    -------
+    distances : array, shape (n, n)
+    classes : array of int, shape (n,)
+        Classes are numbered in the order of their first items.
+
+    Raises
+    ------
+    ArgumentTypeError, ArgumentError
+        As for `scores`, but classes may have one item each.
+    """
     matrix = real_array(distances, "distances", ("n", "n"), batched=False, finite=False).copy()
     if matrix.shape[0] != matrix.shape[1]:
         raise ArgumentError(f"distances must be a square matrix; found shape {matrix.shape}")
@@ -153,11 +174,6 @@ def _distance_matrix(distances: ArrayLike) -> np.ndarray:
             f"distances must be finite and not negative; distances[{row}, {column}] is "
             f"{matrix[row, column]:g}, the first of {len(bad)} wrong entries"
         )
-    return matrix
-
-
-def _class_indices(labels: Sequence[Hashable] | np.ndarray, n_items: int) -> np.ndarray:
-    """Number the classes; labels may have any hashable types."""
     try:
         names = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
         numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
@@ -165,6 +181,8 @@ def _class_indices(labels: Sequence[Hashable] | np.ndarray, n_items: int) -> np.
         raise ArgumentTypeError(
             f"labels must be a sequence of hashable class labels ({error})"
         ) from error
-    if len(names) != n_items:
-        raise ArgumentError(f"{len(names)} labels found; distances is a matrix of {n_items} items")
-    return np.array([numbers[name] for name in names], dtype=np.int64)
+    if len(names) != len(matrix):
+        raise ArgumentError(
+            f"{len(names)} labels found; distances is a matrix of {len(matrix)} items"
+        )
+    return matrix, np.array([numbers[name] for name in names], dtype=np.int64)

@@ -65,11 +65,17 @@ def test_confusion_counts_nearest_neighbours(distances):
 
 
 @pytest.mark.parametrize("function", [precision_recall, confusion])
-def test_bad_arguments(function, distances):
-    with pytest.raises(ArgumentError, match="square matrix of 11 items"):
+def test_arguments_are_checked_as_for_scores(function, distances):
+    with pytest.raises(ArgumentError, match="11 labels found; .* 12 items"):
         function(distances, LABELS[:11])
+    with pytest.raises(ArgumentError, match=r"distances\[0, 1\] is -"):
+        function(-distances, LABELS)
+    on_diagonal = distances + np.diag(np.full(12, np.nan))
+    np.testing.assert_equal(function(on_diagonal, LABELS), function(distances, LABELS))
 
 
 def test_nothing_to_find(distances):
     with pytest.raises(ArgumentError, match="12 classes of one item each"):
         precision_recall(distances, np.arange(12))
+    with pytest.raises(ArgumentError, match="0 classes of one item each"):
+        precision_recall(np.ones((0, 0)), [])
