@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
 
 from riemhuman.cli.csv_files import write_csv
 from riemhuman.cli.inputs import path_argument
@@ -14,11 +13,10 @@ from riemhuman.cli.motion_inputs import (
     motion_space,
     read_motions,
 )
+from riemhuman.cli.outputs import add_folder_or_file, checked_output, write_motion
 from riemhuman.cli.terminal import Reporter, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_output, add_verb
-from riemhuman.storage.outputs import check_file, check_folder, whole_folder
-
-_PAGE = "motion.html"
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
+from riemhuman.storage.outputs import check_file
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -115,13 +113,10 @@ def _add_mean(verbs: Verbs) -> None:
         "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
     )
     _add_several(parser)
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="PATH", help="folder or file to write"
-    )
+    add_folder_or_file(parser)
     _add_n_times(parser)
     add_measure(parser)
     add_json(parser)
-    add_force(parser)
 
 
 def _add_find(verbs: Verbs) -> None:
@@ -243,17 +238,8 @@ def _align(options: argparse.Namespace) -> None:
 
 def _mean(options: argparse.Namespace) -> None:
     from riemhuman.motions import MotionMean
-    from riemhuman.plots.viewer import view_path
-    from riemhuman.storage.array_files import save_arrays
-    from riemhuman.surfaces.gltf_files import save_glb
-    from riemhuman.surfaces.mesh_files import save_mesh
 
-    output = path_argument(options.output)
-    single = "" if options.output.endswith("/") or output.is_dir() else output.suffix.lower()
-    if single:
-        check_file(output, [".glb", ".npz", "/ (a folder)"], force=options.force)
-    else:
-        check_folder(output, _is_ours, force=options.force)
+    output, ending = checked_output(options)
     reporter = Reporter(options.quiet)
     names, motions = read_motions(options, options.motions)
     space = motion_space(options, motions[0], options.n_times)
@@ -261,15 +247,7 @@ def _mean(options: argparse.Namespace) -> None:
     with reporter.task(f"Mean of {len(motions)} motions"):
         mean = estimator.fit(motions)
     faces = space.frames.template.faces
-    if single == ".glb":
-        save_glb(output, mean.estimate_, faces, name="mean")
-    elif single:
-        save_arrays(output, {"path": mean.estimate_, "faces": faces, "times": mean.times_})
-    else:
-        with whole_folder(output, _is_ours) as folder:
-            for k, frame in enumerate(mean.estimate_):
-                save_mesh(folder / f"frame_{k:04d}.ply", frame, faces)
-            view_path(mean.estimate_, faces, title="Mean of motions").save(folder / _PAGE)
+    write_motion(output, ending, mean.estimate_, faces, "Mean of motions", times=mean.times_)
     if options.json:
         say_json({"motions": names, "variance": mean.variance_, "output": output})
         return
@@ -304,7 +282,3 @@ def _table(options: argparse.Namespace) -> None:
         say_json({row.representation: asdict(row.scores) for row in rows})
         return
     say(format_table("Which motion is it?", rows))
-
-
-def _is_ours(name: str) -> bool:
-    return name == _PAGE or re.fullmatch(r"frame_\d{4,}\.ply", name) is not None

@@ -20,6 +20,7 @@ from riemhuman.cli.metrics import (
     metric_name,
     metric_record,
 )
+from riemhuman.cli.outputs import add_folder_or_file, checked_output
 from riemhuman.cli.terminal import (
     Reporter,
     as_json,
@@ -27,8 +28,8 @@ from riemhuman.cli.terminal import (
     say,
     say_json,
 )
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
-from riemhuman.storage.outputs import check_file, check_folder, whole_folder
+from riemhuman.cli.verbs import Verbs, add_json, add_verb
+from riemhuman.storage.outputs import whole_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -66,9 +67,7 @@ def add_verbs(verbs: Verbs) -> None:
     )
     parser.add_argument("a_file", metavar="A", type=path_argument, help="mesh to start from")
     parser.add_argument("b_file", metavar="B", type=path_argument, help="mesh to end at")
-    parser.add_argument(
-        "-o", "--output", metavar="PATH", required=True, help="folder or file to write"
-    )
+    add_folder_or_file(parser)
     parser.add_argument(
         "--n-nodes",
         type=int,
@@ -81,7 +80,6 @@ def add_verbs(verbs: Verbs) -> None:
     add_align(parser)
     add_metric_options(parser, PATH_METRIC)
     add_json(parser)
-    add_force(parser)
 
 
 def _geodesic(options: argparse.Namespace) -> None:
@@ -90,12 +88,7 @@ def _geodesic(options: argparse.Namespace) -> None:
 
     check_metric_options(options)
     writers = _writers()
-    output = path_argument(options.output)
-    single = None if options.output.endswith("/") or output.is_dir() else output.suffix.lower()
-    if single:
-        check_file(output, [*writers, "/ (a folder)"], force=options.force)
-    else:
-        check_folder(output, _is_ours, force=options.force)
+    output, single = checked_output(options, tuple(writers), _is_ours)
     for ending in [single] if single else writers:
         _check_dependency(ending)
 

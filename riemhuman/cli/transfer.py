@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import re
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import (
     add_template,
@@ -14,16 +11,11 @@ from riemhuman.cli.inputs import (
     path_argument,
     surfaces_in,
 )
+from riemhuman.cli.outputs import add_folder_or_file, checked_output, write_motion
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
-from riemhuman.cli.verbs import Verbs, add_force, add_json, add_output, add_verb
-from riemhuman.storage.outputs import check_file, check_folder, whole_folder
-
-if TYPE_CHECKING:
-    from numpy import ndarray
-
-_FRAME = "frame_{:04d}.ply"
-_PAGE = "motion.html"
+from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
+from riemhuman.storage.outputs import check_file
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -55,9 +47,7 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument(
         "--onto", required=True, metavar="MESH", type=path_argument, help="body to move"
     )
-    parser.add_argument(
-        "-o", "--output", required=True, metavar="PATH", help="folder or file to write"
-    )
+    add_folder_or_file(parser)
     parser.add_argument(
         "--axes",
         choices=("world", "body"),
@@ -72,7 +62,6 @@ def add_verbs(verbs: Verbs) -> None:
         help="replay the changes since the first mesh, or the poses themselves (default: change)",
     )
     add_json(parser)
-    add_force(parser)
     add_units(parser)
     parser.set_defaults(template=None, any_scale=False, align=False)
 
@@ -116,12 +105,7 @@ def _transfer(options: argparse.Namespace) -> None:
     from riemhuman.progress import ProgressBar
     from riemhuman.solvers import MotionTransfer
 
-    output = path_argument(options.output)
-    single = "" if options.output.endswith("/") or output.is_dir() else output.suffix.lower()
-    if single:
-        check_file(output, [".glb", ".npz", "/ (a folder)"], force=options.force)
-    else:
-        check_folder(output, _is_ours, force=options.force)
+    output, ending = checked_output(options)
     reporter = Reporter(options.quiet)
     files = meshes_named(options.motion)
     surfaces = surfaces_in([*files, options.onto], options)
@@ -133,7 +117,7 @@ def _transfer(options: argparse.Namespace) -> None:
     with reporter.task("Output"):
         meshes = f"{len(files)} meshes, {files[0].name} to {files[-1].name}"
         description = f"{meshes}, replayed on {options.onto.name}."
-        _write(output, single, moved, surfaces.template.faces, description)
+        write_motion(output, ending, moved, surfaces.template.faces, "Motion", description)
     if options.json:
         record = {"files": files, "onto": options.onto, "axes": options.axes}
         record |= {"transfer": options.transfer, "output": output, "n_frames": len(moved)}
@@ -141,29 +125,6 @@ def _transfer(options: argparse.Namespace) -> None:
         return
     say(f"meshes      {len(moved)}")
     say(f"written to  {output}")
-
-
-def _write(output: Path, ending: str, frames: ndarray, faces: ndarray, description: str) -> None:
-    from riemhuman.plots.viewer import view_path
-    from riemhuman.storage.array_files import save_arrays
-    from riemhuman.surfaces.gltf_files import save_glb
-    from riemhuman.surfaces.mesh_files import save_mesh
-
-    if ending == ".glb":
-        save_glb(output, frames, faces, name="motion")
-        return
-    if ending:
-        save_arrays(output, {"path": frames, "faces": faces})
-        return
-    with whole_folder(output, _is_ours) as folder:
-        for k, frame in enumerate(frames):
-            save_mesh(folder / _FRAME.format(k), frame, faces)
-        page = view_path(frames, faces, title="Motion", description=description)
-        page.save(folder / _PAGE)
-
-
-def _is_ours(name: str) -> bool:
-    return name == _PAGE or re.fullmatch(r"frame_\d{4,}\.ply", name) is not None
 
 
 def _disentangle(options: argparse.Namespace) -> None:
