@@ -71,18 +71,6 @@ class SparseCholeskyFactor(CholeskyFactor):
         self._scale = np.sqrt(self._squared_scale)
 
     def inverse(self, columns: ndarray) -> ndarray:
-        """Return A⁻¹ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
-
         def both(x: ndarray) -> ndarray:
             x = self._solve_lower(x)
             x /= self._squared_scale
@@ -91,31 +79,9 @@ class SparseCholeskyFactor(CholeskyFactor):
         return _many_together(both, columns)
 
     def solve(self, columns: ndarray) -> ndarray:
-        """Return L⁻¹ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
         return _many_together(self._solve_lower, columns) / self._scale
 
     def solve_transposed(self, columns: ndarray) -> ndarray:
-        """Return L⁻ᵀ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
         return _many_together(self._solve_upper, columns / self._scale)
 
     def _solve_lower(self, columns: ndarray) -> ndarray:
@@ -172,31 +138,9 @@ class BlockCholeskyFactor(CholeskyFactor):
         self._inverse = np.linalg.inv(lower)
 
     def solve(self, columns: ndarray) -> ndarray:
-        """Return L⁻¹ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
         return self._apply(self._inverse, columns)
 
     def solve_transposed(self, columns: ndarray) -> ndarray:
-        """Return L⁻ᵀ X.
-
-        Parameters
-        ----------
-        columns : array, shape (K, m)
-            X.
-
-        Returns
-        -------
-        array, shape (K, m)
-        """
         return self._apply(np.swapaxes(self._inverse, -1, -2), columns)
 
     @staticmethod
