@@ -33,7 +33,21 @@ _REMEDY = "give them in the unit that the network was trained in"
 
 
 class Codes(Estimator):
-    """Vectors that networks compute for bodies registered to a template."""
+    """Vectors that networks compute for bodies registered to a template.
+
+    Parameters
+    ----------
+    n_parts : int
+        Number of parts.
+    n_hidden : int
+        Size of the hidden layers.
+    n_steps : int
+        Number of training steps.
+    learning_rate : float
+        Largest learning rate of Adam.
+    random_state : int
+        Seed.
+    """
 
     parameters_: dict[str, ndarray]
     losses_: ndarray

@@ -58,14 +58,8 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Number of eigenvalues.
     n_hidden, n_features : int
         Sizes of the hidden layers, and number of features of a cloud.
-    n_steps : int
-        Number of training steps.
     batch_size : int
         Number of clouds per step.
-    learning_rate : float
-        Largest learning rate of Adam.
-    random_state : int
-        Seed.
 
     Attributes
     ----------

@@ -40,16 +40,6 @@ class MetricCodes(Codes):
         A metric on surfaces over a template, with a closed-form distance.
     n_codes : int
         Number of entries of a code.
-    n_parts : int
-        Number of parts.
-    n_hidden : int
-        Size of the hidden layers.
-    n_steps : int
-        Number of training steps.
-    learning_rate : float
-        Largest learning rate of Adam.
-    random_state : int
-        Seed.
 
     Attributes
     ----------

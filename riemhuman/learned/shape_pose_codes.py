@@ -50,18 +50,8 @@ class ShapePoseCodes(PairedCodes):
         Template of the bodies; it must be connected.
     n_shape, n_pose : int
         Numbers of entries of the codes.
-    n_parts : int
-        Number of parts.
-    n_hidden : int
-        Size of the hidden layers.
-    n_steps : int
-        Number of training steps.
     batch_size : int
         Number of pairs of people per step, each person in two poses.
-    learning_rate : float
-        Largest learning rate of Adam.
-    random_state : int
-        Seed.
 
     Attributes
     ----------
