@@ -116,6 +116,11 @@ def test_minima_at_zero_stop_at_the_floor():
     assert found.gap == 0.0
     without = descend(function, np.ones(3), lambda g: g, **SETTINGS)
     assert without.n_iterations > found.n_iterations
+    in_rounds = descend_in_rounds(
+        function, np.ones(3), lambda x: lambda g: g, floor=1e-20, **SETTINGS
+    )
+    assert in_rounds.n_iterations >= quasi_newton._SLOW
+    assert in_rounds.gap == 0.0
 
 
 @pytest.mark.parametrize("share", [0.96, 1.04])

@@ -26,6 +26,7 @@ EBIN, NORMALS = CASES["ebin 1 sphere"], CASES["normals triangle"]
 SURFACES = CASES["mixed triangle"]
 GOOD = {
     "linear": (LinearPath(5), SURFACES),
+    "linear of two nodes": (LinearPath(2), SURFACES),
     "linear on spheres": (LinearPath(5), NORMALS),
     "closed form": (ClosedFormGeodesic(5), EBIN),
     "straightening": (PathStraightening(5, tolerance=1e-9), SURFACES),
@@ -61,6 +62,8 @@ class Geodesic:
         path = np.linspace(start, end, 5)
         if self.broken == "shape":
             path = path[..., None]
+        elif self.broken == "one node":
+            path = path[:1]
         elif self.broken == "ends":
             path = path[:-1]
         elif self.broken == "outside":
@@ -71,7 +74,9 @@ class Geodesic:
             path[2] += 1e-3 * self.calls
         elif self.broken == "greedy":
             start += 1.0
-        energy = 1.0 if self.broken in ("shape", "outside") else float(metric.energy(path))
+        energy = (
+            1.0 if self.broken in ("shape", "one node", "outside") else float(metric.energy(path))
+        )
         if self.broken == "energy":
             energy *= 2.0
         return SimpleNamespace(path=path, energy=energy)
@@ -144,6 +149,7 @@ UNCHANGED = "what is given is not changed"
 BROKEN = [
     (Geodesic, "greedy", UNCHANGED),
     (Geodesic, "shape", "paths have the points' shape behind their nodes"),
+    (Geodesic, "one node", "paths have the points' shape behind their nodes"),
     (Geodesic, "ends", "paths run from start to end"),
     (Geodesic, "outside", "paths stay on the manifold"),
     (Geodesic, "energy", "the energy is that of the path"),
