@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from riemhuman.solvers import root_finding
 from riemhuman.solvers.root_finding import find_root
 
 
@@ -100,8 +101,23 @@ def test_the_best_point_tells_the_step_that_found_it_first(residuals):
     assert (found.residual, found.n_iterations, found.n_evaluations) == (2.0, 1, 4)
 
 
-def test_lengths_by_a_matrix_are_those_in_its_variables():
+def test_steps_are_those_of_anderson_from_the_newest_alone(monkeypatch):
+    """x − F − Σ γᵢ (sᵢ − yᵢ), the γ of least ‖F − Σ γᵢ yᵢ‖, over two steps s with changes y of F."""
+    monkeypatch.setattr(root_finding, "_MEMORY", 2)
+    function, _, calls = system(strength=0.9)
+    find_root(function, np.zeros(12), tolerance=1e-9, max_iter=7)
+    values = [function(x) for x in tuple(calls)]
+    for k in range(2, 7):
+        steps, changes = (np.diff(some[k - 2 : k + 1], axis=0).T for some in (calls, values))
+        gammas = np.linalg.lstsq(changes, values[k], rcond=None)[0]
+        expected = calls[k] - values[k] - (steps - changes) @ gammas
+        np.testing.assert_allclose(calls[k + 1], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("memory", [2, 20])
+def test_lengths_by_a_matrix_are_those_in_its_variables(monkeypatch, memory):
     """The same search in x with lengths by A, and in Lᵀ x with Euclidean ones, A = L Lᵀ."""
+    monkeypatch.setattr(root_finding, "_MEMORY", memory)
     rng = np.random.default_rng(5)
     lower = np.tril(rng.normal(size=(6, 6))) + 4.0 * np.eye(6)
     target = rng.normal(size=6)

@@ -133,3 +133,15 @@ def test_rounding_is_far_below_what_matters(name):
     assert 0 < rounding < 1e-20 * case.metric.squared_dist(start, end)
     floor = path_floor(case.metric, SegmentEnergy(), np.stack([start] * 6))
     assert floor == 25 * rounding
+
+
+def test_the_floor_of_a_path_is_that_of_its_worse_end():
+    """Rounding errors of a surface twice as large have about four times the energy."""
+    case = CASES["all sphere"]
+    small, large = case.points[0], 2.0 * case.points[0]
+    stays = [
+        path_floor(case.metric, SegmentEnergy(), np.stack([end] * 3)) for end in (small, large)
+    ]
+    assert stays[0] < stays[1]
+    for path in ([small, small, large], [large, small, small]):
+        assert path_floor(case.metric, SegmentEnergy(), np.stack(path)) == stays[1]

@@ -81,6 +81,8 @@ _NO_AREA = "triangles without area have no gradient, whatever their slopes"
 _RIGHT = "at right angles the sum of two unit vectors is as long as their difference"
 _BOUND = "which side of a bound the bound itself is on: no result is known that well"
 
+_ROUNDING = "random errors of the same size, which are as likely of either sign"
+
 _RANDOM_POINT = (
     "def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:"
 )
@@ -129,6 +131,21 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "kernels/turns.py": {
         "queue = [(0.0, root, root)]": {"0.0 changed": "the root is alone in the queue"},
         "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
+    },
+    "solvers/poisson_path.py": {
+        "parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)": {
+            "Gt to GtE": _BOUND
+        },
+        "rivals = [ways for ways in rivals if cost(ways) <= _RIVAL * cost(best)]": {
+            "LtE to Lt": _BOUND
+        },
+    },
+    "solvers/rounding.py": {
+        "return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))": {
+            "0 changed": _ROUNDING,
+            "Add to Sub": _ROUNDING,
+            "Mult to Div": _ROUNDING,
+        },
     },
     "terms/ebin.py": {
         "if self.lam <= LARGEST_LAMBDA:": {"LtE to Lt": "there, both ways are exact to rounding"},
