@@ -6,7 +6,12 @@ from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
-from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, vanishing
+from riemhuman.solvers.middle_equation import (
+    MiddleEquation,
+    degeneration,
+    turns_far,
+    vanishing,
+)
 from riemhuman.surfaces import DeformationBasis
 
 FIELDS = [case for case in cases_that("dist", "exp") if "product" not in case.name]
@@ -273,3 +278,17 @@ def test_at_the_bounds_of_what_is_told():
     assert degeneration(Metric(), before, after) == ""
     told = vanishing(Metric(), np.eye(2)[None], np.diag([0.25, 1.0])[None])
     assert told == "triangle 0 degenerates: one step left 50% of its area"
+
+
+def test_turns_by_more_than_60_degrees_within_one_step_are_far():
+    class Metric:
+        space = Fields()
+
+    def normals(*degrees):
+        angles = np.radians(degrees)
+        return np.stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))], axis=-1)
+
+    path = np.stack([normals(0, 0), normals(0, 59), normals(0, 118)])
+    assert turns_far(Metric(), path) is False
+    assert turns_far(Metric(), np.stack([*path, normals(61, 118)])) is True
+    assert turns_far(CASES["half-plane, distance"].metric, np.ones((2, 2))) is False
