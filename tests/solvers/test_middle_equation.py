@@ -6,6 +6,7 @@ from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
+from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm
 from riemhuman.solvers.middle_equation import (
     MiddleEquation,
     degeneration,
@@ -130,6 +131,12 @@ def test_no_error_is_within_no_tolerance():
     np.testing.assert_array_equal(found.points[2], 2.0 * points[1])
     assert (found.n_iterations, found.n_evaluations, found.error) == (0, 1, 0.0)
     assert found.converged
+
+
+def test_by_itself_it_is_solved_as_within_the_solvers():
+    equation = MiddleEquation(CASES["flat"].metric)
+    for solver in (DiscreteExponential(), DiscreteLogarithm()):
+        assert (equation.tolerance, equation.max_iter) == (solver.tolerance, solver.max_iter)
 
 
 @pytest.mark.parametrize("case", FIELDS, ids=name_of)

@@ -57,6 +57,9 @@ SPEED_ALONE = {
     "solvers/disentangling.py": {
         "_LEAST_AREA": "share of their areas to which hardly any triangle shrinks",
     },
+    "solvers/middle_equation.py": {
+        "_FAR": "how far a step may go astray before it is taken back; no next point is near it",
+    },
     "solvers/minimization.py": {
         "_MEMORY": "steps that the minimiser remembers",
         "_ROUND": "iterations after which a preconditioner is formed anew",
@@ -90,6 +93,11 @@ _RANDOM_POINT = (
 # By files and lines: changes after which every result is the same, and why. Of several places of
 # one kind in a line, the n-th alone is "... #n".
 SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
+    "geometry/derived_quantities.py": {
+        "scale = 1.0 / np.where(norm == 0.0, 1.0, norm)": {
+            "1.0 changed #2": "it divides 1 where the vector is 0, and stays 0"
+        },
+    },
     "geometry/normal_fields.py": {
         "np.abs(dot(values, values) - 1.0) > 2e-6,": {"Gt to GtE": _BOUND},
         _RANDOM_POINT: {"1.0 changed": "normals are drawn from the whole sphere"},
