@@ -74,7 +74,7 @@ def test_the_best_turned_path_and_its_rivals(seed):
 
 
 def ways_of_parts(areas, energy):
-    """Return which parts of these areas turn like their neighbours, on the best path and its rivals.
+    """Return which parts of these areas turn like their neighbours, on the best path and rivals.
 
     The energy is a function of whether each part does; the rest of the surface makes up 1000 units
     of area.
@@ -114,10 +114,9 @@ def test_small_parts_turn_together_and_every_limb_by_itself():
 
 
 def test_limbs_that_gain_only_together_turn_together():
-    assert ways_of_parts([20.0] * 3, lambda alike: 101.0 - 2.0 * all(alike) + any(alike))[0] == (
-        *range(3),
-    )
-    assert ways_of_parts([20.0] * 3, lambda alike: 101.0 + any(alike) - all(alike))[0] == ()
+    areas = [20.0] * 3
+    assert ways_of_parts(areas, lambda alike: 101.0 + any(alike) - 2.0 * all(alike))[0] == (0, 1, 2)
+    assert ways_of_parts(areas, lambda alike: 101.0 + any(alike) - all(alike))[0] == ()
 
 
 def test_rivals_turn_one_limb_the_other_way_for_a_tenth_of_the_energy_at_most():

@@ -102,7 +102,7 @@ def test_the_best_point_tells_the_step_that_found_it_first(residuals):
 
 
 def test_steps_are_those_of_anderson_from_the_newest_alone(monkeypatch):
-    """x − F − Σ γᵢ (sᵢ − yᵢ), the γ of least ‖F − Σ γᵢ yᵢ‖, over two steps s with changes y of F."""
+    """x − F − Σ γᵢ (sᵢ − yᵢ) with the least ‖F − Σ γᵢ yᵢ‖, for two steps s and changes y of F."""
     monkeypatch.setattr(root_finding, "_MEMORY", 2)
     function, _, calls = system(strength=0.9)
     find_root(function, np.zeros(12), tolerance=1e-9, max_iter=7)

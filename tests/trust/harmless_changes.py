@@ -77,9 +77,14 @@ SPEED_ALONE = {
         "one_block": "whether a point is one block of a preconditioner",
         "rng": "random vectors that a preconditioner is estimated from",
     },
+    "solvers/streaming_mean.py": {
+        "batch_size": "points read at once",
+        "sample_size": "points by whose mean the search starts",
+    },
     "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
 }
 
+_NO_SIZE = "a matrix of zeros gets a ridge of any size"
 _NO_AREA = "triangles without area have no gradient, whatever their slopes"
 _RIGHT = "at right angles the sum of two unit vectors is as long as their difference"
 _BOUND = "which side of a bound the bound itself is on: no result is known that well"
@@ -148,11 +153,22 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "LtE to Lt": _BOUND
         },
     },
+    "solvers/preconditioner.py": {
+        "ridge = _RIDGE * (np.diag(matrix) + (size if size > 0 else 1.0))": {
+            "1.0 changed": _NO_SIZE
+        },
+    },
     "solvers/rounding.py": {
         "return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))": {
             "0 changed": _ROUNDING,
             "Add to Sub": _ROUNDING,
             "Mult to Div": _ROUNDING,
+        },
+    },
+    "solvers/spatial_factors.py": {
+        "added = ridge * (diagonal + (size if size > 0 else 1.0))": {"1.0 changed": _NO_SIZE},
+        "ridge = _RIDGE_OF_BLOCKS * (sizes + (sizes.mean() if sizes.any() else 1.0))": {
+            "1.0 changed": _NO_SIZE
         },
     },
     "terms/ebin.py": {
