@@ -164,23 +164,25 @@ class _Copy:
         starts = {min([n.lineno, *(d.lineno for d in n.decorator_list)]) for n in around}
         mirror = _MIRRORS.get(name, f"{self.room}/test_{file.name}")
 
-        def chosen(recorded: dict[str, Any]) -> list[str]:
-            """Return the tests that run the line; for one of the module itself, all."""
+        def run(test: str, recorded: dict[str, Any]) -> bool:
+            ran = [*recorded[test][1], *recorded.get(test.split("::")[0], (0, []))[1]]
+            return any(where == name and at in starts for where, at in ran)
+
+        def chosen(recorded: dict[str, Any], *, known: bool = True) -> list[str]:
+            """Return the tests that run the line; where that is not known or of a module, all."""
             seconds = {test: taken for test, (taken, _) in recorded.items() if "::" in test}
-
-            def run(test: str) -> bool:
-                ran = [*recorded[test][1], *recorded.get(test.split("::")[0], (0, []))[1]]
-                return any(where == name and at in starts for where, at in ran)
-
-            found = [test for test in seconds if starts and run(test)] or list(seconds)
+            found = [test for test in seconds if known and starts and run(test, recorded)]
+            found = found or list(seconds)
             return sorted(found, key=lambda t: (not t.startswith(f"tests/{mirror}"), seconds[t]))
 
         interpreted = chosen(self._interpreted) if self.is_compiled(file) else []
         if not any(is_marked(node, "compiled") for node in around):
             return interpreted, chosen(self._tests)
-        # Who runs a compiled function is known of what runs interpreted.
+        # Who runs a compiled function is known of what runs interpreted; as they are, tests show
+        # nothing of it but the calls that pass the compiler by.
         spared = set(self._interpreted) - set(interpreted)
-        return interpreted, chosen({t: r for t, r in self._tests.items() if t not in spared})
+        left = {test: r for test, r in self._tests.items() if test not in spared}
+        return interpreted, chosen(left, known=False)
 
     def try_change(
         self, file: Path, changed: str, tests: tuple[list[str], list[str]], seconds: float
