@@ -1,10 +1,20 @@
 """Compiled loops of kernels stay inside their arrays."""
 
 import numpy as np
+import pytest
+from block_patterns import couplings
 from cases import open_template, surfaces
 from interpreted import check_bounds
+from scipy.sparse import bsr_array
 
-from riemhuman.kernels import moving_frames, special_orthogonal, triangles, turns
+from riemhuman.kernels import (
+    block_triangles,
+    moving_frames,
+    special_orthogonal,
+    triangles,
+    turns,
+)
+from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.tiles import of_one_kind
 
 TEMPLATE = open_template()
@@ -67,3 +77,26 @@ def test_nearest_rotations(monkeypatch):
     matrices = np.eye(3) + 0.1 * np.random.default_rng(6).standard_normal((4, 3, 3))
     calls = [lambda: [special_orthogonal.nearest_rotations(matrices)]]
     check_bounds(monkeypatch, [special_orthogonal], calls)
+
+
+@pytest.mark.parametrize("lanes", [(0,), None])
+def test_elimination(monkeypatch, lanes):
+    coupled = couplings("chain")
+    n, n_sides = len(coupled), 1 if lanes else 4
+    dense = np.kron(coupled + 3.0 * np.eye(n), np.ones((3, 3))) + 9.0 * np.eye(3 * n)
+    blocks = bsr_array(dense, blocksize=(3, 3))
+    found = elimination_of(blocks)
+    sides = np.random.default_rng(9).standard_normal((n, 3 * n_sides))
+
+    def solved():
+        lower, pivots, x = np.zeros((len(found.rows), 9)), np.empty((n, 3)), sides.copy()
+        lower[found.targets] = blocks.data.reshape(-1, 9)[found.sources]
+        where = (found.ends, found.rows)
+        block_triangles.eliminate(
+            *where, found.columns, found.row_ends, found.by_row, lower, pivots
+        )
+        block_triangles.solve_lower(*where, lower, x, lanes)
+        block_triangles.solve_upper(*where, lower, x, lanes)
+        return [lower, pivots, x]
+
+    check_bounds(monkeypatch, [block_triangles], [solved])

@@ -48,6 +48,15 @@ def test_logarithm_of_half_turns_has_length_pi():
     np.testing.assert_array_equal(so3.log(start, start), 0.0)
 
 
+def test_half_turns_are_those_whose_axis_is_rounding_error():
+    start, gap = random_rotations(56), 1e-14
+    for angle, expected in ((np.pi, True), (np.pi - gap, False)):
+        vectors = turns(angle)
+        found = so3.log(start, so3.exp(vectors, start))
+        lengths = np.linalg.norm(found, axis=1)
+        np.testing.assert_array_equal(lengths >= so3.HALF_TURN, expected)
+
+
 def test_parallel_transport():
     """A field is parallel where its derivative is normal to the rotations, as matrices of R⁹."""
     rng = np.random.default_rng(2)
@@ -98,7 +107,7 @@ def test_newton_reaches_rotations_that_are_near(monkeypatch):
 @pytest.mark.parametrize("seed", range(3))
 def test_derivative_of_nearest_rotations(seed):
     rng = np.random.default_rng(seed)
-    matrices, step, weights = rng.standard_normal((3, 4, 3, 3))
+    matrices, step, weights = rng.standard_normal((3, 2, 2, 3, 3))
 
     def value(x):
         return anp.sum(weights * so3.nearest_rotations(x))

@@ -120,9 +120,9 @@ def test_components_in_the_frame_of_a_triangle():
 
 
 def test_changes_of_one_entry_change_that_entry():
-    zeros, change = np.zeros(2), np.array([2.0, 3.0])
+    entries, change = np.array([[0.0, 0.7], [0.0, -1.2], [0.0, 2.5]]), np.array([2.0, 3.0])
     for entry, places in enumerate(([(0, 0)], [(0, 1), (1, 0)], [(1, 1)])):
-        found = make_jvp(surface.symmetric_matrices, entry)(zeros, zeros, zeros)(change)[1]
+        found = make_jvp(surface.symmetric_matrices, entry)(*entries)(change)[1]
         expected = np.zeros((2, 2, 2))
         for row, column in places:
             expected[:, row, column] = change
@@ -149,11 +149,21 @@ def test_inner_products_of_vectors(shape):
         np.testing.assert_allclose(first, surface.dot(a, b), rtol=1e-14)
 
 
+def test_triangles_are_degenerate_up_to_eight_rounding_errors():
+    squared_sines = np.array([7.8, 8.2]) * np.finfo(float).eps
+    f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
+    f_v = 0.1 * np.stack([np.ones(2), np.sqrt(squared_sines), np.zeros(2)], axis=1)
+    np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), [True, False])
+
+
 def test_degenerate_triangles():
     f_u = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [1.0, 0, 0], [1e-9, 0, 0]])
     f_v = np.array([[0, 1.0, 0], [2.0, 0, 0], [0, 1.0, 0], [1.0, 1e-9, 0], [0, 1e-9, 0]])
     expected = [False, True, True, True, False]
     np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), expected)
+    first = surface.follow_up(f_u, f_v)
+    np.testing.assert_array_equal(first.areas[1:4], 1.0)
+    np.testing.assert_array_equal(first.e[1:4], 1.0)
     with np.errstate(divide="raise", over="raise", invalid="raise"):
         q = square_root_normals(f_u, f_v)
         np.testing.assert_array_equal(q[1:4], 0.0)

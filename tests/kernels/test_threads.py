@@ -36,6 +36,12 @@ def test_errors_come_through(threaded):
         threads.in_chunks(fail, 10, threaded=threaded)
 
 
+def test_one_thread_is_the_calling_one():
+    for n_threads in (1, 2, 3):
+        ran = set(threads.mapped(lambda _: threading.get_ident(), range(10), n_threads))
+        assert (ran == {threading.get_ident()}) == (n_threads == 1)
+
+
 def test_products_of_long_rows(threaded):
     rng = np.random.default_rng(1)
     rows, coefficients = rng.standard_normal((7, 1001)), rng.standard_normal((5, 7))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.kernels.tiles import UNDERFLOW, in_tiles
+from riemhuman.kernels.tiles import LARGEST, SMALLEST, UNDERFLOW, in_tiles
 
 
 @pytest.mark.parametrize("within", [True, False])
@@ -29,3 +29,7 @@ def test_several_threads_share_the_pairs_evenly(within):
 def test_squares_too_small_for_single_precision_stay_below_the_bound():
     smallest = float(np.finfo(np.float32).tiny)
     assert smallest <= UNDERFLOW < 1e6 * smallest
+
+
+def test_a_number_fits_single_precision_where_its_reciprocal_does():
+    assert abs(LARGEST * SMALLEST - 1.0) < 1e-12

@@ -146,6 +146,23 @@ def test_unwrapping_follows_the_tree_of_least_differences(seed):
     assert np.linalg.norm(found, axis=1).max() > np.pi
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ring_that_turns_once_around_is_cut_at_its_largest_step(seed):
+    """However quaternions of either sign meet there: the steps differ by less than a degree."""
+    rng = np.random.default_rng(seed)
+    n, axis = 100, np.array([0.36, -0.48, 0.8])
+    steps = rng.uniform(0.9, 1.1, n)
+    steps *= 2 * np.pi / steps.sum()
+    angles = 0.03 + np.concatenate([[0.0], np.cumsum(steps[:-1])])
+    rotations = Rotation.from_rotvec(angles[:, None] * axis)
+    quaternions = rng.choice([-1.0, 1.0], (n, 1)) * rotations.as_quat()
+    ends, around = np.arange(0, 2 * n + 1, 2), np.arange(n)[:, None] + [-1, 1]
+    found = rotations.as_rotvec()
+    kernel.unwrap_turns(found, quaternions, rng.permutation(n), ends, around.ravel() % n)
+    jumps = np.linalg.norm(np.roll(found, -1, axis=0) - found, axis=1) > 1.0
+    np.testing.assert_array_equal(np.flatnonzero(jumps), [np.argmax(steps)])
+
+
 def test_unwrapping_a_chain_that_turns_again_and_again():
     angles = np.linspace(0.0, 25.0, 40)
     whole = angles[:, None] * [0.36, -0.48, 0.8]

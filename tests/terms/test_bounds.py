@@ -1,25 +1,30 @@
 """Compiled loops of terms stay inside their arrays."""
 
+import numpy as np
 import pytest
 from cases import deformations, open_template, surfaces
 from interpreted import check_bounds
+from scipy.spatial.distance import cdist
 
-from riemhuman.kernels import moving_frames, triangles
+from riemhuman.kernels import moving_frames, surface, triangles
 from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import (
     EbinTerm,
     NormalTerm,
     RootNormalTerm,
+    RotationTerm,
     ebin,
     first_order,
     flat,
     normal_projection,
     normals,
     root_normals,
+    rotations,
     second_order,
     zeroth_order,
 )
-from riemhuman.terms.sum import SumOfTerms
+from riemhuman.terms.sum import SumOfTerms, field_features
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
@@ -69,3 +74,54 @@ def test_squared_norms(monkeypatch, quadratic):
         lambda: [quadratic.squared_norms(h, f)],
     ]
     check_bounds(monkeypatch, modules, calls)
+
+
+def leaves(term):
+    """Return the module of a term's pairs, and its function of numbers alone by definition."""
+
+    def squared_angle(*both):
+        half = len(both) // 2
+        return np.arccos(np.clip(np.dot(both[:half], both[half:]), -1.0, 1.0)) ** 2
+
+    def squared_half_angle(*both):
+        return np.arccos(min(abs(np.dot(both[:4], both[4:])), 1.0)) ** 2
+
+    if isinstance(term, NormalTerm):
+        return normals, {"squared_angle": squared_angle}
+    if isinstance(term, RotationTerm):
+        return rotations, {"_squared_half_angle": squared_half_angle}
+    return ebin, {"_excess": ebin._excess.py_func, "_cone": ebin._cone.py_func}
+
+
+@pytest.mark.parametrize("term", [EbinTerm(lam=0.3), NormalTerm(), RotationTerm()], ids=repr)
+def test_pairs(monkeypatch, term):
+    """In chunks of a few triangles, of which the last is shorter."""
+    first = surface.derivatives(surfaces(TEMPLATE, 5, rng=3), TEMPLATE.differential_operator)
+    features, _ = field_features(term, term.fields(first), AREAS, "double")
+    a, b = of_one_kind(features[:3]), of_one_kind(features[2:])
+    expected = term.squared_distances(a, b, AREAS)
+    within = np.triu(term.squared_distances(a, a, AREAS), 1)
+    module, functions = leaves(term)
+    functions |= {name: getattr(module, name).py_func for name in ("_tile", "_chunk")}
+    for name, function in functions.items():
+        monkeypatch.setattr(module, name, function)
+    monkeypatch.setattr(module, "CHUNK", 24)
+    np.testing.assert_allclose(term.squared_distances(a, b, AREAS), expected, atol=1e-12)
+    np.testing.assert_allclose(term.squared_distances(a, a, AREAS), within, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(7, 6), (4, 1), (3, 9)])
+def test_flat_pairs(monkeypatch, shape):
+    """Four rows and four columns at a time, at the edges fewer."""
+
+    def squared_differences(a, b, rows, columns, first, last):
+        pairs = ((a[i, first:last], b[j, first:last]) for i in rows for j in columns)
+        return tuple(np.sum((one - other) ** 2) for one, other in pairs)
+
+    monkeypatch.setattr(flat, "squared_differences", squared_differences)
+    monkeypatch.setattr(flat, "_tile", flat._tile.py_func)
+    monkeypatch.setattr(flat, "_add", flat._add.py_func)
+    monkeypatch.setattr(flat, "_CHUNK", 5)
+    a, b = (of_one_kind(np.random.default_rng(n).standard_normal((n, 12))) for n in shape)
+    np.testing.assert_allclose(flat.flat_distances(a, b), cdist(a, b) ** 2)
+    np.testing.assert_allclose(np.triu(flat.flat_distances(a, a), 1), np.triu(cdist(a, a) ** 2))

@@ -10,6 +10,7 @@ from autograd import grad
 from cases import deformations, sphere_template, surfaces
 
 import riemhuman.terms
+from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface, triangles
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, RotationTerm, Term
@@ -89,6 +90,44 @@ def test_forms(term):
     first = surface.derivatives(POINTS[0], OPERATOR)
     scale = first.areas[:, None, None] ** term.area_power
     close(scale * term.form(first), Term.form(term, first), 1e-10)
+
+
+@each_term
+def test_what_terms_say_of_what_they_see(term):
+    """Of a turn, of a larger copy, and of triangles without area."""
+    driver, turn = SumOfTerms([term], TEMPLATE), np.linalg.qr(POINTS[0, :3])[0]
+    turn *= np.linalg.det(turn)
+    f = POINTS[0]
+
+    def changes(other):
+        return driver.path_energy(np.stack([f, other]))[0] > 1e-9
+
+    assert changes(f @ turn) == term.sees_rotations
+    assert changes(2.0 * f) == term.sees_lengths
+    flat = f.copy()
+    flat[FACES[3]] = flat[FACES[3, 0]]
+    assert np.isinf(driver.path_energy(np.stack([f, flat]))[0]) == term.needs_area
+
+
+def test_the_smallest_weights():
+    for make in (EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, lambda lam: EbinTerm(lam=lam)):
+        make(1e-300)
+        for wrong in (0.0, -1.0, np.nan):
+            with pytest.raises(ArgumentError, match="above 0"):
+                make(wrong)
+
+
+def test_the_default_metric_of_matrices_is_the_plain_trace():
+    """tr(g⁻¹δg g⁻¹δg) √det g: with λ = ½, nothing sets changes of area apart."""
+    first = surface.derivatives(POINTS[0], OPERATOR)
+    h = surface.partial_derivatives(deformations(TEMPLATE, 1, rng=9)[0], OPERATOR)
+    components = surface.frame_components(first, *h)
+    found = np.einsum("ti,ij,tj->t", components, EbinTerm().form(first), components)
+    g = surface.first_fundamental_form(first.f_u, first.f_v)
+    rates = np.linalg.solve(
+        g, surface.first_fundamental_form_differential(first.f_u, first.f_v, *h)
+    )
+    np.testing.assert_allclose(found, np.einsum("tij,tji->t", rates, rates), rtol=1e-9)
 
 
 @each_quadratic

@@ -200,6 +200,7 @@ def test_degenerate_matrices_are_the_apex(g):
     other = matrices(1, 3.0, np.random.default_rng(5))[0]
     s = np.linalg.det(other) ** 0.25
     assert ebin_matrices.is_degenerate(g)
+    np.testing.assert_array_equal(ebin_matrices.coordinates(g), [0.0, 1.0, 0.0])
     assert squared_dist(g, g, lam) == 0
     for zero in DEGENERATE.values():
         assert squared_dist(g, zero, lam) == 0
@@ -245,6 +246,17 @@ def test_passing_beside_the_apex_is_legal():
         end, met_apex = ebin_geodesics.exp(-8 * g + size * shear, g, 1.0)
         assert not met_apex
         np.testing.assert_allclose(end, oracles.exact_exp(-8 * g + size * shear, g, 1.0), rtol=1e-4)
+
+
+def test_what_is_met_to_working_precision_is_within_eight_rounding_errors():
+    """From the identity, on a cone of one radian for a unit of distance, nothing else rounds."""
+    eps, shear = np.finfo(float).eps, np.array([[0.0, 1.0], [1.0, 0.0]])
+    # The sizes of what the velocity −2 I is made of add up to 4.
+    for rounding_errors, expected in ((31, True), (33, False)):
+        short = -2 * np.eye(2) + 2 * rounding_errors * eps * np.eye(2)
+        beside = -2 * np.eye(2) + rounding_errors * eps * shear
+        for velocity in (short, beside):
+            assert ebin_geodesics.exp(velocity, np.eye(2), 1 / 8)[1] == expected
 
 
 # Traceless matrices.

@@ -6,7 +6,8 @@ from cases import open_template, sphere_template, surfaces, triangle_template
 
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface, tiles, triangles
-from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, flat
+from riemhuman.surfaces.template import Template
+from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, flat
 from riemhuman.terms.sum import SumOfTerms, field_features
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
@@ -156,12 +157,12 @@ def test_range_of_single_precision():
     assert limits.max > tiles.LARGEST**2
     assert limits.tiny < tiles.SMALLEST**2
     x, y, s = np.zeros((8, 1)), np.ones((8, 1)), np.ones((8, 1))
-    x[0], x[1] = 0.9e15, -1.1e15
-    y[2], y[3], y[4], y[5] = 0.9e15, 1.1e15, 1.1e-15, 0.9e-15
-    s[6], s[7] = 0.9e15, 1.1e15
+    x[0], x[1] = 0.95e15, -1.05e15
+    y[2], y[3], y[4], y[5] = 0.95e15, 1.05e15, 1.05e-15, 0.95e-15
+    s[6], s[7] = 0.95e15, 1.05e15
     _, rounding = field_features(EbinTerm(lam=0.3), (x, y, s), np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, False, True, False, True, False, True]
-    vectors = np.array([[[0.9e15]], [[-1.1e15]], [[np.nan]]])
+    vectors = np.array([[[0.95e15]], [[-1.05e15]], [[np.nan]]])
     _, rounding = flat.vector_features(vectors, np.ones(1), "single")
     assert np.isinf(rounding).tolist() == [False, True, True]
 
@@ -179,6 +180,36 @@ def test_what_is_too_small_for_single_precision_counts_as_rounding():
     exact = np.sqrt(np.sum(1e-30 * tiny**2))
     kept = np.linalg.norm(features.astype(np.float64))
     assert exact - kept <= rounding[0] < 1e-15
+
+
+UPRIGHT = np.array([[0.0, 0.0, 1.0]])
+# Fields that single precision keeps as they are, the numbers that a triangle adds to a sum, and
+# what the sum is multiplied by, in largest areas or alone.
+KEPT = {
+    "ebin": (EbinTerm(lam=2.0), ([0.5], [2.0], [0.0]), 1, lambda largest: 16 * 2.0),
+    "normals": (NormalTerm(), (UPRIGHT,), 1, lambda largest: largest),
+    "square root normals": (RootNormalTerm(), (0.0 * UPRIGHT,), 3, lambda largest: 1.0),
+    "rotations": (RotationTerm(), (np.eye(1, 4),), 1, lambda largest: 4 * largest),
+}
+
+
+@pytest.mark.parametrize("n_faces", [1, 5])
+@pytest.mark.parametrize("name", KEPT)
+def test_every_number_of_a_sum_may_be_too_small_for_single_precision(name, n_faces):
+    term, fields, numbers, scale = KEPT[name]
+    areas = np.full(n_faces, 0.25)
+    areas[-1] = 4.0
+    fields = tuple(np.repeat(np.asarray(field)[None], n_faces, axis=1) for field in fields)
+    _, rounding = field_features(term, fields, areas, "single")
+    expected = tiles.UNDERFLOW * n_faces * numbers * scale(4.0)
+    np.testing.assert_allclose(rounding**2, expected, rtol=1e-12)
+
+
+def test_of_surfaces_too():
+    corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 1, 0]])
+    template = Template(corners, np.array([[0, 1, 2], [0, 2, 3]]))
+    _, rounding = features_of(NormalTerm(), template, corners[None], "single")
+    np.testing.assert_allclose(rounding**2, tiles.UNDERFLOW * 2 * 2.0, rtol=1e-12)
 
 
 def test_arrays_of_one_kind():

@@ -42,6 +42,25 @@ class LogArea(Term):
         return changes_a[0] * changes_b[0]
 
 
+class Several(Term):
+    """Fields of several shapes, whose differences count differently."""
+
+    def fields(self, first):
+        return anp.stack([first.areas, first.e], axis=-1), first.m, first.area_vectors
+
+    def squared_dist(self, fields_a, fields_b):
+        gaps = [one - other for one, other in zip(fields_a, fields_b, strict=True)]
+        return self.inner_product(gaps, gaps, None)
+
+    def inner_product(self, changes_a, changes_b, fields):
+        products = [one * other for one, other in zip(changes_a, changes_b, strict=True)]
+        return (
+            0.7 * anp.sum(products[0], axis=-1)
+            + 1.9 * products[1]
+            + 0.4 * anp.sum(products[2] * anp.array([1.0, 2.0, 3.0]), axis=-1)
+        )
+
+
 class Kept(LogArea):
     """Features in single precision, and no bound on what that loses."""
 
@@ -54,6 +73,7 @@ H = deformations(SPACE.template, 3, rng=2)
 METRICS = {
     "flat": SurfaceMetric(SPACE, [RootArea(0.7)]),
     "any": SurfaceMetric(SPACE, [LogArea(0.7)]),
+    "several fields": SurfaceMetric(SPACE, [Several(0.7)]),
     "any, kept in single precision": SurfaceMetric(SPACE, [Kept(0.7)]),
     "sum": SurfaceMetric(SPACE, [EbinTerm(1.0, 0.1), LogArea(0.3), RootArea(2.0)]),
 }

@@ -181,6 +181,24 @@ def test_triangles_in_many_parts(monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max())
 
 
+def test_distances_from_one_surface_are_energies_of_single_steps():
+    """Of surfaces whose vertices are numbered in another order, too."""
+    template = TEMPLATES["sphere"]()
+    driver = SumOfTerms([EbinTerm(1.0, 0.3), NormalTerm(0.2), Uncompiled(0.4)], template)
+    f, *others = surfaces(template, 4, rng=3)
+    weights = np.array([0.2, 1.3, 0.7])
+    steps = [driver.path_energy(np.stack([other, f])) for other in others]
+    expected = np.tensordot(weights, [slope[1] for _, slope in steps], 1)
+    order = np.random.default_rng(4).permutation(template.n_vertices)
+    for points, faces in (
+        (np.stack(others), None),
+        (np.stack(others)[:, order], np.argsort(order)[template.faces]),
+    ):
+        squared, gradient = driver.squared_dists(f, points, weights, faces)
+        np.testing.assert_allclose(squared, [energy for energy, _ in steps], rtol=1e-12)
+        np.testing.assert_allclose(gradient, expected, atol=1e-12)
+
+
 def test_arguments_are_left_alone():
     case = CASES["mixed open"]
     path = case.points.copy()

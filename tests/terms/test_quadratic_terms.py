@@ -8,11 +8,13 @@ from autograd import grad
 from cases import TEMPLATES, deformations, open_template, sphere_template, surfaces
 from oracles import taylor_slope
 
+from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import moving_frames
 from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.surfaces.template import Template
 from riemhuman.terms import normal_projection, second_order
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
-from riemhuman.terms.normal_projection import NormalPartTerm
+from riemhuman.terms.normal_projection import NormalPartTerm, NormalProjections
 from riemhuman.terms.quadratic import SumOfQuadraticTerms
 from riemhuman.terms.second_order import SecondOrderTerm
 from riemhuman.terms.zeroth_order import ZerothOrderTerm, corner_averages
@@ -129,6 +131,81 @@ def test_projections_to_normals():
     sides = np.diff(f[template.faces[corner]], axis=1)
     around = np.cross(sides[:, 0], sides[:, 1]).sum(axis=0)
     np.testing.assert_allclose(normals[5], around / np.linalg.norm(around), rtol=1e-12)
+
+
+def nearly_folded(share, size):
+    """Return two triangles folded over an edge whose normals cancel up to a share of the areas.
+
+    They stand behind a surface that does not fold, and before a vertex that they do not use.
+    """
+    template = Template(
+        np.array([[5.0, 5, 5], [1, 0, 0], [0, 0, 0], [0, 1, 0], [0, -1, 0]]),
+        np.array([[2, 1, 3], [1, 2, 4]]),
+    )
+    flat = template.vertices
+    folded = flat.copy()
+    # Areas ½ and ½ − d, d = share (1 − d).
+    folded[4] = [0.3, 1.0 - 2.0 * share / (1.0 + share), 0.0]
+    return template, size * np.stack([flat, folded])
+
+
+@pytest.mark.parametrize("size", [2.0**-20, 1.0, 2.0**20])
+def test_normals_cancel_up_to_a_share_of_the_areas(size):
+    for share, cancels in ((0.0, True), (0.95e-12, True), (1.05e-12, False), (0.5, False)):
+        template, both = nearly_folded(share, size)
+        over = template, corner_averages(template.faces, template.n_vertices)
+        projections = NormalProjections(by_vertex(both), template.faces)
+        assert projections.exist == (not cancels)
+        if cancels:
+            with pytest.raises(DegenerateSurfaceError, match="around vertex 1 cancel"):
+                normal_projection.vertex_normals(both, *over)
+            continue
+        normals = normal_projection.vertex_normals(both, *over)
+        np.testing.assert_allclose(normals[0], [[0, 0, 0], *4 * [[0, 0, 1]]], atol=1e-15)
+        h = deformations(sphere_template(), 2, rng=13)[:, :5]
+        expected = normal_projection.project(h, both, *over)
+        np.testing.assert_allclose(by_vertex(projections.project(by_vertex(h))), expected)
+
+
+def test_edges_at_which_triangles_turn_opposite_sides_up():
+    opened = open_template()
+    for faces in (opened.faces, opened.faces[:, ::-1], sphere_template().faces):
+        assert len(normal_projection.mixed_edges(faces)) == 0
+        sides = [{frozenset(pair) for pair in zip(t, np.roll(t, 1), strict=True)} for t in faces]
+        for k in range(3, 9):
+            flipped = faces.copy()
+            flipped[k] = flipped[k, ::-1]
+            shared = {side for j, other in enumerate(sides) if j != k for side in other & sides[k]}
+            found = normal_projection.mixed_edges(flipped)
+            assert {frozenset(edge) for edge in found.tolist()} == shared
+            assert len(found) == len(shared)
+    # Of three triangles at an edge, two go one way whatever they do.
+    assert len(normal_projection.mixed_edges(np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]]))) == 0
+
+
+@every_term
+def test_what_terms_say_of_what_they_see(name):
+    """Of moving a surface, of stretching a plane, and of letting it slide along itself."""
+    template = open_template()
+    term, f = terms_over(template)[name], template.vertices * [1.0, 1.0, 0.0]
+    stretch = f * [0.7, 0.2, 0.0]
+    slide = np.sin(9 * f[:, [1, 0, 0]]) * [1.0, 1.0, 0.0]
+
+    def costs(h, f=f):
+        return term.inner_product(h, h, f) > 1e-12
+
+    assert costs(np.ones_like(f), surfaces(template, 1)[0]) == term.sees_translations
+    if name not in ("second", "normal part"):
+        assert costs(stretch) == term.sees_lengths
+    if name not in ("c1", "bend"):
+        assert costs(slide) == term.sees_slides
+
+
+def test_normal_parts_see_the_lengths_that_their_term_sees():
+    template = open_template()
+    for name in ("a1", "c1"):
+        term = terms_over(template)[name]
+        assert NormalPartTerm(template, term).sees_lengths == term.sees_lengths
 
 
 def test_surrounded_vertices():

@@ -24,6 +24,7 @@ SPEED_ALONE = {
         **dict.fromkeys(("axis", "before", "after", "from_axes"), _ROOM),
     },
     "kernels/tiles.py": {
+        "n_values": "numbers of one point, by which the work of a tile is counted",
         "LANES": "zeros at the end of rows, which add nothing",
         "CHUNK": "triangles summed before they join the total: rounding errors only",
         "_TILE_WORK": "work of one tile",
@@ -90,6 +91,8 @@ _RIGHT = "at right angles the sum of two unit vectors is as long as their differ
 _BOUND = "which side of a bound the bound itself is on: no result is known that well"
 
 _ROUNDING = "random errors of the same size, which are as likely of either sign"
+_NOT_TAKEN = "what it stands for is not taken"
+_DIVIDES_0 = "it divides 0"
 
 _RANDOM_POINT = (
     "def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:"
@@ -125,11 +128,20 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     },
     "kernels/rotations.py": {
         "small = squared_angle < _SERIES_BELOW": {"Lt to LtE": _BOUND},
+        "x = np.where(small, squared_angle, 0.0)": {"0.0 changed": _NOT_TAKEN},
+        "angle = np.sqrt(np.where(small, 1.0, squared_angle))": {"1.0 changed": _NOT_TAKEN},
     },
     "kernels/scalars.py": {
-        "safe = np.where(x == 0, 1.0, x)": {"1.0 changed": "what it stands for is not taken"},
+        "safe = np.where(x == 0, 1.0, x)": {"1.0 changed": _NOT_TAKEN},
     },
     "kernels/special_orthogonal.py": {
+        "HALF_TURN = np.pi - 8 * np.finfo(float).eps": {
+            "8 changed": "the number nearest to it is the same"
+        },
+        "safe = np.where(sine > 0, sine, 1.0)": {"1.0 changed": _NOT_TAKEN},
+        "scale = np.where(unique, 1.0, 0.0) / np.where(unique, determinant, 1.0)": {
+            "1.0 changed #2": _DIVIDES_0
+        },
         "near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2": {
             "Lt to LtE": _BOUND,
             "Gt to GtE": _BOUND,
@@ -176,11 +188,17 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & "
         "(radius < LARGEST)": {"Lt to LtE": _BOUND, "Gt to GtE": _BOUND},
         "logarithm = np.arcsinh(size) / np.where(size > 0, size, 1.0) * spatial": {
-            "1.0 changed": "it divides 0"
+            "1.0 changed": _DIVIDES_0
         },
     },
     "terms/ebin_geodesics.py": {
+        "safe = np.where(straight & (along <= 0), 1.0, along)": {
+            "1.0 changed": "there the geodesic has met the apex, and has no end"
+        },
         "met_apex = (along <= rounding) & (across <= rounding)": {"LtE to Lt": _BOUND},
+    },
+    "terms/ebin_transport.py": {
+        "safe = np.where(turning, length, 1.0)": {"1.0 changed": _NOT_TAKEN},
     },
     "terms/flat.py": {
         "gap += (vector[k] - kept[k]) ** 2 if abs(vector[k]) < LARGEST else math.inf": {
@@ -195,7 +213,23 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "Add to Sub": "it is 0, or what is infinite makes NaN either way"
         },
     },
+    "terms/normal_projection.py": {
+        "cancelled = onp.linalg.norm(values_of(sums), axis=-1) <= _CANCELLED * around": {
+            "LtE to Lt": _BOUND
+        },
+        "sums = np.where(unused[..., None], 1.0, sums)": {"1.0 changed": _NOT_TAKEN},
+        "self.exist = not onp.any((lengths[..., 0] <= _CANCELLED * around) & (around > 0.0))": {
+            "LtE to Lt": _BOUND
+        },
+        "self._lengths = onp.where(lengths > 0.0, lengths, 1.0)": {"1.0 changed": _DIVIDES_0},
+    },
     "terms/normals.py": {
+        "half_over_a = np.arctan2(a, b) / np.where(coincident, 1.0, a)": {
+            "1.0 changed": _NOT_TAKEN
+        },
+        "slope = -4.0 * np.arctan2(a, b) * a / (np.where(antipodal, 1.0, b) * (p + q))": {
+            "1.0 changed": _NOT_TAKEN
+        },
         "acute = x1[t] * x2[t] + y1[t] * y2[t] + z1[t] * z2[t] >= 0.0": {"GtE to Gt": _RIGHT},
         "acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)": {"GtE to Gt": _RIGHT},
     },
@@ -209,6 +243,16 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     },
     "terms/rotations.py": {
         "near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)": {"GtE to Gt": _RIGHT},
+    },
+    "terms/second_order.py": {
+        "return self.weight * self.surrounded / np.where(self.surrounded, masses, 1.0)": {
+            "1.0 changed": _DIVIDES_0
+        },
+    },
+    "terms/term_checks.py": {
+        "_TRIANGLES = np.random.default_rng(0).standard_normal((2, 2, 3, 3))": {
+            "0 changed": "any triangles will do"
+        },
     },
     "terms/sum.py": {
         "by_vertex.flags.writeable = False  # the kind that loops are compiled for": {
