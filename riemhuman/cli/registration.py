@@ -32,14 +32,15 @@ def add_verbs(verbs: Verbs) -> None:
         _register,
         "registered bodies from raw scans",
         "Fits a body model to a scan (a mesh or loose points: PLY, OBJ, OFF, XYZ or NPY),\n"
-        "without landmarks, and writes the body in the model's triangulation. For a folder,\n"
-        "it registers every scan, and index.html shows the results, the worst first. It does\n"
-        "not write a body that it does not trust; for a folder, such bodies go to untrusted/.\n"
-        "After an interruption, the same command continues.",
+        "with or without landmarks, and writes the body in the model's triangulation.\n"
+        "For a folder, it registers every scan, and index.html shows the results, the\n"
+        "worst first. It does not write a body that it does not trust; for a folder, such\n"
+        "bodies go to untrusted/. After an interruption, the same command continues.",
         "  riemhuman register scan.ply -o body.ply\n"
         "  riemhuman register scans/ -o bodies/\n"
         "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
-        "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n",
+        "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
+        "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
     )
     parser.add_argument("scans", metavar="SCAN", type=path_argument, help="a scan or a folder")
     add_output(parser, "BODY", "mesh to write, or folder of meshes")
@@ -54,6 +55,13 @@ def add_verbs(verbs: Verbs) -> None:
     parser.add_argument("--unit", choices=UNITS, help="unit of the scans (default: by their size)")
     parser.add_argument(
         "--up", choices=AXES, help="axis that points up in the scans (default: found by the fit)"
+    )
+    parser.add_argument(
+        "--landmarks",
+        metavar="CSV",
+        type=path_argument,
+        help="places of joints in the scan, in its unit, where the fit alone goes wrong: lines "
+        "such as left_wrist,0.62,1.31,0.05",
     )
     parser.add_argument(
         "--sequence",
@@ -91,15 +99,16 @@ def _registration(options: argparse.Namespace) -> ScanRegistration:
 def _register_file(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from riemhuman.registration import load_scan
+    from riemhuman.registration import load_landmarks, load_scan
     from riemhuman.surfaces.mesh_files import save_mesh
 
     check_file(options.output, _ENDINGS, force=options.force)
     reporter = Reporter(options.quiet)
     scan = load_scan(options.scans, options.unit)
+    landmarks = None if options.landmarks is None else load_landmarks(options.landmarks)
     registration = _registration(options)
     with reporter.task(f"Registering {len(scan):,} points"):
-        result = registration.solve(scan)
+        result = registration.solve(scan, landmarks=landmarks)
     if not result.trusted:
         reason = f"{options.scans} is not registered: {result.message}"
         if not options.untrusted:
@@ -122,6 +131,8 @@ def _register_folder(options: argparse.Namespace) -> None:
         raise ArgumentError(
             "--untrusted is for one scan; for a folder, see untrusted/ in the output"
         )
+    if options.landmarks is not None:
+        raise ArgumentError("--landmarks is for one scan; register the scans one by one")
     output: Path = options.output
     if output.resolve() == options.scans.resolve():
         raise FileError(f"{output} holds the scans; name another folder for the bodies")

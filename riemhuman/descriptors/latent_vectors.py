@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
-from array import array
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -27,7 +24,7 @@ from riemhuman.errors import (
 from riemhuman.representation import Record, listed
 from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.storage.file_content import file_path
-from riemhuman.storage.number_text import real_field, text_content
+from riemhuman.storage.named_rows import named_rows
 
 
 @dataclass(frozen=True, repr=False)
@@ -276,33 +273,5 @@ def _read_npy(file: Path) -> tuple[Any, Any]:
 
 
 def _read_csv(file: Path) -> tuple[Any, Any]:
-    vectors: dict[str, array[float]] = {}
-    length = 0
-    rows = csv.reader(io.StringIO(text_content(file), newline=""), strict=True)
-    try:
-        for row in rows:
-            name, *fields = [field.strip() for field in row] or [""]
-            where = f"{file}, line {rows.line_num}"
-            if not any([name, *fields]) or (not vectors and name.lower() == "id"):
-                continue
-            if not name:
-                raise FileFormatError(f"{where}: the id is missing")
-            if name in vectors:
-                raise FileFormatError(f"{where}: the id {name[:60]!r} is repeated")
-            if not fields or (vectors and len(fields) != length):
-                expected = f"{length} expected" if vectors else "at least one expected"
-                raise FileFormatError(f"{where}: {len(fields)} numbers found, {expected}")
-            length = len(fields)
-            vectors[name] = array("d", [_number(field, where) for field in fields])
-    except csv.Error as error:
-        raise FileFormatError(f"{file}, line {rows.line_num}: {error}") from error
-    if not vectors:
-        raise FileFormatError(f"{file} holds no vectors")
-    return list(vectors), np.array(list(vectors.values()))
-
-
-def _number(field: str, where: str) -> float:
-    try:
-        return real_field(field.encode())
-    except ValueError as error:
-        raise FileFormatError(f"{where}: {field[:60]!r} is not a number") from error
+    rows = named_rows(file, "id")
+    return list(rows), np.array(list(rows.values()))

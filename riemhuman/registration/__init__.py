@@ -1,6 +1,7 @@
 """Registration of raw scans by a body model, without landmarks, or by a template."""
 
 from riemhuman.registration.folders import ScanRecord, read_records, register_folder
+from riemhuman.registration.landmark_files import load_landmarks
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, load_scan
@@ -15,6 +16,7 @@ __all__ = [
     "ScanRegistration",
     "SimulatedScan",
     "TemplateRegistration",
+    "load_landmarks",
     "load_scan",
     "read_records",
     "register_folder",

@@ -19,6 +19,8 @@ HELD_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_STRAIN = 0.006
 LARGEST_BETA = 3.0
 
+_REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landmarks"
+
 
 @dataclass(frozen=True)
 class Evidence:
@@ -78,14 +80,14 @@ def doubts(evidence: Evidence) -> list[str]:
     if evidence.margin < LEAST_MARGIN:
         reasons.append(
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
-            f"{evidence.margin:.2f}); the argument landmarks of ScanRegistration.solve decides"
+            f"{evidence.margin:.2f}); {_REMEDY}"
         )
     if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < HELD_ELSEWHERE:
         reasons.append(
             f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
             f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} found next to nothing "
             f"in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may be held "
-            "elsewhere; the argument landmarks of ScanRegistration.solve decides"
+            f"elsewhere; {_REMEDY}"
         )
     if evidence.strain > LARGEST_STRAIN:
         reasons.append(

@@ -41,11 +41,39 @@ def test_what_is_no_body_is_not_written(tmp_path, capsys):
     [
         (["--sequence"], "--sequence needs a folder"),
         (["--model", "SMPL.npz", "--coarse"], "--coarse cannot be combined"),
+        (["--landmarks", "none.csv"], "none.csv cannot be read"),
     ],
 )
 def test_options_that_do_not_fit_are_refused(scan, tmp_path, capsys, arguments, message):
     assert main(["register", str(scan), "-o", str(tmp_path / "body.ply"), *arguments]) == 2
     assert message in capsys.readouterr().err
+
+
+@pytest.fixture
+def marks(tmp_path):
+    file = tmp_path / "marks.csv"
+    file.write_text("name,x,y,z\nleft_wrist,620,1310,50\nhead,0,1600,0\n", encoding="utf-8")
+    return file
+
+
+def test_landmarks_reach_the_registration(scan, marks, tmp_path, monkeypatch):
+    seen = {}
+
+    def solve(self, scan, *, landmarks):
+        seen.update(landmarks)
+        raise rh.errors.ArgumentError("enough")
+
+    monkeypatch.setattr(rh.registration.ScanRegistration, "solve", solve)
+    output = str(tmp_path / "body.ply")
+    assert main(["register", str(scan), "-o", output, "--coarse", "--landmarks", str(marks)]) == 2
+    np.testing.assert_array_equal(seen["left_wrist"], [620.0, 1310.0, 50.0])
+    np.testing.assert_array_equal(seen["head"], [0.0, 1600.0, 0.0])
+
+
+def test_landmarks_are_those_of_one_scan(scan, marks, tmp_path, capsys):
+    arguments = ["--landmarks", str(marks), "-o", str(tmp_path / "bodies")]
+    assert main(["register", str(scan.parent), "--coarse", *arguments]) == 2
+    assert "--landmarks is for one scan" in capsys.readouterr().err
 
 
 def test_bodies_are_not_written_among_the_scans(scan, capsys):
