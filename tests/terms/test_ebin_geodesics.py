@@ -218,6 +218,20 @@ def test_degenerate_matrices_are_the_apex(g):
             assert np.all(np.isfinite(grad(squared_dist, argument)(*pair, lam)))
 
 
+@pytest.mark.parametrize(
+    ("bound", "tells"),
+    [(8, ebin_matrices.is_degenerate), (1e5, ebin_matrices.has_lost_its_shape)],
+    ids=["degenerate", "of few digits"],
+)
+def test_how_near_to_singular_matrices_may_be(bound, tells):
+    for share, expected in ((0.875, True), (1.125, False)):
+        # The determinant is that many rounding errors of the product on the diagonal.
+        g = np.array([[16.0, 4.0], [4.0, 1.0 + share * bound * np.finfo(float).eps]])
+        for turned in (g, g[::-1, ::-1]):
+            assert tells(turned) == expected
+            assert tells(1e-3 * turned) == expected
+
+
 def test_limit_towards_degenerate_matrices():
     """Distances to g + εI tend to the distance to the degenerate g, like √s = ε^(1/4)."""
     lam = 0.3

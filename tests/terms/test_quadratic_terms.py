@@ -73,6 +73,19 @@ def test_slopes_are_derivatives(name):
 
 
 @every_term
+@pytest.mark.parametrize("corners", [[1], [1, 2]], ids=["edge", "point"])
+def test_triangles_without_area_cost_infinitely_much(name, corners):
+    template = sphere_template()
+    term = terms_over(template)[name]
+    f, h = surfaces(template, 3, rng=3), deformations(template, 3, rng=4)
+    f[1, template.faces[7, corners]] = f[1, template.faces[7, 0]]
+    value, *slopes = compiled(term, h, f)
+    assert value == np.inf
+    assert term.squared_norms(by_vertex(h), by_vertex(f)) == np.inf
+    assert np.isfinite(slopes).all()
+
+
+@every_term
 def test_threads_give_the_same_bits(name, monkeypatch):
     template = sphere_template(2)
     term = terms_over(template)[name]
