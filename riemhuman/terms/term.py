@@ -325,7 +325,7 @@ class Term(InheritsDocstrings, ABC):
     def _unpack(self, features: ndarray, n_faces: int) -> Fields:
         fields, start = [], 0
         for shape, size in zip(self._field_shapes(), self._field_sizes(), strict=True):
-            flat = features[..., start : start + n_faces * size]
-            fields.append(flat.reshape(*features.shape[:-1], n_faces, *shape))
+            flat = features[:, start : start + n_faces * size]
+            fields.append(flat.reshape(len(features), n_faces, *shape))
             start += n_faces * size
         return tuple(fields)

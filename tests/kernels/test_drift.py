@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from riemhuman.kernels import drift
 from riemhuman.kernels.drift import centroid, steady_path, still_path
 
 RNG = np.random.default_rng(0)
@@ -89,12 +90,29 @@ def test_the_heavier_part_stands_still():
         np.testing.assert_allclose(still, expected, atol=1e-3)
 
 
+def test_rounds_end_when_nothing_moves_any_more(monkeypatch):
+    rounds = []
+
+    def counted(*arguments):
+        rounds.append(arguments)
+        return rigid_motions(*arguments)
+
+    rigid_motions = drift._rigid_motions
+    monkeypatch.setattr(drift, "_rigid_motions", counted)
+    path = BODY + np.array([0.0, 0.7, 1.0])[:, None, None]
+    still_path(path, WEIGHTS, rotations=True)
+    assert len(rounds) == 2
+
+
 def test_a_body_of_many_vertices():
-    """Some of them are enough to find the motion, and all follow it."""
-    body = RNG.normal(size=(4500, 3))
+    """Every second one of 4000 is enough to find the motion, and all follow it."""
+    body = RNG.normal(size=(4000, 3))
     path = np.stack([body, Rotation.from_rotvec([0.4, -0.1, 0.9]).apply(body) + 2.0, body])
-    still = still_path(path, np.ones(4500), rotations=True)
-    np.testing.assert_allclose(still[1], body, atol=1e-9)
+    path[1, 1::2] *= [1.0, 1.0, 5.0]
+    still = still_path(path, np.ones(4000), rotations=True)
+    np.testing.assert_allclose(still[1, ::2], body[::2], atol=1e-9)
+    lengths = [np.linalg.norm(np.diff(f[:2000], axis=0), axis=1) for f in (still[1], path[1])]
+    np.testing.assert_allclose(*lengths, rtol=1e-9)
 
 
 def test_a_steady_path_has_a_centroid_that_moves_uniformly():

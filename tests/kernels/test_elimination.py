@@ -35,6 +35,8 @@ def test_columns_begin_on_the_diagonal_and_rows_end_there(kind):
     np.testing.assert_array_equal(np.sort(found.by_row), np.arange(len(found.rows)))
     rows, columns = found.rows[found.by_row], found.columns[found.by_row]
     assert np.all(np.diff(rows * n + columns) > 0)
+    for ends in (found.ends, found.row_ends):
+        assert (ends[0], ends[-1]) == (0, len(found.rows))
 
 
 def test_arrows_are_eliminated_from_their_ends():

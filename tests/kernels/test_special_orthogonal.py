@@ -75,6 +75,31 @@ def test_parallel_transport():
     np.testing.assert_array_equal(so3.parallel_transport(vector, 0 * omega), vector)
 
 
+VECTORS = np.random.default_rng(7).standard_normal((2, 2, 3, 3))
+ROTATIONS = random_rotations(12, seed=8).reshape(2, 2, 3, 3, 3)
+MATRICES = np.random.default_rng(9).standard_normal((2, 3, 3, 3))
+
+
+@pytest.mark.parametrize(
+    ("function", "stacks"),
+    [
+        (so3.transpose, [MATRICES]),
+        (so3.axial, [MATRICES]),
+        (so3.quaternions, [ROTATIONS[0]]),
+        (so3.log, [*ROTATIONS]),
+        (so3.exp, [VECTORS[0], ROTATIONS[0]]),
+        (so3.parallel_transport, [*VECTORS]),
+        (so3.nearest_rotations, [MATRICES]),
+    ],
+    ids=lambda value: getattr(value, "__name__", ""),
+)
+def test_stacks(function, stacks):
+    found = function(*stacks)
+    for place in np.ndindex(2, 3):
+        alone = function(*(stack[place] for stack in stacks))
+        np.testing.assert_allclose(found[place], alone, rtol=1e-13, atol=1e-15)
+
+
 def test_nearest_rotations_of_stretches_and_mirror_images():
     rotations = random_rotations()
     roots = np.random.default_rng(3).uniform(-1, 1, (40, 3, 3))

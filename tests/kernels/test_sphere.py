@@ -46,6 +46,13 @@ def check_squared_dist(function, rtol):
         np.testing.assert_allclose(np.sqrt(function(n1, n2)), exact, rtol=rtol, atol=2e-16)
 
 
+def test_antipodal_are_vectors_whose_direction_is_rounding_error():
+    n, across = pairs(np.pi / 2)
+    for gap, expected in ((0.0, True), (1e-14, False)):
+        end = unit(np.cos(np.pi - gap) * n + np.sin(gap) * across)
+        np.testing.assert_array_equal(sphere.angle(n, end) >= sphere.ANTIPODAL, expected)
+
+
 def test_squared_dist_is_exact():
     check_squared_dist(squared_dist, 1e-10)
     check_squared_dist(lambda a, b: sphere.angle(a, b) ** 2, 1e-10)

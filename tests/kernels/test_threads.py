@@ -42,7 +42,8 @@ def test_one_thread_is_the_calling_one():
         assert (ran == {threading.get_ident()}) == (n_threads == 1)
 
 
-def test_products_of_long_rows(threaded):
+def test_products_of_long_rows(threaded, monkeypatch):
+    monkeypatch.setattr(threads, "_IN_CACHE", 100)
     rng = np.random.default_rng(1)
     rows, coefficients = rng.standard_normal((7, 1001)), rng.standard_normal((5, 7))
     combined = threads.combine_rows(coefficients, rows)

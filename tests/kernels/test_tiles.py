@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.kernels.tiles import LARGEST, SMALLEST, UNDERFLOW, in_tiles
+from riemhuman.kernels.tiles import LARGEST, SMALLEST, UNDERFLOW, in_tiles, of_one_kind
 
 
 @pytest.mark.parametrize("within", [True, False])
@@ -33,3 +33,13 @@ def test_squares_too_small_for_single_precision_stay_below_the_bound():
 
 def test_a_number_fits_single_precision_where_its_reciprocal_does():
     assert abs(LARGEST * SMALLEST - 1.0) < 1e-12
+
+
+def test_arrays_of_one_kind():
+    array = np.arange(6.0).reshape(2, 3)
+    for given in (array, array[:, ::-1], np.asfortranarray(array), array.T):
+        kept = of_one_kind(given)
+        np.testing.assert_array_equal(kept, given)
+        assert kept.flags.c_contiguous
+        assert not kept.flags.writeable
+        assert given.flags.writeable

@@ -8,6 +8,7 @@ from cases import open_template, surfaces
 
 from riemhuman.kernels import triangles
 from riemhuman.kernels.moving_frames import by_vertex
+from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.kernels.tiles import of_one_kind
 
 TEMPLATE = open_template()
@@ -52,6 +53,15 @@ def test_forms_of_one_triangle(monkeypatch):
         found = triangles.triangle.py_func(PATH[0], FACES, FRAMES, t)
         expected = [f_u @ f_u, f_u @ f_v, *crossed, areas]
         np.testing.assert_allclose(found, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("share", [0.99, 1.01], ids=["below", "above"])
+def test_how_thin_a_triangle_may_be(share):
+    """Whatever the lengths of its sides: the sine of the angle between them counts."""
+    for along, across in ((1e-3, 1e3), (1e3, 1e-3), (30.0, 20.0)):
+        height = across * share * np.sqrt(DEGENERATE)
+        *_, area = triangles.first_forms.py_func(along, 0.0, 0.0, across, height, 0.0)
+        assert area == pytest.approx(along * height if share > 1 else 0.0, rel=1e-12)
 
 
 def test_records():

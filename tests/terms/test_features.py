@@ -205,18 +205,8 @@ def test_every_number_of_a_sum_may_be_too_small_for_single_precision(name, n_fac
     np.testing.assert_allclose(rounding**2, expected, rtol=1e-12)
 
 
-def test_of_surfaces_too():
+def test_normals_of_surfaces_may_be_that_small_too():
     corners = np.array([[0.0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 1, 0]])
     template = Template(corners, np.array([[0, 1, 2], [0, 2, 3]]))
     _, rounding = features_of(NormalTerm(), template, corners[None], "single")
     np.testing.assert_allclose(rounding**2, tiles.UNDERFLOW * 2 * 2.0, rtol=1e-12)
-
-
-def test_arrays_of_one_kind():
-    array = np.arange(6.0).reshape(2, 3)
-    for given in (array, array[:, ::-1], np.asfortranarray(array), array.T):
-        kept = tiles.of_one_kind(given)
-        np.testing.assert_array_equal(kept, given)
-        assert kept.flags.c_contiguous
-        assert not kept.flags.writeable
-        assert given.flags.writeable

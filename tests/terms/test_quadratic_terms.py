@@ -214,10 +214,11 @@ def test_what_terms_say_of_what_they_see(name):
         assert costs(slide) == term.sees_slides
 
 
-def test_normal_parts_see_the_lengths_that_their_term_sees():
+def test_the_smallest_weights_see_lengths_and_their_normal_parts_do():
     template = open_template()
-    for name in ("a1", "c1"):
-        term = terms_over(template)[name]
+    for name in FirstOrderWeights._fields:
+        term = FirstOrderTerm(template, FirstOrderWeights(**{name: 1e-9}))
+        assert term.sees_lengths == (name in ("a1", "b1"))
         assert NormalPartTerm(template, term).sees_lengths == term.sees_lengths
 
 

@@ -41,6 +41,7 @@ SPEED_ALONE = {
     "terms/half_angle_fit.py": {"_DEGREES": "more terms than needed are no less exact"},
     "kernels/threads.py": {
         "N_CHUNKS": "parts that threads share",
+        "_IN_CACHE": "columns multiplied at a time: rounding errors only",
         "_is_large": "from which size on threads share the work",
         "threaded": "whether threads share the work",
     },
@@ -93,6 +94,8 @@ _BOUND = "which side of a bound the bound itself is on: no result is known that 
 _ROUNDING = "random errors of the same size, which are as likely of either sign"
 _NOT_TAKEN = "what it stands for is not taken"
 _DIVIDES_0 = "it divides 0"
+_SIGN = "a sign divides as it multiplies"
+_ORDER = "another order of elimination solves as well"
 
 _RANDOM_POINT = (
     "def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:"
@@ -126,6 +129,20 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "truth flipped": "whether other threads run meanwhile"
         },
     },
+    "kernels/drift.py": {
+        "if np.abs(after - before).max() <= _TOLERANCE * size:": {"LtE to Lt": _BOUND},
+        "left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]": {"Mult to Div": _SIGN},
+    },
+    "kernels/elimination.py": {
+        "matrix = pattern + sparse.diags_array(1.0 + np.diff(ends))": {"1.0 changed": _ORDER},
+        "diag_pivot_thresh=0.0,": {"0.0 changed": _ORDER},
+        'options={"SymmetricMode": True},': {"truth flipped": _ORDER},
+    },
+    "kernels/moving_frames.py": {
+        "return 0.5 * math.sqrt(squared) if squared > DEGENERATE * xx * yy else 0.0": {
+            "Gt to GtE": _BOUND
+        },
+    },
     "kernels/rotations.py": {
         "small = squared_angle < _SERIES_BELOW": {"Lt to LtE": _BOUND},
         "x = np.where(small, squared_angle, 0.0)": {"0.0 changed": _NOT_TAKEN},
@@ -138,7 +155,11 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "HALF_TURN = np.pi - 8 * np.finfo(float).eps": {
             "8 changed": "the number nearest to it is the same"
         },
+        "q = q * np.where(q[..., :1] < 0, -1.0, 1.0)": {"Mult to Div": _SIGN},
         "safe = np.where(sine > 0, sine, 1.0)": {"1.0 changed": _NOT_TAKEN},
+        "left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]": {
+            "Mult to Div": _SIGN
+        },
         "scale = np.where(unique, 1.0, 0.0) / np.where(unique, determinant, 1.0)": {
             "1.0 changed #2": _DIVIDES_0
         },
@@ -149,7 +170,16 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "largest = 0.0": {"0.0 changed": "all ten rounds are gone, to the same rotation"},
         "if largest < 1e-9:  # quadratic: the rest is rounding": {"Lt to LtE": _BOUND},
     },
+    "kernels/sphere.py": {
+        "ANTIPODAL = np.pi - 8 * np.finfo(float).eps": {
+            "8 changed": "the number nearest to it is the same"
+        },
+        "shorter = np.where((dot(n1, n2) >= 0)[..., None], n2 - n1, n2 + n1)": {
+            "GtE to Gt": _RIGHT
+        },
+    },
     "kernels/triangles.py": {
+        "area = math.sqrt(squared) if squared > DEGENERATE * e * g else 0.0": {"Gt to GtE": _BOUND},
         "for c in range(3):": {"3 changed #2": "the loop over the corners from it on is empty"},
         "scale = 1.0 / areas[t] if has_area else 0.0": {"0.0 changed": _NO_AREA},
     },
