@@ -120,9 +120,16 @@ def test_sums_of_terms():
 
 def test_forms_say_the_weights():
     assert not np.any(FirstOrderWeights().forms())
+    assert FirstOrderWeights.from_forms(*FirstOrderWeights().forms()) == FirstOrderWeights()
     for weights in WEIGHTS.values():
         found = FirstOrderWeights.from_forms(*weights.forms())
         np.testing.assert_allclose(found, weights, atol=1e-15)
+    for scale in (1e-20, 1.0, 1e20):
+        moving, still = (scale * form for form in WEIGHTS["all"].forms())
+        found = FirstOrderWeights.from_forms(moving, still)
+        np.testing.assert_allclose(found, scale * np.array(WEIGHTS["all"]), rtol=1e-14)
+        moving[0, 1] += 1e-9 * scale
+        assert FirstOrderWeights.from_forms(moving, still) is None
     along_u = np.diag([1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
     assert FirstOrderWeights.from_forms(along_u, np.zeros((6, 6))) is None
     assert FirstOrderWeights.from_forms(np.zeros((6, 6)), along_u) is None

@@ -155,7 +155,10 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "HALF_TURN = np.pi - 8 * np.finfo(float).eps": {
             "8 changed": "the number nearest to it is the same"
         },
-        "q = q * np.where(q[..., :1] < 0, -1.0, 1.0)": {"Mult to Div": _SIGN},
+        "q = q * np.where(q[..., :1] < 0, -1.0, 1.0)": {
+            "1.0 changed": "of a quaternion of any length the logarithm is the same",
+            "Mult to Div": _SIGN,
+        },
         "safe = np.where(sine > 0, sine, 1.0)": {"1.0 changed": _NOT_TAKEN},
         "left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]": {
             "Mult to Div": _SIGN
@@ -287,6 +290,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "terms/sum.py": {
         "by_vertex.flags.writeable = False  # the kind that loops are compiled for": {
             "truth flipped": "loops are compiled for the other kind as well"
+        },
+        "triangles.fill_records(other, other_faces, frames, start, end, records[:1])": {
+            "1 changed": "one surface fills one of the records"
         },
         "if end - start < size:": {"Lt to LtE": "room is made anew for every part"},
     },
