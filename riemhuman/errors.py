@@ -96,6 +96,6 @@ def warn(message: str, category: type[Warning]) -> None:
         Its class.
     """
     frame, level = sys._getframe(), 1
-    while frame.f_back and frame.f_globals["__name__"].startswith(f"{__package__}."):
+    while frame.f_back and frame.f_globals.get("__name__", "").startswith("riemhuman."):
         frame, level = frame.f_back, level + 1
     warnings.warn(message, category, stacklevel=level)

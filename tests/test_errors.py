@@ -47,3 +47,10 @@ def test_degenerate_surfaces_are_wrong_arguments():
 def test_warnings_are_no_errors():
     assert issubclass(errors.ConvergenceWarning, UserWarning)
     assert not issubclass(errors.ConvergenceWarning, errors.RiemhumanError)
+
+
+def test_a_warning_reaches_code_that_runs_without_a_module():
+    bare = {"warn": errors.warn, "category": errors.ConvergenceWarning}
+    with pytest.warns(errors.ConvergenceWarning, match="slow") as caught:
+        exec(compile("warn('slow', category)", "cell.py", "exec"), bare)
+    assert caught[0].filename == "cell.py"
