@@ -154,9 +154,10 @@ def test_projections_to_normals():
 
 
 def nearly_folded(share, size):
-    """Return two triangles folded over an edge whose normals cancel up to a share of the areas.
+    """Return a template of two triangles, and two surfaces: a flat one and a folded one.
 
-    They stand behind a surface that does not fold, and before a vertex that they do not use.
+    Folded over their edge, the area vectors of the triangles cancel up to a share of the areas. The
+    first vertex is outside both triangles.
     """
     template = Template(
         np.array([[5.0, 5, 5], [1, 0, 0], [0, 0, 0], [0, 1, 0], [0, -1, 0]]),
