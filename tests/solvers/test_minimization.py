@@ -29,6 +29,7 @@ def test_minimum_of_a_quadratic(method):
     assert not found.interrupted
     assert "still" not in found.message
     assert "tolerance" not in found.message
+    assert not found.newton_was_small  # nobody asked
     assert found.value == quadratic(found.x)[0]
     assert found.n_iterations == len(found.values) - 1 > 0
     assert found.n_evaluations >= found.n_iterations + 1

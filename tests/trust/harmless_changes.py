@@ -190,6 +190,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "queue = [(0.0, root, root)]": {"0.0 changed": "the root is alone in the queue"},
         "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
     },
+    "solvers/gradient_descent_mean.py": {
+        "if size <= self.tolerance * np.sqrt(variances[-1]):": {"LtE to Lt": _BOUND},
+    },
     "solvers/poisson_path.py": {
         "parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)": {
             "Gt to GtE": _BOUND
@@ -202,6 +205,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "ridge = _RIDGE * (np.diag(matrix) + (size if size > 0 else 1.0))": {
             "1.0 changed": _NO_SIZE
         },
+    },
+    "solvers/quasi_newton.py": {
+        "if new_value < best.value:": {"Lt to LtE": "of two steps to the same value, either"},
     },
     "solvers/rounding.py": {
         "return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))": {
