@@ -332,6 +332,13 @@ def test_no_vector_and_no_way_are_carried_as_they_are(ladder):
     assert (nothing.n_iterations, nothing.n_evaluations, nothing.converged) == (0, 0, True)
 
 
+def test_at_zero_where_nothing_rounds_vectors_stay():
+    case = CASES["flat"]
+    vector, still = case.tangent_vecs[0], np.zeros((3, *case.space.shape))
+    result = PoleLadder().solve(case.metric, vector, still[0], path=still)
+    np.testing.assert_array_equal(result.tangent_vecs, [vector] * 3)
+
+
 def test_over_all_vertices_between_poses():
     """Along a path to raised arms, every equation is solved, and the norm is kept."""
     data = load_open_bodies("coarse")

@@ -73,6 +73,47 @@ def test_changes_of_negative_curvature_are_not_remembered():
     np.testing.assert_array_equal(memory.direction(3.0 * np.ones(2)), [-3.0, -3.0])
 
 
+def steps_tried(value, slope):
+    """Return the steps that a search along a line tries, and the one it takes."""
+    tried = []
+
+    def objective(x):
+        tried.append(float(x[0]))
+        return value(x[0]), np.array([slope(x[0])])
+
+    at_zero = np.zeros(1)
+    found = quasi_newton._search(objective, at_zero, np.ones(1), value(0.0), slope(0.0))
+    assert found.n_evaluations == len(tried)
+    return tried, found.step
+
+
+@pytest.mark.parametrize(("least", "second"), [(0.4, 0.4), (0.2, 0.2), (0.04, 0.1)])
+def test_a_step_too_far_is_followed_by_the_least_of_a_parabola(least, second):
+    """But no less than a tenth of it."""
+    tried, _ = steps_tried(lambda t: 3.0 + (t - least) ** 2, lambda t: 2.0 * (t - least))
+    np.testing.assert_allclose(tried[:2], [1.0, second])
+
+
+def test_steps_to_higher_ground_are_shortened_however_little_they_rise():
+    tried, step = steps_tried(lambda t: 3.0 + (t - 0.49999) ** 2, lambda t: 2.0 * (t - 0.49999))
+    assert len(tried) == 2
+    assert step == pytest.approx(0.5, abs=1e-4)
+    tried, _ = steps_tried(lambda t: 10.0 if t >= 0.05 else -t, lambda t: -1.0)
+    np.testing.assert_allclose(tried[:3], [1.0, 0.1, 0.01])
+
+
+def test_steps_double_while_the_slope_is_steep():
+    tried, step = steps_tried(lambda t: 0.5 * (t - 30.0) ** 2, lambda t: t - 30.0)
+    assert (tried, step) == ([1.0, 2.0, 4.0], 4.0)
+
+
+def test_between_steps_too_short_and_too_long_there_is_another():
+    """A steep descent to a wall."""
+    tried, step = steps_tried(lambda t: -t if t < 2.5 else 10.0, lambda t: -1.0)
+    np.testing.assert_allclose(tried[:5], [1.0, 2.0, 4.0, 2.2, 3.1])
+    assert 2.49 < step < 2.5
+
+
 def test_values_never_rise_and_are_counted():
     function, _ = problem()
     seen, calls = [], []

@@ -86,6 +86,8 @@ SPEED_ALONE = {
     "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
 }
 
+_OWN_TIMES = "a path refined to the times that it has is itself"
+_TRIALS = "of twenty trials, the last are within a millionth of the first step"
 _NO_SIZE = "a matrix of zeros gets a ridge of any size"
 _NO_AREA = "triangles without area have no gradient, whatever their slopes"
 _RIGHT = "at right angles the sum of two unit vectors is as long as their difference"
@@ -193,6 +195,15 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "solvers/gradient_descent_mean.py": {
         "if size <= self.tolerance * np.sqrt(variances[-1]):": {"LtE to Lt": _BOUND},
     },
+    "solvers/parallel_transport.py": {
+        "converged = geometry.error <= self.tolerance": {"LtE to Lt": _BOUND},
+    },
+    "solvers/path_straightening.py": {
+        "if n_segments == len(self._path) - 1:": {
+            "1 changed": _OWN_TIMES,
+            "Sub to Add": _OWN_TIMES,
+        },
+    },
     "solvers/poisson_path.py": {
         "parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)": {
             "Gt to GtE": _BOUND
@@ -207,7 +218,19 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         },
     },
     "solvers/quasi_newton.py": {
+        "best = _Trial(0.0, value, x, 0)": {
+            "0 changed": "evaluations are counted as they are made"
+        },
+        "for count in range(1, _MOST_TRIALS + 1):": {
+            "1 changed #2": _TRIALS,
+            "Add to Sub": _TRIALS,
+        },
+        "if not new_value <= value + _DECREASE * step * slope:": {"LtE to Lt": _BOUND},
+        "step *= float(np.clip(-0.5 * step * slope / excess, 0.1, 0.5))": {
+            "0.5 changed #2": "the parabola through a value so high has its least before half way",
+        },
         "if new_value < best.value:": {"Lt to LtE": "of two steps to the same value, either"},
+        "if new_slope >= _SLOPE_LEFT * slope:": {"GtE to Gt": _BOUND},
     },
     "solvers/rounding.py": {
         "return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))": {
