@@ -61,6 +61,13 @@ def test_rigid_motions_are_replayed(space, motion):
     )
 
 
+def test_a_shift_of_the_source_shifts_what_takes_its_pose(space, motion):
+    target = motion[2] * [1.3, 0.9, 1.1]
+    path = [motion[1], motion[1] + [1.0, 2.0, 3.0]]
+    moved = MotionTransfer(transfer="pose").solve(space, path, target)
+    np.testing.assert_allclose(moved[1], moved[0] + [1.0, 2.0, 3.0], atol=1e-10)
+
+
 def test_axes_of_the_body_turn_with_it(space, motion):
     turn = Rotation.from_rotvec([0.3, -1.1, 0.5]).as_matrix()
     target = motion[0] @ turn.T

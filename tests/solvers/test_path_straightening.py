@@ -20,6 +20,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.solvers import path_straightening
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
 from riemhuman.solvers.path_straightening import PathStraightening, refined_path
@@ -546,6 +547,9 @@ def test_every_point_of_the_start_must_lie_on_the_manifold(place):
     assert np.isfinite(metric.energy(path))
     with pytest.raises(ArgumentError, match=r"leaves the manifold.*pass another initial_path"):
         PathStraightening(n_nodes=5).solve(metric, start, end, path)
+    # Nor has a step there any energy.
+    descent = path_straightening._Descent(PathStraightening(n_nodes=5), metric, path)
+    assert descent._energy_and_slope(path)[0] == np.inf
 
 
 def test_starts_off_the_manifold_are_refused():

@@ -203,6 +203,15 @@ def test_no_step_lowers_a_value_with_a_wrong_gradient():
     assert descend(lambda x: (float(x @ x), -x), start, lambda g: g, **settings).converged is True
 
 
+def test_values_that_stand_still_are_the_least(monkeypatch):
+    monkeypatch.setattr(quasi_newton, "stands_still", lambda share, values: len(values) == 4)
+    function, _ = problem()
+    found = descend(function, np.zeros(60), lambda g: g / 1e3, **SETTINGS)
+    assert (found.converged, found.n_iterations) == (True, 3)
+    assert found.message == "the value stands still"
+    assert np.isnan(found.gap)
+
+
 def test_the_slope_at_a_kink_tells_nothing():
     """A steep cusp beside a bowl: as where a triangle of a path has vanished."""
 

@@ -88,6 +88,8 @@ SPEED_ALONE = {
 
 _OWN_TIMES = "a path refined to the times that it has is itself"
 _TRIALS = "of twenty trials, the last are within a millionth of the first step"
+_PRECONDITIONER = "of a preconditioner, which sets how fast an equation is solved"
+_UNEQUAL = "unequal weights to try a mean with: any will do"
 _NO_SIZE = "a matrix of zeros gets a ridge of any size"
 _NO_AREA = "triangles without area have no gradient, whatever their slopes"
 _RIGHT = "at right angles the sum of two unit vectors is as long as their difference"
@@ -192,6 +194,12 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "queue = [(0.0, root, root)]": {"0.0 changed": "the root is alone in the queue"},
         "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
     },
+    "solvers/exponential_derivative.py": {
+        "factor = spatial_factor(metric, points[1][None], 1.0)": {
+            "1 changed": _PRECONDITIONER,
+            "1.0 changed": _PRECONDITIONER,
+        },
+    },
     "solvers/gradient_descent_mean.py": {
         "if size <= self.tolerance * np.sqrt(variances[-1]):": {"LtE to Lt": _BOUND},
     },
@@ -218,6 +226,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         },
     },
     "solvers/quasi_newton.py": {
+        "return np.ones(1)": {"1 changed": "the factor is 1, however often it is said"},
         "best = _Trial(0.0, value, x, 0)": {
             "0 changed": "evaluations are counted as they are made"
         },
@@ -238,6 +247,10 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "Add to Sub": _ROUNDING,
             "Mult to Div": _ROUNDING,
         },
+    },
+    "solvers/solver_checks.py": {
+        '"mean": (self.points, np.arange(1.0, len(self.points) + 1)),': {"1.0 changed": _UNEQUAL},
+        "weights = np.arange(1.0, len(s.points) + 1)": {"1.0 changed": _UNEQUAL},
     },
     "solvers/spatial_factors.py": {
         "added = ridge * (diagonal + (size if size > 0 else 1.0))": {"1.0 changed": _NO_SIZE},
