@@ -174,10 +174,9 @@ def _segment(
         factor = weight * areas[t]
         total += factor * value
         rate *= 2.0 * factor
-        signed_rate = sign * rate
-        by_x1[t] += signed_rate * x
-        by_y1[t] += signed_rate * y
-        by_z1[t] += signed_rate * z
+        by_x1[t] += rate * x * sign
+        by_y1[t] += rate * y * sign
+        by_z1[t] += rate * z * sign
         by_x2[t] -= rate * x
         by_y2[t] -= rate * y
         by_z2[t] -= rate * z

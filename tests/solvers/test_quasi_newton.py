@@ -133,6 +133,11 @@ def test_values_never_rise_and_are_counted():
     assert found.value == function(found.x)[0]
 
 
+def test_nothing_is_shown_unasked(capsys):
+    descend(problem()[0], np.zeros(60), lambda g: g / 1e3, **SETTINGS)
+    assert capsys.readouterr().err == ""
+
+
 def test_the_domain_is_not_left():
     """− log x + x, infinite below 0; the first step would leave it."""
 

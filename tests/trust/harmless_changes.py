@@ -90,6 +90,8 @@ _OWN_TIMES = "a path refined to the times that it has is itself"
 _TRIALS = "of twenty trials, the last are within a millionth of the first step"
 _PRECONDITIONER = "of a preconditioner, which sets how fast an equation is solved"
 _UNEQUAL = "unequal weights to try a mean with: any will do"
+_SIGN = "what is multiplied or divided by is 1 or -1"
+_START = "what stands there before the first step is never read"
 _NO_SIZE = "a matrix of zeros gets a ridge of any size"
 _NO_AREA = "triangles without area have no gradient, whatever their slopes"
 _RIGHT = "at right angles the sum of two unit vectors is as long as their difference"
@@ -203,6 +205,14 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     "solvers/gradient_descent_mean.py": {
         "if size <= self.tolerance * np.sqrt(variances[-1]):": {"LtE to Lt": _BOUND},
     },
+    "solvers/discrete_logarithm.py": {
+        "least = within if within.energy <= _WORTH_JOINING * first.energy else first": {
+            "LtE to Lt": _BOUND
+        },
+    },
+    "solvers/manifold_checks.py": {
+        "if np.prod(space.shape) <= _MOST_COORDINATES:": {"LtE to Lt": _BOUND},
+    },
     "solvers/parallel_transport.py": {
         "converged = geometry.error <= self.tolerance": {"LtE to Lt": _BOUND},
     },
@@ -226,6 +236,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         },
     },
     "solvers/quasi_newton.py": {
+        "self._pairs = np.empty((0, 2))": {"2 changed": _START},
         "return np.ones(1)": {"1 changed": "the factor is 1, however often it is said"},
         "best = _Trial(0.0, value, x, 0)": {
             "0 changed": "evaluations are counted as they are made"
@@ -299,6 +310,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "self._lengths = onp.where(lengths > 0.0, lengths, 1.0)": {"1.0 changed": _DIVIDES_0},
     },
     "terms/normals.py": {
+        "by_x1[t] += rate * x * sign": {"Mult to Div #2": _SIGN},
+        "by_y1[t] += rate * y * sign": {"Mult to Div #2": _SIGN},
+        "by_z1[t] += rate * z * sign": {"Mult to Div #2": _SIGN},
         "half_over_a = np.arctan2(a, b) / np.where(coincident, 1.0, a)": {
             "1.0 changed": _NOT_TAKEN
         },
