@@ -18,7 +18,7 @@ from riemhuman.solvers import (
     PoissonPath,
     path_distances,
 )
-from riemhuman.solvers.path_distances import PairsOfPoints
+from riemhuman.solvers.path_distances import PairsOfPoints, distances_of
 
 
 @pytest.fixture(scope="module")
@@ -117,3 +117,14 @@ def test_table_of_lengths(metric, points):
     )
     assert found.converged
     assert found.message == "3 of 3 paths converged"
+
+
+def test_the_table_holds_the_row_of_every_pair_on_both_sides():
+    rows = np.arange(18.0).reshape(3, 6)
+    rows[:, 5] = 1.0, 0.0, 1.0
+    found = distances_of(3, rows)
+    for name, column in (("lengths", 0), ("bounds", 1), ("gaps", 2)):
+        a, b, c = rows[:, column]
+        np.testing.assert_array_equal(getattr(found, name), [[0, a, b], [a, 0, c], [b, c, 0]])
+    assert (found.n_iterations, found.n_evaluations) == (3 + 9 + 15, 4 + 10 + 16)
+    assert (found.converged, found.message) == (False, "2 of 3 paths converged")

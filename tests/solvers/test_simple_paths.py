@@ -12,6 +12,7 @@ from riemhuman.solvers.simple_paths import (
     check_end_points,
     check_initial_path,
     linear_path,
+    lower_bound,
 )
 
 
@@ -142,3 +143,9 @@ def test_ends_of_initial_paths_may_be_off_by_rounding(scale, end_of_path):
         else:
             with pytest.raises(ArgumentError, match=r"off by up to [1-9]"):
                 check_initial_path(metric, start, end, 5, moved)
+
+
+def test_the_lower_bound_of_a_path_is_that_of_its_ends():
+    case = CASES["all sphere"]
+    bent = case.points[[0, 2, 3, 1]]
+    assert lower_bound(case.metric, bent) == case.metric.squared_dist(bent[0], bent[3])

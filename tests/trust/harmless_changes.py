@@ -261,6 +261,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     },
     "solvers/solver_checks.py": {
         '"mean": (self.points, np.arange(1.0, len(self.points) + 1)),': {"1.0 changed": _UNEQUAL},
+        "return self.points[1]": {"1 changed": "another end to try a path with: any will do"},
         "weights = np.arange(1.0, len(s.points) + 1)": {"1.0 changed": _UNEQUAL},
     },
     "solvers/spatial_factors.py": {
