@@ -20,6 +20,7 @@ from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry.rotation_fields import RotationFields
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 
@@ -190,7 +191,8 @@ def test_equip_with_metric():
     space.equip_with_metric()
     assert isinstance(space.metric, ElasticMetric)
     assert (space.metric.a, space.metric.lam, space.metric.c) == (1.0, 1e-4, 0.0)
-    for cls in (AlignedSurfaces, MetricFields, NormalFields):
+    for cls in (AlignedSurfaces, MetricFields, NormalFields, RotationFields):
+        assert hasattr(cls(sphere_template()), "metric")
         assert not hasattr(cls(sphere_template(), equip=False), "metric")
     with pytest.raises(ArgumentTypeError, match="Metric must be a class of metrics"):
         space.equip_with_metric(space.metric)

@@ -12,6 +12,7 @@ from scipy.spatial.distance import cdist
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.geometry import pairwise
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
@@ -560,3 +561,17 @@ def test_sets_of_points_have_one_axis_before_those_of_a_point(name):
         for door in (case.metric.check_points, case.metric.features):
             with pytest.raises(ArgumentError, match=r"points must have shape \(n_points, "):
                 door(others)
+
+
+def test_a_wrong_point_is_named_by_its_block_once(monkeypatch):
+    monkeypatch.setattr(pairwise, "_BLOCK", 2)
+    case = CASES["all sphere"]
+    for wrong in (0.0, np.nan):
+        points = case.points.copy()
+        points[3] = wrong
+        with pytest.raises(ArgumentError) as caught:
+            case.metric.dist_pairwise(points)
+        assert str(caught.value).count("points[2:4]") == 1
+        with pytest.raises(ArgumentError) as caught:
+            case.metric.dist_pairwise(points[2:])
+        assert not str(caught.value).startswith(("points:", "points["))

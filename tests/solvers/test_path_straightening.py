@@ -1,6 +1,7 @@
 """Paths straightened in all coordinates: they are the geodesics where these are known."""
 
 import warnings
+from dataclasses import replace
 
 import bodies_in_motion
 import numpy as np
@@ -505,6 +506,19 @@ def test_interruption_at_any_time_loses_nothing(count):
     assert [warning.category for warning in caught] == [ConvergenceWarning]
     straight = LinearPath(6, energy).solve(case.metric, *case.points[:2]).energy
     assert result.energy <= straight * (1 + 1e-12)
+
+
+def test_interruption_while_starts_are_compared():
+    """The first start has converged as far as the comparison goes; that is not the end."""
+    case, energy = CASES["half-plane, inner product"], Interrupting()
+    solver = PathStraightening(n_nodes=5, energy=energy)
+    straight = linear_path(*case.points[:2], 5)
+    detour = straight + np.array([0.0, 1.0, 1.0, 1.0, 0.0])[:, None]
+    energy.counts[:] = 0, -1
+    path_straightening._Descent(replace(solver, tolerance=1e-3), case.metric, straight).run([4])
+    energy.counts[:] = 0, energy.counts[0] + 1
+    result = solver._best_of(case.metric, [straight, detour], [4])
+    check_interrupted(result, case, 5)
 
 
 # Bad input.
