@@ -6,6 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 
 from riemhuman.kernels import compilation, compiled
@@ -111,3 +113,13 @@ def test_a_polynomial_is_bound_in_the_module_that_defines_it():
     names = {"polynomial": compiled.polynomial}
     exec("square = polynomial((0.0, 0.0, 1.0), (0.0, 0.0, 1.0))", names)
     assert names["square"].module_names is names
+
+
+@pytest.mark.parametrize("real", [np.float32, np.float64])
+def test_numbers_are_split_into_powers_of_two_and_what_is_near_one(real):
+    split = compilation.split
+    apart = numba.njit(lambda x: split(x))
+    for x in np.concatenate([np.logspace(-30, 30, 97), [0.7, 0.71, 1.41, 1.42]]).astype(real):
+        exponent, scale = apart(x)
+        assert scale == 2.0**-exponent
+        assert np.sqrt(0.5) <= scale * x < np.sqrt(2.0)

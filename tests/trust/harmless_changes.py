@@ -192,6 +192,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "scale = 1.0 / areas[t] if has_area else 0.0": {"0.0 changed": _NO_AREA},
     },
     "kernels/turns.py": {
+        "vector[0] = 1.0": {"0 changed": "without a turn, any axis will do"},
         "queue = [(0.0, root, root)]": {"0.0 changed": "the root is alone in the queue"},
         "if real < 0.0:": {"Lt to LtE": "a half turn about the opposite axis is the same"},
     },
@@ -270,6 +271,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         },
     },
     "terms/ebin.py": {
+        "points, added = onp.empty((n_times, 3, n_faces)), onp.zeros((n_times, 3, n_faces))": {
+            "3 changed": _ROOM
+        },
         "if self.lam <= LARGEST_LAMBDA:": {"LtE to Lt": "there, both ways are exact to rounding"},
         "inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & "
         "(radius < LARGEST)": {"Lt to LtE": _BOUND, "Gt to GtE": _BOUND},
