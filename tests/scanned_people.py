@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.datasets.surface_noise import surface_noise
 from riemhuman.registration.simulated_scans import remeshed
+from riemhuman.registration.start_poses import _SMPL_TREE
 from riemhuman.surfaces.nearest_places import nearest_places
 
 MOTIONS = (
@@ -117,3 +118,32 @@ def correspondence_errors(one, other, first, second, faces):
     places, _ = nearest_places(one, first, faces)
     carried = np.einsum("nk,nkx->nx", places.barycentric, second[faces[places.triangles]])
     return np.linalg.norm(carried - other, axis=1)
+
+
+def with_smpls_tree(model):
+    """Return the open model with SMPL's joints in SMPL's order, without names."""
+    order = [model.joint_names.index(name) for name in _SMPL_TREE]
+    weights = model.weights[:, order].copy()
+    chest, upper = model.joint_names.index("chest"), list(_SMPL_TREE).index("upper_spine")
+    weights[:, upper] += model.weights[:, chest]
+    return rh.BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor[order],
+        weights / weights.sum(axis=1, keepdims=True),
+        np.stack([list(_SMPL_TREE.values()), np.arange(len(order))]),
+    )
+
+
+def with_other_names(model):
+    """Return a model whose joints have names that no other model has."""
+    return rh.BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        joint_names=[f"bone_{k}" for k in range(model.n_joints)],
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -17,14 +18,15 @@ from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.kernels.threads import mapped, single_threaded_libraries
 from riemhuman.progress import ProgressBar
+from riemhuman.registration.arms import arms_of, turned_forearms
 from riemhuman.registration.closest_points import ScanTree, fit_closest, fit_elastic
 from riemhuman.registration.posing import Pose, posed
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
 from riemhuman.registration.start_poses import joint_names
-from riemhuman.registration.starts import Candidate, StartSearch
+from riemhuman.registration.starts import N_THREADS, Candidate, StartSearch
 from riemhuman.registration.trust import (
     AREA,
     NEAR_METRES,
@@ -41,6 +43,8 @@ from riemhuman.units import UNITS
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
+# Forearms are turned by so many points, and so often while the likelihood gains as much.
+_N_TURNED, _N_PASSES, _LEAST_GAIN = 1000, 2, 0.002
 _MATCHED_METRES = 0.02
 # Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
@@ -55,9 +59,10 @@ class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
     Many starts with different headings and poses are fitted by soft assignment, and the likeliest
-    is kept (`riemhuman.registration.starts`). Closest points then determine its parameters, and
-    finally the surface may leave the model as far as the elastic metric (a, λ, c) = (1, 1, 1)
-    allows.
+    is kept (`riemhuman.registration.starts`), each of its arms tried as all start poses hold it
+    (`riemhuman.registration.arms`). Closest points then determine its parameters, with forearms
+    turned where that is likelier, and finally the surface may leave the model as far as the
+    elastic metric (a, λ, c) = (1, 1, 1) allows.
 
     Parameters
     ----------
@@ -251,12 +256,39 @@ class ScanRegistration:
         least = int(np.argmin(shares))
         return joint_names(self.model)[least], float(shares[least])
 
+    def _with_forearms_turned(
+        self, best: Candidate, pose: Pose, ready: ReadyScan, tree: ScanTree
+    ) -> Pose:
+        """Return a dense fit with forearms turned about themselves where that is likelier."""
+        few, dense = self._search.samples(_N_TURNED), self._search.samples(_N_DENSE)
+
+        def fitted(pose: Pose) -> tuple[float, Pose]:
+            pose = fit_closest(few, pose, best.prior, tree)
+            return likelihood(pose), pose
+
+        def likelihood(pose: Pose) -> float:
+            return self._likelihood(replace(best, pose=pose), ready)
+
+        reached = likelihood(pose)
+        for arm in arms_of(self.model):
+            for _ in range(_N_PASSES):
+                others = turned_forearms(pose, arm, few.rest_joints)
+                found, other = max(mapped(fitted, others, N_THREADS), key=itemgetter(0))
+                if found > reached - _LEAST_GAIN:
+                    other = fit_closest(dense, other, best.prior, tree)
+                    found = likelihood(other)
+                if found < reached + _LEAST_GAIN:
+                    break
+                reached, pose = found, other
+        return pose
+
     def _registered(
         self, whole: Scan, ready: ReadyScan, candidates: list[Candidate]
     ) -> RegisteredScan:
         best = candidates[0]
         tree = ScanTree(ready.points, ready.normals)
         pose = fit_closest(self._search.samples(_N_DENSE), best.pose, best.prior, tree)
+        pose = self._with_forearms_turned(best, pose, ready, tree)
         model_points = posed(self._search.samples(None), pose)[0][: self.model.n_vertices]
         points, found = fit_elastic(self._metric, model_points, model_points, tree)
         places, distances = nearest_places(whole.points, points, self.model.faces)

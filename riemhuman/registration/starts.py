@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +11,7 @@ from riemhuman.bodies import BodyModel
 from riemhuman.bodies.joint_motions import Skeleton
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration.annealing import annealed
+from riemhuman.registration.arms import arms_of, other_arms
 from riemhuman.registration.model_samples import ModelSamples, sample_model
 from riemhuman.registration.posing import Pose, posed, rotation
 from riemhuman.registration.posing_equations import Prior
@@ -20,7 +21,12 @@ from riemhuman.registration.surface_points import thinned
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 _UP = np.array([0.0, 1.0, 0.0])
 _N_HEADINGS = 6
-_N_THREADS = 2
+
+# What the likelihood gains where another arm is right, and more than it differs between fits.
+_ARM_GAIN = 0.02
+
+N_THREADS = 2
+"""Bodies that are fitted at once."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,9 @@ ROUNDS = (
     Round(1000, 1500, (0.04, 0.015), 9, 3),
 )
 """The rounds for a scan without a known start."""
+
+ARM_ROUNDS = (Round(250, 400, (0.12, 0.05), 5, 4), Round(1000, 1500, (0.04, 0.015), 5, 1))
+"""The rounds for a body with another arm."""
 
 WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.015), 4, 1))
 """The rounds from a known start."""
@@ -126,6 +135,8 @@ class StartSearch:
     ) -> list[Candidate]:
         """Return the bodies from the likeliest starts, the best first.
 
+        Each arm of the best has been tried as all start poses hold it.
+
         Parameters
         ----------
         points, normals : array, shape (m, 3)
@@ -151,7 +162,11 @@ class StartSearch:
         found = self._advanced(starts, first, points, normals, signed, landmarks)
         for each in others:
             found = self._advanced(found, each, points, normals, signed, landmarks)
-        return found
+        likeliest = found[0]
+        for arm in arms_of(self.model):
+            likeliest = self._with_likeliest_arm(likeliest, arm, points, normals, signed, landmarks)
+        # Rivals still have the arms they had, so that likelihoods compare as they were.
+        return [replace(likeliest, likelihood=found[0].likelihood), *found[1:]]
 
     def run_from(
         self,
@@ -212,6 +227,28 @@ class StartSearch:
                 starts.append(Candidate(Pose(local, betas, shift), prior, -np.inf, up))
         return starts
 
+    def _with_likeliest_arm(
+        self,
+        body: Candidate,
+        arm: np.ndarray,
+        points: np.ndarray,
+        normals: np.ndarray,
+        signed: bool,
+        landmarks: dict[int, np.ndarray],
+    ) -> Candidate:
+        """Return a body with one arm as a start pose holds it if that is likelier, or as it is."""
+        first, last = ARM_ROUNDS
+        others = []
+        for turns in other_arms(arm, body.prior.local, self.poses):
+            local, expected = body.pose.local.copy(), body.prior.local.copy()
+            local[arm] = expected[arm] = turns
+            pose, prior = body.pose._replace(local=local), body.prior._replace(local=expected)
+            others.append(replace(body, pose=pose, prior=prior))
+        others = self._advanced(others, first, points, normals, signed, landmarks)
+        (other,) = self._advanced(others, last, points, normals, signed, landmarks)
+        (own,) = self._advanced([body], last, points, normals, signed, landmarks)
+        return other if other.likelihood > own.likelihood + _ARM_GAIN else body
+
     def _advanced(
         self,
         candidates: list[Candidate],
@@ -238,7 +275,7 @@ class StartSearch:
             )
             return Candidate(pose, candidate.prior, likelihood, candidate.up)
 
-        found = list(mapped(advance, candidates, _N_THREADS))
+        found = list(mapped(advance, candidates, N_THREADS))
         found.sort(key=lambda candidate: -candidate.likelihood)
         return _different(found, body)[: each.n_best]
 
