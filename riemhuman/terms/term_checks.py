@@ -14,7 +14,8 @@ from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.term import Term
 
 # Partial derivatives of three triangles on each of two surfaces, nearly those of the template.
-_TRIANGLES = np.eye(2, 3)[:, None, None] + np.random.default_rng(0).uniform(-0.3, 0.3, (2, 2, 3, 3))
+_TRIANGLES = np.random.default_rng(0).uniform(-0.3, 0.3, (2, 2, 3, 3))
+_TRIANGLES += np.eye(2, 3)[:, None, None]
 
 
 def checked_terms(terms: Any, term_class: type) -> tuple[Any, ...]:
