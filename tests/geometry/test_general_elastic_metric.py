@@ -109,3 +109,14 @@ def test_growing_spheres_and_their_mean():
 def test_weights_without_a_closed_form_are_refused_by_name(weights, message):
     with pytest.raises(ArgumentError, match=message):
         GeneralElasticMetric(SPACE, *weights)
+
+
+@pytest.mark.parametrize("c", [1e-6, 1.0, 1e6])
+def test_rounding_of_weights_is_a_share_of_them(c):
+    assert len(GeneralElasticMetric(SPACE, 0.0, (1 + 1e-14) * c / 16, c).terms) == 1
+    with pytest.raises(ArgumentError, match="b must be c/16"):
+        GeneralElasticMetric(SPACE, 0.0, (1 + 1e-10) * c / 16, c)
+
+
+def test_its_weights_are_one_unless_told_otherwise():
+    assert repr(GeneralElasticMetric(SPACE)) == "GeneralElasticMetric(a=1.0, b=1.0, c=1.0)"

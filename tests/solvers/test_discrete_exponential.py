@@ -245,6 +245,17 @@ def test_extension_stays_in_the_basis_and_the_last_segment():
     np.testing.assert_allclose(last.path[1:], whole.path[-3:], atol=1e-12)
 
 
+def test_extension_of_a_bent_path_goes_on_with_its_last_segment():
+    case = CASES["mixed sphere"]
+    segments = 0.05 * deformations(sphere_template(), 8, rng=3, size=1.0)
+    basis = DeformationBasis(segments[4:], orthonormalize=True)
+    path = case.points[0] + np.concatenate([0.0 * segments[:1], np.cumsum(segments[:4], axis=0)])
+    whole = DiscreteExponential(basis).extend(case.metric, path, 1)
+    last = DiscreteExponential(basis).extend(case.metric, path[-2:], 1)
+    assert whole.converged
+    np.testing.assert_allclose(whole.end, last.end, atol=1e-10)
+
+
 def test_extension_beyond_the_end_of_a_geodesic():
     case = CASES["ebin 1 sphere"]
     start, end = case.points[:2]

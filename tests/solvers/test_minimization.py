@@ -385,6 +385,7 @@ def test_standing_still_is_measured_over_many_iterations():
     level = [2.0] * minimization._PATIENCE
     assert not minimization.stands_still(1e-3, level)
     assert minimization.stands_still(1e-3, [2.0, *level])
+    assert minimization.stands_still(1e-3, [0.0, *[0.0] * minimization._PATIENCE])
     # A share of the expected decrease, itself a share of the value.
     gain = 2.0 * 1e-3 * minimization._STILL
     assert minimization.stands_still(1e-3, [2.0 + 0.99 * gain, *level])

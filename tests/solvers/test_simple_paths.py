@@ -149,3 +149,9 @@ def test_the_lower_bound_of_a_path_is_that_of_its_ends():
     case = CASES["all sphere"]
     bent = case.points[[0, 2, 3, 1]]
     assert lower_bound(case.metric, bent) == case.metric.squared_dist(bent[0], bent[3])
+
+
+def test_without_a_closed_form_the_lower_bound_is_zero():
+    case = next(case for case in CASES.values() if not case.metric.has_closed_form_dist)
+    assert not case.metric.has_closed_form_dist
+    assert lower_bound(case.metric, case.points[:3]) == 0.0

@@ -10,6 +10,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers.smooth_turn import SmoothTurn
+from riemhuman.surfaces.template import Template
 
 
 @pytest.fixture(scope="module")
@@ -63,6 +64,37 @@ def test_bends_of_joints_come_back():
         return np.linalg.norm(gap - gap.mean(axis=0), axis=1).mean()
 
     assert error(1) < min(0.7 * error(0), 0.006)
+
+
+def test_the_trust_of_bends_is_that_of_strained_skin():
+    """A limb of radius r that bends by κ strains its skin by rκ, beside a spread of σ."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, 41), np.linspace(0.0, 0.5, 21), indexing="ij")
+    corner = np.arange(40 * 20).reshape(40, 20) + np.arange(40)[:, None]
+    halves = [[corner, corner + 21, corner + 22], [corner, corner + 22, corner + 1]]
+    faces = np.concatenate([np.stack(half, axis=-1).reshape(-1, 3) for half in halves])
+    vertices = np.stack([x.ravel(), y.ravel(), 0.0 * x.ravel()], axis=-1)
+    template = Template(vertices, faces)
+    centres = vertices[faces].mean(axis=1)
+    inside = np.all((centres > 0.1) & (centres < [0.9, 0.4, 1.0]) | (centres == 0.0), axis=1)
+    for bend in (1.0, 3.0):
+        field = Rotation.from_rotvec(np.outer(bend * centres[:, 0], [0.6, 0.0, 0.8])).as_matrix()
+        found = SmoothTurn(AlignedSurfaces(template, equip=False))._trust(field)
+        ratio = 0.05 / (0.1 * np.sqrt(1.8))  # r/σ, as a share of √area
+        expected = 1.0 / (1.0 + ratio**2 * 0.5 * bend**2)
+        # By finite volumes on right triangles, squared bends are a seventh too large.
+        np.testing.assert_allclose(found[inside].mean(), expected, rtol=0.06)
+
+
+def test_the_second_flow_takes_three_times_as_long(space, monkeypatch):
+    heat, times = space.template.heat, []
+    first, second = heat.step, heat.step_through
+    monkeypatch.setattr(heat, "step", lambda t: times.append(t) or first(t))
+    monkeypatch.setattr(heat, "step_through", lambda k, t: times.append(t) or second(k, t))
+    body = space.template.vertices
+    SmoothTurn(space, smoothing=0.01).solve(body, body)
+    # Of two implicit steps each.
+    area = space.template.face_areas.sum()
+    np.testing.assert_allclose(times, [0.005 * area, 0.015 * area])
 
 
 def test_bad_input(space):

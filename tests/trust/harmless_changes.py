@@ -109,6 +109,11 @@ _RANDOM_POINT = (
 # By files and lines: changes after which every result is the same, and why. Of several places of
 # one kind in a line, the n-th alone is "... #n".
 SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
+    "geometry/aligned_surfaces.py": {
+        "maps = np.eye(3) + 0.2 * sample_bound(bound) * noise": {
+            "Add to Sub": "noise of one sign is as random as of the other"
+        },
+    },
     "geometry/derived_quantities.py": {
         "scale = 1.0 / np.where(norm == 0.0, 1.0, norm)": {
             "1.0 changed #2": "it divides 1 where the vector is 0, and stays 0"
@@ -119,6 +124,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         _RANDOM_POINT: {"1.0 changed": "normals are drawn from the whole sphere"},
     },
     "geometry/rotation_fields.py": {
+        "return np.all(np.abs(gaps) <= atol, axis=(-2, -1)) & (np.linalg.det(matrices) > 0)": {
+            "Gt to GtE": "of an orthogonal matrix it is 1 or -1"
+        },
         _RANDOM_POINT: {"1.0 changed": "rotations are drawn from all there are"},
     },
     "geometry/metric_fields.py": {
@@ -209,14 +217,23 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "least = within if within.energy <= _WORTH_JOINING * first.energy else first": {
             "LtE to Lt": _BOUND
         },
+        "agree = abs(speed - length) <= max(_SAME_SPEED * length, n_steps * rounding)": {
+            "LtE to Lt": _BOUND
+        },
     },
     "solvers/manifold_checks.py": {
+        "near = s.points + _NEAR * np.abs(s.points).max() * s.noise / np.abs(s.noise).max()": {
+            "Add to Sub": "noise of one sign is as random as of the other"
+        },
         "if np.prod(space.shape) <= _MOST_COORDINATES:": {"LtE to Lt": _BOUND},
     },
     "solvers/parallel_transport.py": {
         "converged = geometry.error <= self.tolerance": {"LtE to Lt": _BOUND},
     },
     "solvers/path_straightening.py": {
+        "return np.inf, np.zeros(path[1:-1].size)": {
+            "1 changed": "beside an infinite value no slope is looked at"
+        },
         "if n_segments == len(self._path) - 1:": {
             "1 changed": _OWN_TIMES,
             "Sub to Add": _OWN_TIMES,
@@ -236,6 +253,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         },
     },
     "solvers/quasi_newton.py": {
+        "x, values, n_evaluations, newton_was_small = start, np.empty(0), 0, False": {
+            "0 changed #1": "all but the last of its numbers are none"
+        },
         "self._pairs = np.empty((0, 2))": {"2 changed": _START},
         "return np.ones(1)": {"1 changed": "the factor is 1, however often it is said"},
         "best = _Trial(0.0, value, x, 0)": {
@@ -265,6 +285,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "weights = np.arange(1.0, len(s.points) + 1)": {"1.0 changed": _UNEQUAL},
     },
     "solvers/spatial_factors.py": {
+        "if n <= _FEW:": {"LtE to Lt": "both ways solve the same equations"},
         "added = ridge * (diagonal + (size if size > 0 else 1.0))": {"1.0 changed": _NO_SIZE},
         "ridge = _RIDGE_OF_BLOCKS * (sizes + (sizes.mean() if sizes.any() else 1.0))": {
             "1.0 changed": _NO_SIZE
