@@ -68,6 +68,8 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
         """Tell whether all vertices are finite and all triangles have area.
 
+        On a path, triangles with hardly more than none have none, so that no solver steps there.
+
         Parameters
         ----------
         atol : float

@@ -109,7 +109,9 @@ def triangle(
 
 
 def degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
-    """Tell the triangles without area of many surfaces.
+    """Tell the triangles of many surfaces that have no area, or hardly more than none.
+
+    Whoever computes with the others in another order of rounding finds that they have an area.
 
     Parameters
     ----------
@@ -128,10 +130,18 @@ def degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> 
 
     def run(first: int, last: int) -> None:
         for f, marked in zip(surfaces[first:last], degenerate[first:last], strict=True):
-            mark_degenerate(f, faces, frames, marked)
+            _mark_nearly_degenerate(f, faces, frames, marked)
 
     in_chunks(run, len(surfaces), threaded=degenerate.size > 10 * _WORTH_THREADS)
     return degenerate
+
+
+@compiled
+def _mark_nearly_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked: ndarray) -> None:
+    for t in range(len(faces)):
+        _, m, _, _, _, area = triangle(f, faces, frames, t)
+        # A² + m² = e g.
+        marked[t] = area * area <= 2.0 * DEGENERATE * (area * area + m * m)
 
 
 @compiled

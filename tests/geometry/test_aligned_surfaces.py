@@ -22,6 +22,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
 from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.solvers.simple_paths import LinearPath
 from riemhuman.surfaces.template import Template
 
@@ -473,3 +474,21 @@ def test_scales_are_checked_where_the_space_has_one():
         AlignedSurfaces(template).check_scale(100.0 * template.vertices)
     AlignedSurfaces(template).check_scale(1.5 * template.vertices)
     AlignedSurfaces(template, scale=None).check_scale(100.0 * template.vertices)
+
+
+def test_what_belongs_on_a_path_has_an_area_for_everybody():
+    """Near the bound, others, who round in another order, find some triangles without area."""
+    template = Template([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]])
+    space, rng = AlignedSurfaces(template, equip=False), np.random.default_rng(0)
+    shares = np.repeat([0.5, 1.0, 2.5], 500)
+    path = np.zeros((len(shares), 3, 3))
+    path[:, 1, 0] = 1.0
+    path[:, 2, 1] = np.sqrt(shares * DEGENERATE)
+    path[:, 2, 0] = np.sqrt(1.0 - path[:, 2, 1] ** 2)
+    path = path @ Rotation.random(len(shares), random_state=rng).as_matrix()
+    belong = space.belongs(path)
+    np.testing.assert_array_equal(belong, shares > 2.0)
+    alone = np.array([space.belongs(f) for f in path])
+    assert alone[belong].all()
+    # The bound itself is a matter of rounding.
+    assert 0 < alone[shares == 1.0].sum() < 500
