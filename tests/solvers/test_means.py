@@ -64,6 +64,15 @@ def one_person():
 SETS = {"five people": five_people, "one person": one_person}
 
 
+def test_the_medoid_has_the_least_sum_of_squares():
+    """By sums of cubes another of the first five points would be."""
+    line = VectorSpace((1,))
+    for points in ([0, 1, 2, 3, 6], [0, 6, 7, 8, 20]):
+        dispersion = Dispersion(line.metric, np.array(points, dtype=float)[:, None])
+        values = [dispersion.value(point) for point in dispersion.points]
+        assert dispersion.medoid() == np.argmin(values)
+
+
 @pytest.mark.parametrize("make", SETS.values(), ids=SETS)
 def test_mean_is_below_the_euclidean_mean_and_every_sample(make):
     space, points = make()

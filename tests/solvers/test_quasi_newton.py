@@ -182,6 +182,12 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share):
     assert (found.n_iterations == 0) == (share < 1)
 
 
+def test_a_value_at_the_floor_is_low_enough():
+    found = descend(lambda x: (1.0, x), np.ones(3), lambda g: g, floor=1.0, **SETTINGS)
+    assert (found.converged, found.n_iterations) == (True, 0)
+    assert "rounding" in found.message
+
+
 def test_interruption_and_too_few_iterations():
     function, _ = problem()
 
