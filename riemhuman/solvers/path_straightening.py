@@ -26,6 +26,7 @@ from riemhuman.protocols import (
     was_interrupted,
 )
 from riemhuman.solvers.energies import SegmentEnergy
+from riemhuman.solvers.held_triangles import holding, raised
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.poisson_path import turned_paths
@@ -250,9 +251,8 @@ class _Descent:
         else:
             value, values = found.value, found.values
             converged, message, gap = found.converged, found.message, found.gap
-        remove_drift = metric.remove_drift if solver.remove_drift else np.copy
         return PathResult(
-            remove_drift(_on_manifold(metric, self._path)),
+            self._without_drift(_on_manifold(metric, self._path)),
             value,
             values,
             lower_bound(metric, self._path),
@@ -262,6 +262,19 @@ class _Descent:
             converged=converged,
             message=message,
         )
+
+    def _without_drift(self, path: ndarray) -> ndarray:
+        """Return a path without drift, if asked for.
+
+        Turned, a triangle that is all but flat may round to one that is.
+        """
+        space = self._metric.space
+        if not self._solver.remove_drift:
+            return path
+        path = self._metric.remove_drift(path)
+        if isinstance(space, SurfaceSpace) and not np.all(space.belongs(path)):
+            path[1:-1] = raised(path[1:-1], space.template.faces)
+        return path
 
     def _better_start(self, n_segments: int, is_first: bool) -> ndarray:
         """Return the path so far at other times, or another start of less energy."""
@@ -302,6 +315,12 @@ class _Descent:
             hessian = PathPreconditioner(factor, len(nodes) + 1)
             return lambda slope: hessian.inverse(slope.reshape(len(nodes), -1)).ravel()
 
+        def holding_at(interior: ndarray) -> Operator:
+            inverse, nodes = inverse_hessian_at(interior), path_of(interior)[1:-1]
+            if not isinstance(metric.space, SurfaceSpace):
+                return inverse
+            return holding(inverse, nodes, metric.space.template.faces)
+
         def report(iteration: int, value: float, interior: ndarray) -> None:
             if solver.callback is not None and is_last:
                 solver.callback(iteration, value, _on_manifold(metric, path_of(interior)))
@@ -311,6 +330,7 @@ class _Descent:
             path[1:-1].ravel(),
             inverse_hessian_at,
             max_iter=solver.max_iter,
+            holding_at=holding_at,
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
             recent_decrease=max(_RECENT, 20.0 * solver.tolerance) if is_last else np.inf,
             floor=path_floor(metric, solver.energy, path),

@@ -24,11 +24,16 @@ _DECREASE = 1e-4
 _SLOPE_LEFT = 0.9
 _MOST_TRIALS = 20
 
+# Steps, as shares of a full one, so short that the slope knows nothing of what lies ahead.
+_SHORT = 1e-3
+
 # Along directions that no step has explored the inverse Hessian is often larger than the operator:
 # on geodesics of bodies, what was still to gain was three times a Newton step's in the median.
 _CAUTION = 3.0
 # From so many iterations on, the gain of their second half tells what slow ones leave.
 _SLOW = 10
+
+_STUCK = "hardly a step lowers the value"
 
 Objective = Callable[[ndarray], tuple[float, ndarray]]
 Operator = Callable[[ndarray], ndarray]
@@ -44,6 +49,7 @@ def descend(
     recent_decrease: float = np.inf,
     earlier: Sequence[float] | ndarray = (),
     newton_was_small: bool = False,
+    shortest_step: float = 0.0,
     floor: float = -np.inf,
     callback: Callable[[int, float, ndarray], object] | None = None,
     progress: bool = False,
@@ -75,6 +81,8 @@ def descend(
     newton_was_small : bool
         Whether a Newton step was small in iterations before these. If one was, and no step lowers
         the value in the end, it has converged.
+    shortest_step : float
+        Stop after a step below this share of a full one, too, while no Newton step was small.
     floor : float
         Value at which to stop, for minima that may be zero.
     callback : callable, optional
@@ -118,7 +126,7 @@ def descend(
                 if not found.step:
                     # As at a kink, of which slopes know nothing.
                     converged, newton = newton_was_small, np.nan
-                    message = "no step lowers the value"
+                    message = _STUCK
                     break
                 step = found.step * direction
                 new_image = inverse_hessian(found.gradient)
@@ -130,6 +138,8 @@ def descend(
                 bar.set_postfix_str(f"value {value:.6g}", refresh=False)
                 if callback is not None:
                     callback(len(values) - 1, value, x)
+                if found.step < shortest_step and not newton_was_small:
+                    newton, message = np.nan, _STUCK
         except KeyboardInterrupt:
             interrupted, message = True, INTERRUPTED
     return Minimum(
@@ -187,6 +197,7 @@ def descend_in_rounds(
     inverse_hessian_at: Callable[[ndarray], Operator],
     *,
     max_iter: int,
+    holding_at: Callable[[ndarray], Operator] | None = None,
     callback: Callable[[int, float, ndarray], object] | None = None,
     **settings: Any,
 ) -> Minimum:
@@ -202,6 +213,9 @@ def descend_in_rounds(
         Returns the operator for `descend` at x.
     max_iter : int
         Most iterations of all rounds together.
+    holding_at : callable, optional
+        Returns another operator at x, where hardly a step lowers the value before a Newton step was
+        small, as at a kink: one whose images leave out what is to blame.
     callback : callable, optional
         Called with (iteration, value, x) after each iteration.
     **settings
@@ -212,6 +226,8 @@ def descend_in_rounds(
     Minimum
     """
     x, values, n_evaluations, newton_was_small = start, np.empty(0), 0, False
+    operator_at, holding_at = inverse_hessian_at, holding_at or inverse_hessian_at
+    shortest_step = 0.0 if holding_at is inverse_hessian_at else _SHORT
     while True:
         done = max(len(values) - 1, 0)
 
@@ -222,10 +238,11 @@ def descend_in_rounds(
         found = descend(
             objective,
             x,
-            inverse_hessian_at(x),
+            operator_at(x),
             max_iter=min(_ROUND, max_iter - done),
             earlier=values[:-1],
             newton_was_small=newton_was_small,
+            shortest_step=shortest_step,
             callback=report,
             **settings,
         )
@@ -233,8 +250,11 @@ def descend_in_rounds(
         newton_was_small = found.newton_was_small
         values = np.concatenate([values[:-1], found.values])
         done = len(values) - 1
-        stuck = found.n_iterations == 0
-        if found.converged or found.interrupted or stuck or done >= max_iter:
+        stuck = found.message == _STUCK
+        # A single step that leads to the next place to be stuck at is no way to go on.
+        at_end = stuck and operator_at is holding_at and found.n_iterations < 2
+        operator_at = holding_at if stuck else operator_at
+        if found.converged or found.interrupted or at_end or done >= max_iter:
             gap = found.gap
             if gap != 0.0:
                 gap = float(np.fmax(gap, estimated_gap(np.nan, values)))

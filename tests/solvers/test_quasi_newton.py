@@ -206,7 +206,7 @@ def test_interruption_and_too_few_iterations():
 def test_no_step_lowers_a_value_with_a_wrong_gradient():
     found = descend(lambda x: (float(x @ x), -x), np.ones(2), lambda g: g, **SETTINGS)
     assert not found.converged
-    assert "no step" in found.message
+    assert "hardly a step" in found.message
     assert found.n_iterations == 0
     assert np.isnan(found.gap)
     # Had the slope been small before, it would be a kink.
@@ -238,8 +238,73 @@ def test_the_slope_at_a_kink_tells_nothing():
         function, start, lambda x: lambda g: g, max_iter=200, expected_decrease=1e-12
     )
     assert abs(found.x[0]) < 1e-6
-    assert "no step" in found.message or "still" in found.message
+    assert "hardly a step" in found.message or "still" in found.message
     assert found.gap == gained_lately(found.values)
+
+
+def test_at_the_foot_of_a_cliff_another_operator_goes_on():
+    """A slope that ends at a cliff, across a bowl: each direction that leads down leads there."""
+    bowl = np.geomspace(1.0, 10.0, 9)
+    moves = np.eye(10)
+    moves[0, 1:] = moves[1:, 0] = 0.2
+
+    def function(x):
+        gradient = np.concatenate([[1.0], bowl * x[1:]])
+        height = x[0] if x[0] > 0.0 else 10.0
+        return 1.0 + height + 0.5 * float(gradient[1:] @ x[1:]), gradient
+
+    def holding_at(x):
+        held.append(x)
+        still = moves - np.outer(moves[0], moves[0]) / moves[0, 0]
+        return lambda gradient: still @ gradient
+
+    start = np.concatenate([[0.1], np.ones(9)])
+    settings = {"max_iter": 200, "expected_decrease": 1e-10}
+    held = []
+    stuck = descend_in_rounds(function, start, lambda x: lambda g: moves @ g, **settings)
+    assert not stuck.converged
+    found = descend_in_rounds(
+        function, start, lambda x: lambda g: moves @ g, holding_at=holding_at, **settings
+    )
+    assert found.converged
+    assert np.abs(found.x[1:]).max() < 1e-4 < np.abs(stuck.x[1:]).max()
+    assert len(held) == 1
+    assert found.x[0] == held[0][0] < 0.01
+    assert found.n_evaluations < stuck.n_evaluations
+    # Where a Newton step has been small before, there is no need to go on.
+    kink = descend_in_rounds(
+        function,
+        start,
+        lambda x: lambda g: moves @ g,
+        holding_at=holding_at,
+        max_iter=200,
+        expected_decrease=10.0,
+        recent_decrease=0.0,
+    )
+    assert kink.converged
+    assert len(held) == 1
+
+
+def test_a_search_that_gets_stuck_again_at_once_ends():
+    def function(x):
+        return (1.0 + float(x[0]) if x[0] > 0.0 else 10.0), np.ones(1)
+
+    formed = []
+
+    def operator_at(x):
+        formed.append(x)
+        return lambda g: g
+
+    found = descend_in_rounds(
+        function,
+        np.array([0.015]),
+        operator_at,
+        holding_at=lambda x: operator_at(x),
+        max_iter=200,
+        expected_decrease=1e-10,
+    )
+    assert (found.converged, len(formed)) == (False, 2)
+    assert "hardly a step" in found.message
 
 
 @pytest.mark.parametrize("n_a_round", [15, 50])
