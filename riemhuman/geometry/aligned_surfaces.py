@@ -16,7 +16,7 @@ from riemhuman.geometry.template_surfaces import TemplateSurfaces
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.tiles import of_one_kind
-from riemhuman.kernels.triangles import degenerate_triangles
+from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.terms.root_normals import RootNormalTerm
 from riemhuman.units import SCALES, refuse_other_scale
 
@@ -68,7 +68,7 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
         """Tell whether all vertices are finite and all triangles have area.
 
-        On a path, triangles with hardly more than none have none, so that no solver steps there.
+        Hardly any is none, since whoever rounds in another order may find none.
 
         Parameters
         ----------
@@ -80,9 +80,10 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
             # A path: solvers ask for every step, and have the compiled loops loaded.
             template = self.template
             frames = template.frame_coefficients
-            degenerate = degenerate_triangles(of_one_kind(point), template.faces, frames)
+            degenerate = nearly_degenerate_triangles(of_one_kind(point), template.faces, frames)
         else:
-            degenerate = self._is_degenerate(*self.partial_derivatives(point))
+            derivatives = map(values_of, self.partial_derivatives(point))
+            degenerate = surface.is_nearly_degenerate(*derivatives)
         return finite & ~np.any(degenerate, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:

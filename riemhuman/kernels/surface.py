@@ -26,6 +26,9 @@ from riemhuman.kernels.linear import entry
 DEGENERATE = 8 * np.finfo(float).eps
 """Below this squared sine of the angle between f_u and f_v, det g is rounding error alone."""
 
+NEARLY_DEGENERATE = 2 * DEGENERATE
+"""Below this one, whoever rounds in another order may find that det g is rounding error alone."""
+
 
 class Derivatives(NamedTuple):
     """What terms know of surfaces: first derivatives, and what follows from them.
@@ -339,6 +342,23 @@ def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
     array of bool, shape (..., F)
     """
     return follow_up(f_u, f_v).degenerate
+
+
+def is_nearly_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
+    """Tell the triangles on which g is singular, or whoever rounds in another order finds it is.
+
+    Parameters
+    ----------
+    f_u, f_v : array, shape (..., F, 3)
+        Partial derivatives.
+
+    Returns
+    -------
+    array of bool, shape (..., F)
+    """
+    area_vectors = np.cross(f_u, f_v)
+    bound = NEARLY_DEGENERATE * dot(f_u, f_u) * dot(f_v, f_v)
+    return dot(area_vectors, area_vectors) <= bound
 
 
 def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:

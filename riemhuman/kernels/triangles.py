@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from riemhuman.kernels.compiled import FUSED, compiled
 from riemhuman.kernels.moving_frames import fill_axes
-from riemhuman.kernels.surface import DEGENERATE
+from riemhuman.kernels.surface import DEGENERATE, NEARLY_DEGENERATE
 from riemhuman.kernels.threads import in_chunks
 from riemhuman.kernels.tiles import of_one_kind
 
@@ -108,10 +108,10 @@ def triangle(
     )
 
 
-def degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
+def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
     """Tell the triangles of many surfaces that have no area, or hardly more than none.
 
-    Whoever computes with the others in another order of rounding finds that they have an area.
+    The definition is `riemhuman.kernels.surface.is_nearly_degenerate`.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _mark_nearly_degenerate(f: ndarray, faces: ndarray, frames: ndarray, marked:
     for t in range(len(faces)):
         _, m, _, _, _, area = triangle(f, faces, frames, t)
         # A² + m² = e g.
-        marked[t] = area * area <= 2.0 * DEGENERATE * (area * area + m * m)
+        marked[t] = area * area <= NEARLY_DEGENERATE * (area * area + m * m)
 
 
 @compiled

@@ -156,6 +156,13 @@ def test_triangles_are_degenerate_up_to_eight_rounding_errors():
     np.testing.assert_array_equal(surface.is_degenerate(f_u, f_v), [True, False])
 
 
+def test_triangles_are_nearly_degenerate_up_to_sixteen():
+    squared_sines = np.array([15.6, 16.4]) * np.finfo(float).eps
+    f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
+    f_v = 0.1 * np.stack([np.ones(2), np.sqrt(squared_sines), np.zeros(2)], axis=1)
+    np.testing.assert_array_equal(surface.is_nearly_degenerate(f_u, f_v), [True, False])
+
+
 def test_degenerate_triangles():
     f_u = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 0], [1.0, 0, 0], [1e-9, 0, 0]])
     f_v = np.array([[0, 1.0, 0], [2.0, 0, 0], [0, 1.0, 0], [1.0, 1e-9, 0], [0, 1e-9, 0]])

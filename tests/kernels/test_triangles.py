@@ -86,7 +86,7 @@ def test_triangles_without_area(at):
     path = PATH.copy()
     one, two, three = FACES[FLAT]
     path[1, three] = (1 - at) * path[1, one] + at * path[1, two]
-    marked = triangles.degenerate_triangles(of_one_kind(path), FACES, FRAMES)
+    marked = triangles.nearly_degenerate_triangles(of_one_kind(path), FACES, FRAMES)
     assert marked[1, FLAT]
     np.testing.assert_array_equal(marked, [parts(f)[3] < 1e-12 for f in path])
     records = filled(path)

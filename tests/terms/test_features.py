@@ -8,7 +8,7 @@ from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.kernels import surface, tiles, triangles
 from riemhuman.surfaces.template import Template
 from riemhuman.terms import EbinTerm, NormalTerm, RootNormalTerm, RotationTerm, flat
-from riemhuman.terms.sum import SumOfTerms, field_features
+from riemhuman.terms.sum import SumOfTerms, TermOfFields, field_features
 
 TEMPLATES = {"sphere": sphere_template(), "open": open_template()}
 each_template = pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)
@@ -149,6 +149,17 @@ def test_the_driver_joins_the_features_of_terms_that_take_the_surfaces():
         np.testing.assert_array_equal(array, other)
     with pytest.raises(DegenerateSurfaceError, match=r"triangle 4 of item \(1,\), the first of 5"):
         SumOfTerms(terms, template).features(points, "single")
+
+
+def test_the_driver_takes_fields_that_are_no_surfaces():
+    template = TEMPLATES["open"]
+    f_u, f_v, _ = definitions(template, some_surfaces(template)[::2])
+    normals = surface.unit_normals(f_u, f_v)
+    over_points = TermOfFields(NormalTerm(), template, lambda points: (2.0 * points,))
+    found = over_points.features(0.5 * normals, "single")
+    expected = field_features(NormalTerm(), (normals,), template.face_areas, "single")
+    for array, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(array, other)
 
 
 def test_range_of_single_precision():

@@ -179,7 +179,7 @@ def test_normals_cancel_up_to_a_share_of_the_areas(size):
         assert projections.exist == (not cancels)
         if cancels:
             with pytest.raises(DegenerateSurfaceError, match="around vertex 1 cancel"):
-                normal_projection.vertex_normals(both, *over)
+                normal_projection.vertex_normals(both[[0, 0, 1]], *over)
             continue
         normals = normal_projection.vertex_normals(both, *over)
         np.testing.assert_allclose(normals[0], [[0, 0, 0], *4 * [[0, 0, 1]]], atol=1e-15)
