@@ -455,6 +455,16 @@ def test_a_body_turned_by_half_a_turn_turns(weights, axis, n_nodes):
         assert metric.squared_dist(start, end) <= result.energy <= turned.energy * (1 + 1e-12)
 
 
+@pytest.mark.parametrize("n_nodes", [3, 6, 7])
+def test_no_search_starts_on_a_surface_without_area(n_nodes):
+    """Square-root normals of flat surfaces are zero: the straight path costs less than the turn."""
+    metric, start = SRNFMetric(bodies.space()), bodies.body("resting")
+    end = start * [-1.0, 1.0, -1.0]
+    solver = BasisPath(bodies.basis(20), n_nodes)
+    for path in solver._default_initial_paths(metric, start, end):
+        assert np.all(metric.space.belongs(path))
+
+
 def test_other_methods_say_how_to_turn_a_body_by_half_a_turn():
     start = bodies.body("resting")
     end = start * [-1.0, 1.0, -1.0]

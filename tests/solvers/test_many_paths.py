@@ -91,6 +91,8 @@ def test_the_keyboard_stops_all(metric, points):
 
 
 def test_progress(metric, points, capsys):
+    LinearPath(3).solve_many(metric, PairsOfPoints(points))
+    assert capsys.readouterr().err == ""
     LinearPath(3).solve_many(metric, PairsOfPoints(points), progress=True)
     assert "Geodesics" in capsys.readouterr().err
 

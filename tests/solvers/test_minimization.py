@@ -66,6 +66,12 @@ def test_start_at_the_minimum():
     np.testing.assert_array_equal(found.x, 1.0)
 
 
+def test_a_start_at_the_floor_is_low_enough():
+    found = minimize(lambda x: (1.0, np.ones(2)), np.zeros(2), expected_decrease=1e-9, floor=1.0)
+    assert (found.converged, found.n_iterations, found.n_evaluations) == (True, 0, 1)
+    assert found.message == "the value is no more than rounding errors"
+
+
 def test_a_minimum_of_value_zero_is_one():
     found = minimize(lambda x: (0.0, 0 * x), np.zeros(2), expected_decrease=1e-9)
     assert (found.converged, found.n_iterations, found.n_evaluations) == (True, 0, 1)

@@ -147,6 +147,40 @@ def test_a_limb_that_costs_more_one_way_may_end_lower():
     assert result.energy < over_basis.solve(metric, *ends).energy
 
 
+def test_every_start_runs_on_the_last_level_first(monkeypatch):
+    """And every evaluation counts."""
+    levels, calls = [], []
+    run, evaluated = path_straightening._Descent.run, path_straightening._Descent._energy_and_slope
+
+    def noted(self, given):
+        levels.append(given)
+        return run(self, given)
+
+    def counted(self, path):
+        calls.append(len(path))
+        return evaluated(self, path)
+
+    monkeypatch.setattr(path_straightening._Descent, "run", noted)
+    monkeypatch.setattr(path_straightening._Descent, "_energy_and_slope", counted)
+    metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
+    solver = PathStraightening(n_nodes=6, coarse_segments=(2, 3), max_iter=20)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        result = solver.solve(metric, *bodies_in_motion.swung_arms(1))
+    assert levels == [[5], [5], [2, 3, 5]]
+    assert result.n_evaluations == len(calls)
+    assert set(calls) == {3, 4, 6}
+
+
+@pytest.mark.parametrize("seed", [4, 5, 7])
+def test_the_second_half_of_many_iterations_gained_little(seed):
+    metric = ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 0.0)
+    result = PathStraightening(n_nodes=6).solve(metric, *bodies_in_motion.swung_arms(seed))
+    assert result.n_iterations >= 10
+    gained = result.energies[result.n_iterations // 2] - result.energy
+    assert 0.0005 * result.energy < gained <= 0.002 * result.energy
+
+
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_rounding_errors_of_the_ends_change_nothing(seed):
     """One triangle all but vanishes on the way; where its normal jumps the search goes on.

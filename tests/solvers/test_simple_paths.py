@@ -13,6 +13,7 @@ from riemhuman.solvers.simple_paths import (
     check_initial_path,
     linear_path,
     lower_bound,
+    percentage,
 )
 
 
@@ -149,6 +150,12 @@ def test_the_lower_bound_of_a_path_is_that_of_its_ends():
     case = CASES["all sphere"]
     bent = case.points[[0, 2, 3, 1]]
     assert lower_bound(case.metric, bent) == case.metric.squared_dist(bent[0], bent[3])
+
+
+def test_gaps_are_told_in_per_cent():
+    assert percentage(0.5, 2.0) == 25.0
+    assert percentage(0.0, 0.0) == 0.0
+    assert np.isnan(percentage(np.nan, 1.0))
 
 
 def test_without_a_closed_form_the_lower_bound_is_zero():

@@ -195,3 +195,4 @@ def test_bad_input():
         check_solver(Geodesic(), PLANE.metric, POINTS, kind="other")
     with pytest.raises(ArgumentError, match="points must hold two points or more; found 1"):
         check_solver(Geodesic(), PLANE.metric, POINTS[:1])
+    assert check_solver(Geodesic(), PLANE.metric, POINTS[:2]).passed

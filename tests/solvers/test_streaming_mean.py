@@ -7,7 +7,7 @@ import pytest
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers import BasisMean, StreamingMean, StreamingMedian
+from riemhuman.solvers import BasisMean, StreamingMean, StreamingMedian, streaming_mean
 from riemhuman.solvers.dispersion import Dispersion
 from riemhuman.statistics import FrechetMean
 
@@ -52,6 +52,17 @@ def test_a_better_mean_than_that_of_the_sample():
     sample = BasisMean(basis).solve(metric, POINTS[[0, 9]])
     found = StreamingMean(basis, sample_size=2, batch_size=3).solve(metric, POINTS)
     assert found.variance < 0.99 * Dispersion(metric, POINTS).value(sample.point)
+
+
+@pytest.mark.parametrize(
+    ("weights", "size", "chosen"),
+    [(None, 4, [0, 3, 6, 9]), (None, 99, range(10)), (WEIGHTS, 3, [0, 3, 9])],
+    ids=str,
+)
+def test_the_sample_is_evenly_spaced_among_points_that_have_a_weight(weights, size, chosen):
+    sample = streaming_mean._Sample(Reader(POINTS), weights, size)
+    np.testing.assert_array_equal(sample.points, POINTS[list(chosen)])
+    np.testing.assert_array_equal(sample.weights, sample.all_weights[list(chosen)])
 
 
 def test_arrays_mapped_from_files_serve(tmp_path):
