@@ -198,7 +198,7 @@ class PathStraightening(ManyPaths):
         result = min(heats, key=attrgetter("energy"))
         if was_interrupted(heats[-1]):
             return replace(result, converged=False, message=INTERRUPTED)
-        result = _Descent(self, metric, result.path).run(levels)
+        result = _Descent(self, metric, result.path, result.energies[:-1]).run(levels)
         n_evaluations = result.n_evaluations + sum(other.n_evaluations for other in heats)
         return replace(result, n_evaluations=n_evaluations)
 
@@ -221,8 +221,14 @@ class PathStraightening(ManyPaths):
 class _Descent:
     """Minimises the energy over the interior points, on one level of nodes after the other."""
 
-    def __init__(self, solver: PathStraightening, metric: RiemannianMetric, path: ndarray) -> None:
-        self._solver, self._metric = solver, metric
+    def __init__(
+        self,
+        solver: PathStraightening,
+        metric: RiemannianMetric,
+        path: ndarray,
+        earlier: ndarray | tuple[()] = (),
+    ) -> None:
+        self._solver, self._metric, self._earlier = solver, metric, earlier
         self._whole = self._path = path
         self._n_evaluations = 0
 
@@ -331,6 +337,7 @@ class _Descent:
             inverse_hessian_at,
             max_iter=solver.max_iter,
             holding_at=holding_at,
+            earlier=self._earlier if is_last else (),
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
             recent_decrease=max(_RECENT, 20.0 * solver.tolerance) if is_last else np.inf,
             floor=path_floor(metric, solver.energy, path),

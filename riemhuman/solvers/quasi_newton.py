@@ -198,6 +198,7 @@ def descend_in_rounds(
     *,
     max_iter: int,
     holding_at: Callable[[ndarray], Operator] | None = None,
+    earlier: Sequence[float] | ndarray = (),
     callback: Callable[[int, float, ndarray], object] | None = None,
     **settings: Any,
 ) -> Minimum:
@@ -216,6 +217,8 @@ def descend_in_rounds(
     holding_at : callable, optional
         Returns another operator at x, where hardly a step lowers the value before a Newton step was
         small, as at a kink: one whose images leave out what is to blame.
+    earlier : sequence of float
+        Values of iterations before the start, see `descend`.
     callback : callable, optional
         Called with (iteration, value, x) after each iteration.
     **settings
@@ -240,7 +243,7 @@ def descend_in_rounds(
             x,
             operator_at(x),
             max_iter=min(_ROUND, max_iter - done),
-            earlier=values[:-1],
+            earlier=[*earlier, *values[:-1]],
             newton_was_small=newton_was_small,
             shortest_step=shortest_step,
             callback=report,
@@ -257,7 +260,7 @@ def descend_in_rounds(
         if found.converged or found.interrupted or at_end or done >= max_iter:
             gap = found.gap
             if gap != 0.0:
-                gap = float(np.fmax(gap, estimated_gap(np.nan, values)))
+                gap = float(np.fmax(gap, estimated_gap(np.nan, [*earlier, *values])))
             return replace(
                 found, values=values, gap=gap, n_iterations=done, n_evaluations=n_evaluations
             )

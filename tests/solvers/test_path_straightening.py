@@ -192,7 +192,16 @@ def test_rounding_errors_of_the_ends_change_nothing(seed):
     start = start * (1.0 + 1e-13 * np.random.default_rng(seed).normal(size=start.shape))
     result = PathStraightening(n_nodes=6).solve(metric, start, end)
     assert result.converged
-    assert result.energy == pytest.approx(1.37696, abs=2e-5)
+    assert result.energy == pytest.approx(1.37691, abs=2e-5)
+
+
+def test_what_the_first_runs_gained_counts_at_the_end():
+    """Seen to end where they had, at 1.3859, said to be 0.006 per cent above the minimum."""
+    metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
+    result = PathStraightening().solve(metric, *bodies_in_motion.swung_arms(1))
+    assert result.converged
+    assert result.energy < 1.37
+    assert result.gap > 0.1
 
 
 @pytest.mark.sampled(3)

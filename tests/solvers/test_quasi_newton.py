@@ -323,6 +323,28 @@ def test_many_iterations_end_when_they_gain_little(monkeypatch, n_a_round):
     assert found.value < 1.001
 
 
+def test_iterations_before_the_start_count():
+    """A start where a Newton step gains little is the end, unless iterations had gained more."""
+    function, _ = problem(condition=1e3)
+    settings = {"max_iter": 500, "expected_decrease": 1e-2, "recent_decrease": 1e-3}
+
+    def operator_at(x):
+        return lambda gradient: 1e-3 * gradient
+
+    first = descend_in_rounds(
+        function, np.zeros(60), operator_at, **settings | {"recent_decrease": np.inf}
+    )
+    again = descend_in_rounds(function, first.x, operator_at, **settings)
+    assert again.n_iterations == 0
+    found = descend_in_rounds(function, first.x, operator_at, earlier=first.values[:-1], **settings)
+    assert found.value < 1.001 < again.value
+    assert found.n_iterations == len(found.values) - 1 > 0
+    few = settings | {"max_iter": 1}
+    for earlier in ((), first.values[:-1]):
+        found = descend_in_rounds(function, first.x, operator_at, earlier=earlier, **few)
+        assert (found.gap >= gained_lately([*earlier, *found.values])) == (len(earlier) > 0)
+
+
 def test_rounds_form_the_operator_anew(monkeypatch):
     monkeypatch.setattr(quasi_newton, "_ROUND", 5)
     function, _ = problem()
