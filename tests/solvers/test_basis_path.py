@@ -455,6 +455,18 @@ def test_a_body_turned_by_half_a_turn_turns(weights, axis, n_nodes):
         assert metric.squared_dist(start, end) <= result.energy <= turned.energy * (1 + 1e-12)
 
 
+def test_the_second_half_of_many_iterations_gained_little():
+    result = BasisPath(bodies.basis(), 6).solve(elastic((1, 1e-4, 0)), *bodies.swung_arms(1))
+    assert result.n_iterations >= 10
+    assert result.energies[result.n_iterations // 2] - result.energy <= 1e-3 * result.energy
+
+
+def test_solvers_with_options_can_be_told_apart():
+    """By their hashes too, although options are no part of them."""
+    solvers = [BasisPath(bodies.basis(20), n) for n in (4, 4, 5)]
+    assert len(set(solvers)) == 2
+
+
 @pytest.mark.parametrize("n_nodes", [3, 6, 7])
 def test_no_search_starts_on_a_surface_without_area(n_nodes):
     """Square-root normals of flat surfaces are zero: the straight path costs less than the turn."""

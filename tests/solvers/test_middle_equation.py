@@ -6,7 +6,7 @@ from cases import CASES, cases_that, deformations, name_of
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError
-from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm
+from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm, middle_equation
 from riemhuman.solvers.middle_equation import (
     MiddleEquation,
     degeneration,
@@ -285,6 +285,15 @@ def test_at_the_bounds_of_what_is_told():
     assert degeneration(Metric(), before, after) == ""
     told = vanishing(Metric(), np.eye(2)[None], np.diag([0.25, 1.0])[None])
     assert told == "triangle 0 degenerates: one step left 50% of its area"
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_how_far_a_surface_moved_is_told_in_its_own_size(size):
+    space = CASES["mixed sphere"].space
+    before = size * space.template.vertices
+    after = before + [0.0, 0.3 * np.ptp(before), 0.0]
+    assert middle_equation._sizes_away(space, before, after) == pytest.approx(0.3)
+    assert middle_equation._sizes_away(CASES["half-plane, distance"].space, before, after) == 0.0
 
 
 def test_turns_by_more_than_60_degrees_within_one_step_are_far():

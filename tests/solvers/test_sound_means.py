@@ -1,14 +1,18 @@
 """Means that are bodies: lengths as people have them, and no triangle that shrinks away unsaid."""
 
 import bodies_in_motion as bodies
+import numpy as np
 import pytest
+from cases import triangle_template
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, UnseenLengthsWarning
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.solvers import BasisMean
 from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers.sound_means import AreaCheck
 from riemhuman.surfaces.distortion import edge_lengths
 
 
@@ -51,6 +55,15 @@ def test_triangles_that_shrink_away_are_said():
     with pytest.raises(DegenerateSurfaceError, match=r"use lam = 1, or a medoid"):
         solver.solve(metric, points)
     assert len(seen) < 10
+
+
+def test_a_triangle_has_collapsed_below_a_hundredth_of_its_median_area():
+    space = AlignedSurfaces(triangle_template(), equip=False)
+    flat = space.template.vertices
+    check = AreaCheck(space, np.stack([flat, 2.0 * flat, 3.0 * flat]))
+    check.refuse_collapse(0.2 * np.sqrt(1.02) * flat)
+    with pytest.raises(DegenerateSurfaceError, match="1 of 1 triangles"):
+        check.refuse_collapse(0.2 * np.sqrt(0.98) * flat)
 
 
 def test_bad_input():

@@ -83,6 +83,7 @@ SPEED_ALONE = {
         "batch_size": "points read at once",
         "sample_size": "points by whose mean the search starts",
     },
+    "solvers/quasi_newton.py": {"refresh": "when the progress bar is drawn"},
     "solvers/root_finding.py": {"_MEMORY": "earlier steps that the next one is found from"},
 }
 
@@ -256,7 +257,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "x, values, n_evaluations, newton_was_small = start, np.empty(0), 0, False": {
             "0 changed #1": "all but the last of its numbers are none"
         },
-        "self._pairs = np.empty((0, 2))": {"2 changed": _START},
+        "self._pairs = np.empty((0, 2))": {"0 changed": _START, "2 changed": _START},
         "return np.ones(1)": {"1 changed": "the factor is 1, however often it is said"},
         "best = _Trial(0.0, value, x, 0)": {
             "0 changed": "evaluations are counted as they are made"
