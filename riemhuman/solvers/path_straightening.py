@@ -72,8 +72,10 @@ class PathStraightening(ManyPaths):
     metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
     straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) if that
     has less energy, first with few segments if `coarse_segments` are given, then with all. Where a
-    limb may turn either way, both ways are tried, as in `BasisPath`. Its energies were lower than
-    those of `BasisPath` for all pairs tried, and are never higher with ``initial=BasisPath(...)``.
+    limb may turn either way, both ways are tried, as in `BasisPath`. Triangles that have all but
+    vanished, where normals jump and no slope leads on, are held as flat as they are while others
+    move. Its energies were lower than those of `BasisPath` for all pairs tried, and are never
+    higher with ``initial=BasisPath(...)``.
 
     Parameters
     ----------
