@@ -298,7 +298,7 @@ MUTANTS = [
         "solvers/basis_path.py",
         "        if energy <= turned[0][1] and np.all(metric.space.belongs(straight[1:-1])):\n",
         "        if energy <= turned[0][1]:\n",
-        "solvers/test_basis_path.py -k half_a_turn",
+        "solvers/test_basis_path.py -k without_area",
     ),
     # Nearest neighbours: cut-offs, blocks and rows.
     Mutant("retrieval/neighbor_search.py", "_SLACK = 1e-9\n", "_SLACK = 0.0\n", NEIGHBORS),
