@@ -494,6 +494,8 @@ def test_what_belongs_has_an_area_for_everybody():
         few = [space.belongs(path[k : k + n]) for k in range(0, 1500, n)]
         np.testing.assert_array_equal(np.concatenate(few), belong)
     assert not space.belongs(path[0])
+    paths = path.reshape(3, 500, 3, 3)
+    np.testing.assert_array_equal(space.belongs(paths), belong.reshape(3, 500))
     # At the bound itself, whether there is area is a matter of rounding.
     without = surface.is_degenerate(*space.partial_derivatives(path))[:, 0]
     assert not without[belong].any()

@@ -100,13 +100,16 @@ def test_triangles_without_area(corners, at):
 
 
 @pytest.mark.parametrize("share", [0.99, 1.01], ids=["below", "above"])
-def test_how_thin_a_triangle_may_be(share):
-    # The second side is 0.3 long.
+@pytest.mark.parametrize("size", [0.1, 1.0, 10.0])
+def test_how_thin_a_triangle_may_be(share, size):
+    # The second side is 0.3 times as long as the first.
     height = 0.3 * share * np.sqrt(DEGENERATE)
-    surfaces = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.3, height, 0.0]])[:, None]
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.3, height, 0.0]])
+    surfaces = size * corners[:, None]
     area, _, over_r, *_ = moving_frames.frame_of.py_func(surfaces, np.arange(3), 0)
     by_edges = moving_frames.fill_edges.py_func(surfaces, np.arange(3), 0, np.empty((2, 3)))
-    expected = [height / 2, height / 2, 1 / height] if share > 1 else [0.0, 0.0, 0.0]
+    area_there = size**2 * height / 2
+    expected = [area_there, area_there, 1 / (size * height)] if share > 1 else [0.0, 0.0, 0.0]
     np.testing.assert_allclose([area, by_edges, over_r], expected, rtol=1e-12)
 
 

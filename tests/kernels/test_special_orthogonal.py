@@ -41,6 +41,15 @@ def test_logarithm_and_exponential(angle):
     np.testing.assert_allclose(so3.log(start, end), vectors, atol=2e-15)
 
 
+def test_the_logarithm_of_no_turn_has_a_derivative():
+    for rotation in random_rotations(3):
+        slopes = autograd.jacobian(lambda end, start=rotation: so3.log(start, end))(rotation)
+        turned = rotation @ cross_product_matrix(np.eye(3))
+        np.testing.assert_allclose(
+            np.tensordot(turned, slopes, [[1, 2], [1, 2]]), np.eye(3), atol=1e-14
+        )
+
+
 def test_logarithm_of_half_turns_has_length_pi():
     start, vectors = random_rotations(56), turns(np.pi)
     found = so3.log(start, so3.exp(vectors, start))

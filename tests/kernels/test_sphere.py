@@ -4,7 +4,7 @@ import autograd.numpy as anp
 import numpy as np
 import oracles
 import pytest
-from autograd import grad
+from autograd import grad, jacobian
 from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
@@ -88,6 +88,13 @@ def test_log_near_antipodal_vectors_is_tangent(gap):
     velocity = sphere.log(n1, n2)
     np.testing.assert_allclose(np.sum(n1 * velocity, axis=-1), 0.0, atol=1e-14)
     np.testing.assert_allclose(sphere.exp(velocity, n1), n2, atol=1e-14)
+
+
+def test_the_logarithm_of_coincident_vectors_has_a_derivative():
+    """The projection onto the tangent plane."""
+    n = unit(np.random.default_rng(6).normal(size=3))
+    slopes = jacobian(lambda end: sphere.log(n, end))(n)
+    np.testing.assert_allclose(slopes, np.eye(3) - np.outer(n, n), atol=1e-15)
 
 
 def test_coincident_and_antipodal_values():

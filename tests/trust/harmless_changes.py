@@ -114,6 +114,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "maps = np.eye(3) + 0.2 * sample_bound(bound) * noise": {
             "Add to Sub": "noise of one sign is as random as of the other"
         },
+        "if point.ndim == 3 and len(point) > 2:": {
+            "2 changed": "few surfaces are looked at as exactly in the other way",
+        },
     },
     "geometry/derived_quantities.py": {
         "scale = 1.0 / np.where(norm == 0.0, 1.0, norm)": {
@@ -174,6 +177,9 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "Mult to Div": _SIGN,
         },
         "safe = np.where(sine > 0, sine, 1.0)": {"1.0 changed": _NOT_TAKEN},
+        "near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2": {
+            "0.2 changed": "the other way finds the same rotation",
+        },
         "left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]": {
             "Mult to Div": _SIGN
         },
