@@ -177,9 +177,6 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "Mult to Div": _SIGN,
         },
         "safe = np.where(sine > 0, sine, 1.0)": {"1.0 changed": _NOT_TAKEN},
-        "near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2": {
-            "0.2 changed": "the other way finds the same rotation",
-        },
         "left[..., 2] *= onp.sign(onp.linalg.det(left) * onp.linalg.det(right))[..., None]": {
             "Mult to Div": _SIGN
         },
@@ -189,6 +186,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
         "near[t] = squares < 6.0 and _fill_cofactors(x, cofactors) > 0.2": {
             "Lt to LtE": _BOUND,
             "Gt to GtE": _BOUND,
+            "0.2 changed": "the other way finds the same rotation",
         },
         "largest = 0.0": {"0.0 changed": "all ten rounds are gone, to the same rotation"},
         "if largest < 1e-9:  # quadratic: the rest is rounding": {"Lt to LtE": _BOUND},
