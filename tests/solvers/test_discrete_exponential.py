@@ -110,6 +110,18 @@ class Scripted:
         return self.both_sides(middle, middle - before)
 
 
+@pytest.mark.parametrize("n_doublings", [0, 1, 2])
+def test_steps_are_halved_as_often_as_is_asked_for(monkeypatch, n_doublings):
+    case = CASES["all sphere"]
+    monkeypatch.setattr(
+        discrete_exponential, "MiddleEquation", lambda *settings: Scripted([0.99] * 12, [0.0] * 12)
+    )
+    monkeypatch.setattr(discrete_exponential, "turns_far", lambda metric, points: True)
+    solver = DiscreteExponential(n_steps=3, n_doublings=n_doublings)
+    result = solver.solve(case.metric, np.ones(case.space.shape), case.points[0])
+    assert len(result.path) == 3 * 2**n_doublings + 1
+
+
 @pytest.mark.parametrize(
     ("factors", "errors", "message"),
     [

@@ -76,6 +76,12 @@ def test_the_gradient_of_the_mean_distance():
     assert abs(errors[1]) < 0.02 * abs(errors[0])
 
 
+def test_the_curvature_of_the_mean_distance_is_one_over_it():
+    functional = MeanDistance(equipped().metric, POINTS, WEIGHTS, smoothing=1e-3)
+    value = functional.value(POINTS[1])
+    assert functional.curvature(value) == pytest.approx(1.0 / value, rel=1e-12)
+
+
 def test_points_that_coincide():
     metric = equipped().metric
     result = StreamingMedian().solve(metric, np.stack([POINTS[0]] * 3))

@@ -237,7 +237,8 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
     },
     "solvers/path_straightening.py": {
         "return np.inf, np.zeros(path[1:-1].size)": {
-            "1 changed": "beside an infinite value no slope is looked at"
+            "1 changed": "beside an infinite value no slope is looked at",
+            "sign or `not` dropped": "beside an infinite value no slope is looked at",
         },
         "if n_segments == len(self._path) - 1:": {
             "1 changed": _OWN_TIMES,
@@ -262,6 +263,7 @@ SAME_RESULT: dict[str, dict[str, dict[str, str]]] = {
             "0 changed #1": "all but the last of its numbers are none"
         },
         "self._pairs = np.empty((0, 2))": {"0 changed": _START, "2 changed": _START},
+        "is_small = bool(newton <= expected_decrease * value)": {"LtE to Lt": _BOUND},
         "return np.ones(1)": {"1 changed": "the factor is 1, however often it is said"},
         "best = _Trial(0.0, value, x, 0)": {
             "0 changed": "evaluations are counted as they are made"
