@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
 from scipy import sparse
 
+from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.solvers.quasi_newton import Operator
 
 # Heights, as shares of the longest edge, of triangles that are flat; and how many are held at most,
@@ -21,8 +23,10 @@ from riemhuman.solvers.quasi_newton import Operator
 _FLAT = 1e-5
 _MOST = 20
 
-# By what share the heights of flat triangles are raised, more than turns change them by rounding.
+# By what share heights are raised, more than turns change them by rounding, and how often at most:
+# a corner may be the tip of several triangles.
 _RAISE = 1e-4
+_MOST_RAISES = 20
 
 
 def holding(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
@@ -46,7 +50,7 @@ def holding(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
     """
     _, n_vertices, n_axes = nodes.shape
     columns, entries = [], []
-    for node, corners, weights, _ in islice(_flat_triangles(nodes, faces), _MOST):
+    for node, corners, weights in islice(_flat_triangles(nodes, faces), _MOST):
         columns.append(n_axes * (n_vertices * node + corners) + np.arange(n_axes)[:, None])
         entries.append(np.broadcast_to(weights, columns[-1].shape))
     if not columns:
@@ -60,30 +64,33 @@ def holding(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
     return lambda slope: inverse(slope) - (among @ (images @ slope)) @ images
 
 
-def raised(nodes: ndarray, faces: ndarray) -> ndarray:
-    """Return surfaces whose flat triangles are a little higher.
+def raised(nodes: ndarray, template: Any) -> ndarray:
+    """Return surfaces whose triangles are higher, by next to nothing, where they have no area.
 
     Parameters
     ----------
     nodes : array, shape (n, V, 3)
-        Surfaces.
-    faces : array of int, shape (F, 3)
-        Triangles.
+        Surfaces, on which triangles have no area by rounding errors alone.
+    template : Template
+        Their template.
 
     Returns
     -------
     array, shape (n, V, 3)
     """
     higher = nodes.copy()
-    for node, (tip, _, _), _, height in _flat_triangles(nodes, faces):
-        higher[node, tip] += _RAISE * height
+    for _ in range(_MOST_RAISES):
+        marked = nearly_degenerate_triangles(higher, template.faces, template.frame_coefficients)
+        if not marked.any():
+            break
+        for node, triangle in np.argwhere(marked):
+            corners, weights = _tip_over_edge(higher[node], template.faces[triangle])
+            higher[node, corners[0]] += _RAISE * weights @ higher[node, corners]
     return higher
 
 
-def _flat_triangles(
-    nodes: ndarray, faces: ndarray
-) -> Iterator[tuple[int, ndarray, ndarray, ndarray]]:
-    """Yield node, corners, weights, and height w₀x₀ + w₁x₁ + w₂x₂, the flattest triangle first."""
+def _flat_triangles(nodes: ndarray, faces: ndarray) -> Iterator[tuple[int, ndarray, ndarray]]:
+    """Yield node, corners and their weights in the height, the flattest triangle first."""
     corners = nodes[:, faces]
     # Edge k is opposite to corner k.
     edges = np.roll(corners, -2, axis=2) - np.roll(corners, -1, axis=2)
@@ -92,10 +99,15 @@ def _flat_triangles(
     flatness = doubled_areas / squares.max(axis=-1)
     order = np.argsort(flatness, axis=None)[: np.count_nonzero(flatness < _FLAT)]
     for node, triangle in zip(*np.unravel_index(order, flatness.shape), strict=True):
-        # The tip, opposite to the longest edge, then the ends of that edge.
-        cycle = (int(np.argmax(squares[node, triangle])) + np.arange(3)) % 3
-        tip, first, last = corners[node, triangle, cycle]
-        edge = last - first
-        share = (tip - first) @ edge / (edge @ edge)
-        weights = np.array([1.0, share - 1.0, -share])
-        yield node, faces[triangle, cycle], weights, (tip - first) - share * edge
+        yield node, *_tip_over_edge(nodes[node], faces[triangle])
+
+
+def _tip_over_edge(f: ndarray, face: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the corner over the longest edge, then its ends, and their weights in the height."""
+    x = f[face]
+    lengths = [np.linalg.norm(x[k - 1] - x[k - 2]) for k in range(3)]
+    cycle = (int(np.argmax(lengths)) + np.arange(3)) % 3
+    tip, first, last = x[cycle]
+    edge = last - first
+    share = (tip - first) @ edge / (edge @ edge)
+    return face[cycle], np.array([1.0, share - 1.0, -share])

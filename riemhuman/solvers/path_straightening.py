@@ -281,7 +281,7 @@ class _Descent:
             return path
         path = self._metric.remove_drift(path)
         if isinstance(space, SurfaceSpace) and not np.all(space.belongs(path)):
-            path[1:-1] = raised(path[1:-1], space.template.faces)
+            path[1:-1] = raised(path[1:-1], space.template)
         return path
 
     def _better_start(self, n_segments: int, is_first: bool) -> ndarray:

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy import linalg
 
+from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.solvers import held_triangles
 from riemhuman.solvers.held_triangles import holding, raised
+from riemhuman.surfaces.template import Template
 
 FACES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4], [4, 1, 0]])
 
@@ -44,7 +46,6 @@ def test_where_no_triangle_is_flat_nothing_is_held():
     inverse, _ = operator()
     points = nodes()
     assert holding(inverse, points, FACES) is inverse
-    np.testing.assert_array_equal(raised(points, FACES), points)
     # Small triangles of good shape are not flat.
     assert holding(inverse, 1e-9 * points, FACES) is inverse
 
@@ -104,12 +105,26 @@ def test_the_flattest_are_held_first(monkeypatch):
     assert np.abs(left).max() > 1e-3 * np.abs(motion).max()
 
 
-def test_flat_triangles_are_raised_and_others_stay():
-    points = nodes((0, 1), (2, 3))
-    higher = raised(points, FACES)
+@pytest.mark.parametrize("share", [1e-7, 1e-4, 1e-3])
+def test_triangles_without_area_are_raised_and_others_stay(share):
+    """However far below the bound rounding has taken them."""
+    template = Template(nodes()[0], FACES)
+    space = AlignedSurfaces(template, equip=False)
+    points = nodes((0, 1), (2, 3), height=1e-3)
     for node, triangle in ((0, 1), (2, 3)):
-        ratio = flatness(higher, node, triangle) / flatness(points, node, triangle)
-        assert ratio == pytest.approx(1.0 + held_triangles._RAISE, rel=1e-6)
+        first, tip, last = FACES[triangle]
+        foot = 0.3 * points[node, first] + 0.7 * points[node, last]
+        over = points[node, tip] - foot
+        high, low = 1.0, 0.0
+        for _ in range(80):  # to the bound by halving
+            middle = 0.5 * (high + low)
+            points[node, tip] = foot + middle * over
+            high, low = (middle, low) if space.belongs(points)[node] else (high, middle)
+        points[node, tip] = foot + (1.0 - share) * high * over
+    np.testing.assert_array_equal(space.belongs(points), [False, True, False])
+    higher = raised(points, template)
+    assert np.all(space.belongs(higher))
     np.testing.assert_array_equal(higher[1], points[1])
-    assert np.abs(higher - points).max() < 1e-7
     assert np.count_nonzero(np.any(higher != points, axis=-1)) == 2
+    assert np.abs(higher - points).max() < 1e-9
+    np.testing.assert_array_equal(raised(higher, template), higher)
