@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 import riemhuman as rh
 from riemhuman.datasets.surface_noise import surface_noise
 from riemhuman.registration.simulated_scans import remeshed
-from riemhuman.registration.start_poses import _SMPL_TREE
+from riemhuman.registration.start_poses import _SMPL_TREE, _renamed
 from riemhuman.surfaces.nearest_places import nearest_places
 
 MOTIONS = (
@@ -138,12 +138,4 @@ def with_smpls_tree(model):
 
 def with_other_names(model):
     """Return a model whose joints have names that no other model has."""
-    return rh.BodyModel(
-        model.template.vertices,
-        model.faces,
-        model.shapedirs,
-        model.joint_regressor,
-        model.weights,
-        np.stack([model.parents, np.arange(model.n_joints)]),
-        joint_names=[f"bone_{k}" for k in range(model.n_joints)],
-    )
+    return _renamed(model, tuple(f"bone_{k}" for k in range(model.n_joints)))

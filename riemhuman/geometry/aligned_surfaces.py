@@ -82,8 +82,8 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
             frames = template.frame_coefficients
             degenerate = nearly_degenerate_triangles(of_one_kind(point), template.faces, frames)
         else:
-            derivatives = map(values_of, self.partial_derivatives(point))
-            degenerate = surface.is_nearly_degenerate(*derivatives)
+            derivatives = self.partial_derivatives(point)
+            degenerate = self._is_degenerate(*derivatives, surface.NEARLY_DEGENERATE)
         return finite & ~np.any(degenerate, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
@@ -301,5 +301,5 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
         return surface.unit_normals(f_u, f_v)
 
     @staticmethod
-    def _is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
-        return surface.is_degenerate(values_of(f_u), values_of(f_v))
+    def _is_degenerate(f_u: ndarray, f_v: ndarray, bound: float = surface.DEGENERATE) -> ndarray:
+        return surface.is_degenerate(values_of(f_u), values_of(f_v), bound)

@@ -76,13 +76,15 @@ def derivatives(points: ndarray, operator: csr_matrix) -> Derivatives:
     return follow_up(*partial_derivatives(points, operator))
 
 
-def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
+def follow_up(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> Derivatives:
     """Return first derivatives with what follows from them.
 
     Parameters
     ----------
     f_u, f_v : array, shape (..., 3)
         Partial derivatives.
+    bound : float
+        Squared sine of their angle up to which a triangle is degenerate.
 
     Returns
     -------
@@ -90,7 +92,7 @@ def follow_up(f_u: ndarray, f_v: ndarray) -> Derivatives:
     """
     area_vectors = np.cross(f_u, f_v)
     squared, e = dot(area_vectors, area_vectors), dot(f_u, f_u)
-    degenerate = squared <= DEGENERATE * e * dot(f_v, f_v)
+    degenerate = squared <= bound * e * dot(f_v, f_v)
     areas = np.sqrt(np.where(degenerate, 1.0, squared))
     e = np.where(degenerate, 1.0, e)
     return Derivatives(f_u, f_v, area_vectors, areas, e, dot(f_u, f_v), degenerate)
@@ -329,36 +331,21 @@ def unit_normals_differential(f_u: ndarray, f_v: ndarray, h_u: ndarray, h_v: nda
     return change - dot(normals, change)[..., None] * normals
 
 
-def is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
+def is_degenerate(f_u: ndarray, f_v: ndarray, bound: float = DEGENERATE) -> ndarray:
     """Tell the triangles on which g is singular to working precision, see `Derivatives`.
 
     Parameters
     ----------
     f_u, f_v : array, shape (..., F, 3)
         Partial derivatives.
+    bound : float
+        See `follow_up`.
 
     Returns
     -------
     array of bool, shape (..., F)
     """
-    return follow_up(f_u, f_v).degenerate
-
-
-def is_nearly_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
-    """Tell the triangles on which g is singular, or whoever rounds in another order finds it is.
-
-    Parameters
-    ----------
-    f_u, f_v : array, shape (..., F, 3)
-        Partial derivatives.
-
-    Returns
-    -------
-    array of bool, shape (..., F)
-    """
-    area_vectors = np.cross(f_u, f_v)
-    bound = NEARLY_DEGENERATE * dot(f_u, f_u) * dot(f_v, f_v)
-    return dot(area_vectors, area_vectors) <= bound
+    return follow_up(f_u, f_v, bound).degenerate
 
 
 def refuse_degenerate(degenerate: ndarray, name: str = "the surface") -> None:

@@ -111,7 +111,7 @@ def triangle(
 def nearly_degenerate_triangles(surfaces: ndarray, faces: ndarray, frames: ndarray) -> ndarray:
     """Tell the triangles of many surfaces that have no area, or hardly more than none.
 
-    The definition is `riemhuman.kernels.surface.is_nearly_degenerate`.
+    The definition is `riemhuman.kernels.surface.is_degenerate` with the bound `NEARLY_DEGENERATE`.
 
     Parameters
     ----------

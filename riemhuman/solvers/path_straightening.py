@@ -323,11 +323,11 @@ class _Descent:
             hessian = PathPreconditioner(factor, len(nodes) + 1)
             return lambda slope: hessian.inverse(slope.reshape(len(nodes), -1)).ravel()
 
+        space: Any = metric.space
+
         def holding_at(interior: ndarray) -> Operator:
-            inverse, nodes = inverse_hessian_at(interior), path_of(interior)[1:-1]
-            if not isinstance(metric.space, SurfaceSpace):
-                return inverse
-            return holding(inverse, nodes, metric.space.template.faces)
+            nodes, faces = path_of(interior)[1:-1], space.template.faces
+            return holding(inverse_hessian_at(interior), nodes, faces)
 
         def report(iteration: int, value: float, interior: ndarray) -> None:
             if solver.callback is not None and is_last:
@@ -338,7 +338,7 @@ class _Descent:
             path[1:-1].ravel(),
             inverse_hessian_at,
             max_iter=solver.max_iter,
-            holding_at=holding_at,
+            holding_at=holding_at if isinstance(space, SurfaceSpace) else None,
             earlier=self._earlier if is_last else (),
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
             recent_decrease=max(_RECENT, 20.0 * solver.tolerance) if is_last else np.inf,

@@ -160,7 +160,8 @@ def test_triangles_are_nearly_degenerate_up_to_sixteen():
     squared_sines = np.array([15.6, 16.4]) * np.finfo(float).eps
     f_u = np.tile([3.0, 0.0, 0.0], (2, 1))
     f_v = 0.1 * np.stack([np.ones(2), np.sqrt(squared_sines), np.zeros(2)], axis=1)
-    np.testing.assert_array_equal(surface.is_nearly_degenerate(f_u, f_v), [True, False])
+    found = surface.is_degenerate(f_u, f_v, surface.NEARLY_DEGENERATE)
+    np.testing.assert_array_equal(found, [True, False])
 
 
 def test_degenerate_triangles():
