@@ -5,32 +5,15 @@ One of two runs every day, and all where the documentation is built, in `.ci/doc
 
 import doctest
 import functools
-import importlib
 import inspect
 import warnings
 
 import pytest
+from public_names import public_objects
 
 import riemhuman as rh
 
 OPTIONS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
-
-
-def public_objects():
-    """Return everything that `import riemhuman` and its packages offer, by its shortest name."""
-    found = {}
-    # Protocols say what others bring: there is nothing to run.
-    packages = (f"riemhuman.{name}" for name in rh.__all__ if name != "protocols")
-    for package in ("riemhuman", *packages):
-        try:
-            module = importlib.import_module(package)
-        except ModuleNotFoundError:
-            continue  # a class or a function, not a package
-        for name in getattr(module, "__all__", ()):
-            member = getattr(module, name)
-            if not inspect.ismodule(member) and member not in found.values():
-                found[f"{package}.{name}"] = member
-    return found
 
 
 OBJECTS = public_objects()
