@@ -6,7 +6,6 @@ from riemhuman.descriptors.heat_kernel import HeatKernelSignature
 from riemhuman.descriptors.latent_vectors import IdMatch, LatentVectors
 from riemhuman.descriptors.model_vectors import ModelPoseVectors, ModelShapeVectors
 from riemhuman.descriptors.shape_dna import ShapeDNA
-from riemhuman.descriptors.spectra import Spectrum, spectrum
 from riemhuman.descriptors.wave_kernel import WaveKernelSignature
 
 __all__ = [
@@ -19,9 +18,7 @@ __all__ = [
     "ModelShapeVectors",
     "ProjectedAreas",
     "ShapeDNA",
-    "Spectrum",
     "WaveKernelSignature",
-    "spectrum",
 ]
 
 

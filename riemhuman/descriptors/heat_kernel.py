@@ -9,7 +9,7 @@ import numpy as np
 from riemhuman.checks import real_array
 from riemhuman.descriptors.kernel_signature import KernelSignature
 from riemhuman.descriptors.pooling import area_histograms
-from riemhuman.descriptors.spectra import Spectrum
+from riemhuman.surfaces.spectra import Spectrum
 from riemhuman.errors import ArgumentError
 
 _POOLINGS = ("histogram", "mean", "vertex mean")
@@ -43,7 +43,7 @@ class HeatKernelSignature(KernelSignature):
     n_bins : int
         Number of bins of a histogram.
     laplacian : {"cotangent", "robust"}
-        Discretisation, see `riemhuman.descriptors.spectra.spectrum`.
+        Discretisation, see `riemhuman.surfaces.spectrum`.
 
     Raises
     ------

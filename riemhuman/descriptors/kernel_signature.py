@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.descriptors.descriptor import pairwise
-from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum, spectrum
+from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
 from riemhuman.descriptors.spectral_descriptor import SpectralDescriptor
 
 _NORMALIZATIONS = ("none", "area")

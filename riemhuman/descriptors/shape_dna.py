@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.checks import one_of, whole_number
-from riemhuman.descriptors.spectra import LAPLACIANS, Spectrum
+from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum
 from riemhuman.descriptors.spectral_descriptor import SpectralDescriptor
 
 _NORMALIZATIONS = ("none", "area", "first")
@@ -32,7 +32,7 @@ class ShapeDNA(SpectralDescriptor):
     reweighted : bool
         Whether to divide the k-th eigenvalue by k.
     laplacian : {"cotangent", "robust"}
-        Discretisation, see `riemhuman.descriptors.spectra.spectrum`.
+        Discretisation, see `riemhuman.surfaces.spectrum`.
 
     Raises
     ------

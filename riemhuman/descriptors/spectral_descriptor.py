@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of
-from riemhuman.descriptors.spectra import Spectrum, spectrum
+from riemhuman.surfaces.spectra import Spectrum, spectrum
 from riemhuman.errors import RiemhumanError
 from riemhuman.progress import ProgressBar
 

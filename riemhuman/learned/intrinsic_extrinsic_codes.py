@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.descriptors.spectra import spectrum
+from riemhuman.surfaces.spectra import spectrum
 from riemhuman.errors import ArgumentError
 from riemhuman.learned.codes import PairedCodes, checked_template
 from riemhuman.learned.networks import in_single_precision, network

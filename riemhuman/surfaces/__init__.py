@@ -11,10 +11,12 @@ from riemhuman.surfaces.mesh_objects import (
     to_trimesh,
 )
 from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.spectra import Spectrum, spectrum
 from riemhuman.surfaces.template import Template
 
 __all__ = [
     "DeformationBasis",
+    "Spectrum",
     "Template",
     "from_pyvista",
     "from_trimesh",
@@ -24,6 +26,7 @@ __all__ = [
     "procrustes",
     "save_glb",
     "save_mesh",
+    "spectrum",
     "to_pyvista",
     "to_trimesh",
 ]

@@ -13,7 +13,7 @@ from descriptor_meshes import (
 )
 from scipy.sparse.linalg import eigsh
 
-from riemhuman.descriptors import spectrum
+from riemhuman.surfaces import spectrum
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,

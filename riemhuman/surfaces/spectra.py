@@ -40,7 +40,7 @@ class Spectrum(Record):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> found = rh.descriptors.spectrum(bodies[0], bodies.template.faces, 4)
+    >>> found = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
     >>> found.eigenvalues.shape, bool((found.eigenvalues > 0).all())
     ((4,), True)
     """
@@ -122,7 +122,7 @@ def spectrum(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> found = rh.descriptors.spectrum(bodies[0], bodies.template.faces, 4)
+    >>> found = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
     >>> found.eigenvalues.shape, bool((found.eigenvalues > 0).all())
     ((4,), True)
     """
