@@ -9,8 +9,8 @@ import numpy as np
 from riemhuman.checks import real_array
 from riemhuman.descriptors.kernel_signature import KernelSignature
 from riemhuman.descriptors.pooling import area_histograms
-from riemhuman.surfaces.spectra import Spectrum
 from riemhuman.errors import ArgumentError
+from riemhuman.surfaces.spectra import Spectrum
 
 _POOLINGS = ("histogram", "mean", "vertex mean")
 _TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())

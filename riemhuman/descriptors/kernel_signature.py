@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.descriptors.descriptor import pairwise
-from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
 from riemhuman.descriptors.spectral_descriptor import SpectralDescriptor
+from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
 
 _NORMALIZATIONS = ("none", "area")
 

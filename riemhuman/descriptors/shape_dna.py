@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from riemhuman.checks import one_of, whole_number
-from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum
 from riemhuman.descriptors.spectral_descriptor import SpectralDescriptor
+from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum
 
 _NORMALIZATIONS = ("none", "area", "first")
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of
-from riemhuman.surfaces.spectra import Spectrum, spectrum
 from riemhuman.errors import RiemhumanError
 from riemhuman.progress import ProgressBar
+from riemhuman.surfaces.spectra import Spectrum, spectrum
 
 
 class SpectralDescriptor(Descriptor):

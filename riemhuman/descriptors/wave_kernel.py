@@ -9,8 +9,8 @@ import numpy as np
 from riemhuman.checks import real_array, real_number
 from riemhuman.descriptors.kernel_signature import KernelSignature
 from riemhuman.descriptors.pooling import area_histograms
-from riemhuman.surfaces.spectra import Spectrum
 from riemhuman.errors import ArgumentError
+from riemhuman.surfaces.spectra import Spectrum
 
 _POOLINGS = ("histogram", "vertex mean")
 _ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())

@@ -20,7 +20,6 @@ from scipy.spatial.distance import pdist
 from scipy.stats import spearmanr
 
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.surfaces.spectra import spectrum
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.learned.build_weights import WEIGHTS
@@ -30,6 +29,7 @@ from riemhuman.learned.metric_codes import MetricCodes
 from riemhuman.learned.shape_pose_codes import ShapePoseCodes
 from riemhuman.learned.training_bodies import random_bodies
 from riemhuman.surfaces.procrustes import procrustes
+from riemhuman.surfaces.spectra import spectrum
 
 UNSEEN = 1000
 """Seed of random people and poses that no network was trained on."""

@@ -12,7 +12,6 @@ import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.surfaces.spectra import spectrum
 from riemhuman.errors import ArgumentError
 from riemhuman.learned.codes import PairedCodes, checked_template
 from riemhuman.learned.networks import in_single_precision, network
@@ -25,6 +24,7 @@ from riemhuman.learned.point_clouds import (
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.surfaces.spectra import spectrum
 from riemhuman.surfaces.template import Template
 
 # Errors with loss one: of a point, in metres, and of the logarithm of an eigenvalue.

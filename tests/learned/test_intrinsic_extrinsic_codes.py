@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_model
-from riemhuman.surfaces import spectrum
 from riemhuman.errors import ArgumentError
 from riemhuman.learned import CodeDescriptor, IntrinsicExtrinsicCodes
 from riemhuman.learned.evaluate import UnseenBodies, mean_error
+from riemhuman.surfaces import spectrum
 
 
 @pytest.fixture(scope="module")

@@ -13,13 +13,13 @@ from descriptor_meshes import (
 )
 from scipy.sparse.linalg import eigsh
 
-from riemhuman.surfaces import spectrum
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
     DegenerateSurfaceError,
     MissingDependencyError,
 )
+from riemhuman.surfaces import spectrum
 
 LAPLACIANS = ["cotangent", "robust"]
 
