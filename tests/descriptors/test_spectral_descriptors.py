@@ -18,10 +18,10 @@ from riemhuman.descriptors import (
     HeatKernelSignature,
     ShapeDNA,
     WaveKernelSignature,
-    spectrum,
 )
 from riemhuman.descriptors.pooling import area_histograms
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
+from riemhuman.surfaces import spectrum
 
 TIMES = (0.05, 0.1, 0.5)
 ENERGIES = (4.0, 4.5, 5.0, 5.5)
