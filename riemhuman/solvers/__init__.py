@@ -1,6 +1,5 @@
 """Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means."""
 
-from riemhuman.solvers.basis_mean import BasisMean
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.comparison import (
     PathComparison,
@@ -8,15 +7,13 @@ from riemhuman.solvers.comparison import (
     compare_paths,
     measure_path,
 )
-from riemhuman.solvers.discrete_exponential import DiscreteExponential, ExponentialResult
-from riemhuman.solvers.discrete_logarithm import DiscreteLogarithm, LogarithmResult
-from riemhuman.solvers.disentangling import Disentangling, DisentanglingResult
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
-from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
+from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.manifold_checks import check_manifold
+from riemhuman.solvers.means import BasisMean, GradientDescentMean, StreamingMean, StreamingMedian
 from riemhuman.solvers.metric_checks import check_metric
 from riemhuman.solvers.model_path import ModelParameters, ModelPath
-from riemhuman.solvers.motion_transfer import MotionTransfer, ShapeTransfer
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_distances import PathDistances, path_distances
 from riemhuman.solvers.path_straightening import PathStraightening
@@ -25,7 +22,12 @@ from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
 from riemhuman.solvers.results import MeanResult, PathResult, Result
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath
 from riemhuman.solvers.solver_checks import check_solver
-from riemhuman.solvers.streaming_mean import StreamingMean, StreamingMedian
+from riemhuman.solvers.transfer import (
+    Disentangling,
+    DisentanglingResult,
+    MotionTransfer,
+    ShapeTransfer,
+)
 
 __all__ = [
     "BasisMean",

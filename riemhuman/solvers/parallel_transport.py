@@ -15,7 +15,7 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import GeodesicSolver, TransportSolver, uninterrupted
-from riemhuman.solvers.middle_equation import MiddleEquation, Triple
+from riemhuman.solvers._geodesic_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged
 from riemhuman.solvers.rounding import rounding_energy
 from riemhuman.solvers.simple_paths import check_end_points
@@ -232,7 +232,7 @@ class PoleLadder(_Ladder):
     error is of second order in the length of the segments (Guigui and Pennec, "Numerical accuracy
     of ladder schemes for parallel transport on manifolds", Foundations of Computational Mathematics
     22, 2022). On metrics without closed-form geodesics each side of a rung is one discrete segment,
-    see `riemhuman.solvers.middle_equation`.
+    see `riemhuman.solvers._geodesic_equation`.
 
     Examples
     --------

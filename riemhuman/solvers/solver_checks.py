@@ -15,7 +15,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of, real_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.solvers.property_checks import PropertyReport, difference, excess, property_report
 
 # Short vectors, as a share of the distance of the points, and how far first-order results are off.

@@ -1,7 +1,7 @@
 """Statistics on manifolds: principal components, regression, clusters, tests, fitted metrics."""
 
+from riemhuman.solvers.means import FrechetMean, GeometricMedian
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
-from riemhuman.statistics.frechet_mean import FrechetMean, GeometricMedian
 from riemhuman.statistics.geodesic_regression import GeodesicRegression
 from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.metric_weights import MetricWeights

@@ -12,7 +12,7 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PulledBackMetric, uninterrupted
-from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.solvers.means import GradientDescentMean
 from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.nearest_surface import NearestSurface
 

@@ -15,7 +15,7 @@ from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import MetricWithCompanion, PulledBackMetric
-from riemhuman.solvers.dispersion import check_weights
+from riemhuman.solvers._dispersion import check_weights
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor, spatial_factor

@@ -16,7 +16,7 @@ from performances import basis, bodies
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import BasisMean, StreamingMean, StreamingMedian
-from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.statistics import GeometricMedian
 
 

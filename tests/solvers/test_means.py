@@ -1,5 +1,7 @@
 """Fréchet means and medians: below every alternative, whatever the order and the start."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 
 import autograd.numpy as anp
@@ -12,8 +14,10 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import (
     ArgumentError,
     ConvergenceWarning,
+    DegenerateSurfaceError,
     NotDefinedError,
     OutsideManifoldError,
+    UnseenLengthsWarning,
 )
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -21,17 +25,21 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold
+from riemhuman.geometry.rotation_metric import RotationMetric
 from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
 from riemhuman.solvers import (
     BasisMean,
     DiscreteExponential,
     DiscreteLogarithm,
     GradientDescentMean,
+    StreamingMean,
+    StreamingMedian,
+    means,
 )
-from riemhuman.solvers.basis_mean import STARTS
-from riemhuman.solvers.dispersion import Dispersion, check_weights
+from riemhuman.solvers._dispersion import AreaCheck, Dispersion, MeanDistance, check_weights
+from riemhuman.solvers.means import STARTS, default_mean_solver
 from riemhuman.statistics import FrechetMean, GeometricMedian
-from riemhuman.statistics.frechet_mean import default_mean_solver
+from riemhuman.surfaces.distortion import edge_lengths
 
 
 @dataclass(frozen=True)
@@ -650,3 +658,229 @@ def test_mean_of_a_body_and_itself_turned_by_half_a_turn(weights, start):
     result = BasisMean(start=start, tolerance=1e-3).solve(metric, points)
     assert metric.space.belongs(result.point)
     assert result.variances[-1] <= result.variances[0]
+
+
+POINTS = load_open_bodies("coarse").points[:20:2]
+WEIGHTS = np.array([1.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 1.0])
+
+
+class Reader:
+    """Slices of points, and how many were read at once."""
+
+    def __init__(self, points):
+        self.points, self.largest = points, 0
+
+    def __len__(self):
+        return len(self.points)
+
+    def __getitem__(self, some):
+        found = self.points[some]
+        self.largest = max(self.largest, len(found))
+        return found
+
+
+@pytest.mark.parametrize("lengths", [(1.0, 1.0, 0.1), (0.0, 0.0, 1.0)])
+@pytest.mark.parametrize("weights", [None, WEIGHTS])
+def test_the_mean_is_that_of_the_points_in_memory(lengths, weights):
+    metric, basis = ElasticMetric(bodies.space(), *lengths), bodies.basis(20)
+    reader = Reader(POINTS)
+    streaming = StreamingMean(basis, with_differences=False, sample_size=3, batch_size=4)
+    found = streaming.solve(metric, reader, weights)
+    origin = found.point
+    whole = BasisMean(basis, with_differences=False, tolerance=1e-9).solve(
+        metric, POINTS, weights, initial_point=origin
+    )
+    assert found.converged
+    assert reader.largest == 4
+    assert found.variance == pytest.approx(Dispersion(metric, POINTS, weights).value(found.point))
+    assert found.variance <= whole.variance * (1 + 2e-5)
+
+
+def test_a_better_mean_than_that_of_the_sample():
+    metric, basis = ElasticMetric(bodies.space(), 1.0, 1.0, 0.1), bodies.basis(20)
+    sample = BasisMean(basis).solve(metric, POINTS[[0, 9]])
+    found = StreamingMean(basis, sample_size=2, batch_size=3).solve(metric, POINTS)
+    assert found.variance < 0.99 * Dispersion(metric, POINTS).value(sample.point)
+
+
+@pytest.mark.parametrize(
+    ("weights", "size", "chosen"),
+    [(None, 4, [0, 3, 6, 9]), (None, 99, range(10)), (WEIGHTS, 3, [0, 3, 9])],
+    ids=str,
+)
+def test_the_sample_is_evenly_spaced_among_points_that_have_a_weight(weights, size, chosen):
+    sample = means._Sample(Reader(POINTS), weights, size)
+    np.testing.assert_array_equal(sample.points, POINTS[list(chosen)])
+    np.testing.assert_array_equal(sample.weights, sample.all_weights[list(chosen)])
+
+
+def test_arrays_mapped_from_files_serve(tmp_path):
+    np.save(tmp_path / "bodies.npy", POINTS)
+    mapped = np.load(tmp_path / "bodies.npy", mmap_mode="r")
+    space = bodies.space()
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=0.1)
+    solver = StreamingMean(sample_size=5, batch_size=4)
+    mean = FrechetMean(space, solver=solver).fit(mapped)
+    assert mean.variance_ == pytest.approx(solver.solve(space.metric, POINTS).variance)
+
+
+@pytest.mark.parametrize("setting", ["sample_size", "batch_size"])
+def test_settings_are_checked(setting):
+    with pytest.raises(ArgumentError, match=setting):
+        StreamingMean(**{setting: 0})
+
+
+@pytest.mark.parametrize("solver", [StreamingMean, StreamingMedian])
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        (lambda body: np.nan * body, ArgumentError, "NaN"),
+        (lambda body: 1000.0 * body, ArgumentError, r"points\[2\].*millimetres"),
+        (lambda body: 0.0 * body, DegenerateSurfaceError, r"item \(2,\)"),
+    ],
+)
+def test_a_wrong_body_is_named_by_its_batch(solver, change, error, message):
+    points = POINTS.copy()
+    points[6] = change(points[6])
+    metric = ElasticMetric(bodies.space(), 1.0, 1.0, 0.1)
+    with pytest.raises(error, match=r"^points\[4:8\]: .*" + message):
+        solver(sample_size=2, batch_size=4).solve(metric, points)
+
+
+def test_no_points():
+    with pytest.raises(ArgumentError, match="at least one point"):
+        StreamingMean().solve(ElasticMetric(bodies.space()), POINTS[:0])
+
+
+POINTS = load_open_bodies("coarse").points[:20:2]
+WEIGHTS = np.array([1.0, 0.0, 2.0, 1.0, 0.0, 0.0, 0.0, 3.0, 1.0, 1.0])
+
+
+def equipped_by(lengths=(1.0, 1.0, 0.1)):
+    space = bodies.space()
+    space.equip_with_metric(ElasticMetric, **dict(zip(("a", "lam", "c"), lengths, strict=True)))
+    return space
+
+
+def mean_distance(metric, weights, point):
+    return np.average(np.sqrt(Dispersion(metric, POINTS).squared_dists(point)), weights=weights)
+
+
+@pytest.mark.parametrize("weights", [None, WEIGHTS])
+def test_the_mean_distance_is_that_of_weiszfelds_median(weights):
+    space, basis = equipped_by(), bodies.basis(10)
+    solver = StreamingMedian(basis, with_differences=False, sample_size=4, batch_size=4)
+    found = GeometricMedian(space, solver=solver).fit(POINTS, weights=weights)
+    solver = BasisMean(basis, with_differences=False)
+    # The same family of points: that of the streamed median.
+    family = FromPoint(solver, found.estimate_)
+    best = GeometricMedian(space, solver=family, tolerance=1e-7).fit(POINTS, weights=weights)
+    reached = mean_distance(space.metric, weights, found.estimate_)
+    assert found.result_.converged
+    assert found.result_.variances[-1] == pytest.approx(reached, rel=1e-6)
+    assert reached <= mean_distance(space.metric, weights, best.estimate_) * (1 + 2e-6)
+    mean = family.solve(space.metric, POINTS, weights).point
+    assert reached < mean_distance(space.metric, weights, mean)
+
+
+class FromPoint:
+    """A mean solver that searches from one point, whatever it is asked to start from."""
+
+    def __init__(self, solver, point):
+        self.solver, self.point = solver, point
+
+    def solve(self, metric, points, weights=None, initial_point=None):
+        return self.solver.solve(metric, points, weights, self.point)
+
+
+def test_one_body_far_away_hardly_moves_it():
+    space, basis = equipped_by((1.0, 1.0, 1.0)), bodies.basis(10)
+    near, far = POINTS[:5], load_open_bodies("coarse").points[97]
+    solver = StreamingMedian(basis, batch_size=3)
+    with_it = np.concatenate([near, 3.0 * far[None]])
+    moved = []
+    for one in (solver, BasisMean(basis)):
+        centers = [one.solve(space.metric, points).point for points in (near, with_it)]
+        moved.append(float(space.metric.dist(*centers)))
+    assert moved[0] < 0.3 * moved[1]
+
+
+def test_the_gradient_of_the_mean_distance():
+    metric, rng = equipped_by().metric, np.random.default_rng(0)
+    functional = MeanDistance(metric, POINTS, WEIGHTS, smoothing=1e-3)
+    direction = 1e-3 * rng.standard_normal(POINTS[0].shape)
+    value, gradient = functional.value_and_gradient(POINTS[0])
+    assert value == pytest.approx(functional.value(POINTS[0]), rel=1e-12)
+    errors = [
+        functional.value(POINTS[0] + step * direction) - value - step * np.sum(gradient * direction)
+        for step in (1e-3, 1e-4)
+    ]
+    assert abs(errors[1]) < 0.02 * abs(errors[0])
+
+
+def test_the_curvature_of_the_mean_distance_is_one_over_it():
+    functional = MeanDistance(equipped_by().metric, POINTS, WEIGHTS, smoothing=1e-3)
+    value = functional.value(POINTS[1])
+    assert functional.curvature(value) == pytest.approx(1.0 / value, rel=1e-12)
+
+
+def test_points_that_coincide():
+    metric = equipped_by().metric
+    result = StreamingMedian().solve(metric, np.stack([POINTS[0]] * 3))
+    assert result.converged
+    assert result.variance < 1e-12
+
+
+def edge_range(companion_weight, weights=None):
+    """Return how far edges of a pose mean leave the range of the ten poses, as ratios."""
+    data = load_open_bodies("coarse")
+    points, metric = data.points[:10], ElasticMetric(bodies.space(), 0.0, 0.0, 1.0)
+    solver = BasisMean(bodies.basis(), companion_weight=companion_weight, max_iter=200)
+    found = solver.solve(metric, points)
+    assert found.variance == pytest.approx(Dispersion(metric, points).value(found.point))
+    edges = data.template.edges
+    given, own = edge_lengths(points, edges), edge_lengths(found.point, edges)
+    return (own / given.min(axis=0)).min(), (own / given.max(axis=0)).max()
+
+
+def test_arms_of_a_pose_mean_are_no_rubber():
+    shortest, longest = edge_range(1.0)
+    assert shortest > 0.8
+    assert longest < 1.15
+
+
+def test_a_metric_of_normals_alone_sees_no_lengths():
+    with pytest.warns(UnseenLengthsWarning, match=r"c=1.0\) does not see the lengths of edges"):
+        shortest, _ = edge_range(0.0)
+    assert shortest < 0.75
+
+
+def test_a_mean_by_rotations_alone_warns_too():
+    points = load_open_bodies("coarse").points[:2]
+    with pytest.warns(UnseenLengthsWarning, match=r"RotationMetric"):
+        BasisMean(tolerance=0.5).solve(RotationMetric(bodies.space()), points)
+
+
+def test_triangles_that_shrink_away_are_said():
+    """Of fifteen unlike bodies under the space's own metric, whose λ is 1e-4."""
+    points = load_open_bodies("coarse").points[::7]
+    metric = ElasticMetric(bodies.space(), 1.0, 1e-4, 0.0)
+    seen = []
+    solver = BasisMean(bodies.basis(), callback=lambda *state: seen.append(state))
+    with pytest.raises(DegenerateSurfaceError, match=r"use lam = 1, or a medoid"):
+        solver.solve(metric, points)
+    assert len(seen) < 10
+
+
+def test_a_triangle_has_collapsed_below_a_hundredth_of_its_median_area():
+    space = AlignedSurfaces(triangle_template(), equip=False)
+    flat = space.template.vertices
+    check = AreaCheck(space, np.stack([flat, 2.0 * flat, 3.0 * flat]))
+    check.refuse_collapse(0.2 * np.sqrt(1.02) * flat)
+    with pytest.raises(DegenerateSurfaceError, match="1 of 1 triangles"):
+        check.refuse_collapse(0.2 * np.sqrt(0.98) * flat)
+
+
+def test_bad_input():
+    with pytest.raises(ArgumentError, match="companion_weight must be"):
+        BasisMean(companion_weight=-1.0)

@@ -7,7 +7,7 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import OutsideManifoldError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.statistics.image_spaces import image_space
 
 

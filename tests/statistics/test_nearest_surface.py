@@ -10,7 +10,7 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.solvers import BasisMean
-from riemhuman.solvers.dispersion import Dispersion
+from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.statistics import NearestSurface
 from riemhuman.surfaces import DeformationBasis
 

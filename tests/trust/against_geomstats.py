@@ -36,7 +36,7 @@ from geomstats.numerics.path import UniformlySampledPathEnergy
 
 import riemhuman as rh
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.solvers.gradient_descent_mean import GradientDescentMean
+from riemhuman.solvers.means import GradientDescentMean
 from riemhuman.statistics import HierarchicalClustering, KMedoids
 from riemhuman.statistics import TangentPCA as OurTangentPCA
 from riemhuman.terms import ebin_matrices

@@ -24,9 +24,9 @@ from riemhuman.solvers import (
     DiscreteExponential,
     DiscreteLogarithm,
     LinearPath,
-    discrete_logarithm,
+    logarithm,
 )
-from riemhuman.solvers.middle_equation import MiddleEquation
+from riemhuman.solvers._geodesic_equation import MiddleEquation
 from riemhuman.solvers.results import PathResult
 from riemhuman.surfaces import DeformationBasis
 
@@ -314,7 +314,7 @@ def test_the_path_is_sought_from_what_the_basis_has_of_the_first(monkeypatch, co
             sought.append(initial_path)
             return PathResult(first, 1.0, np.ones(1))
 
-    monkeypatch.setattr(discrete_logarithm, "BasisPath", Scripted)
+    monkeypatch.setattr(logarithm, "BasisPath", Scripted)
     with pytest.warns(ConvergenceWarning, match="the velocity has norm"):
         DiscreteLogarithm(basis, n_steps=3).solve(case.metric, end, start)
     joined = basis.joined((end - start)[None])

@@ -1,8 +1,12 @@
 """The discrete exponential: its order, what it conserves, how it stops."""
 
+from __future__ import annotations
+
+import autograd.numpy as anp
 import bodies_in_motion as bodies
 import numpy as np
 import pytest
+from autograd import grad
 from cases import (
     CASES,
     HalfPlane,
@@ -11,6 +15,7 @@ from cases import (
     deformations,
     name_of,
     sphere_template,
+    surfaces,
 )
 
 from riemhuman.errors import (
@@ -23,8 +28,12 @@ from riemhuman.errors import (
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm, discrete_exponential
-from riemhuman.solvers.middle_equation import Triple
+from riemhuman.solvers import (
+    DiscreteExponential,
+    DiscreteLogarithm,
+    exponential,
+)
+from riemhuman.solvers._geodesic_equation import Triple
 from riemhuman.surfaces import DeformationBasis
 
 # The product's blocks are not seen by the preconditioner of all coordinates; a weight of 0 leaves
@@ -114,9 +123,9 @@ class Scripted:
 def test_steps_are_halved_as_often_as_is_asked_for(monkeypatch, n_doublings):
     case = CASES["all sphere"]
     monkeypatch.setattr(
-        discrete_exponential, "MiddleEquation", lambda *settings: Scripted([0.99] * 12, [0.0] * 12)
+        exponential, "MiddleEquation", lambda *settings: Scripted([0.99] * 12, [0.0] * 12)
     )
-    monkeypatch.setattr(discrete_exponential, "turns_far", lambda metric, points: True)
+    monkeypatch.setattr(exponential, "turns_far", lambda metric, points: True)
     solver = DiscreteExponential(n_steps=3, n_doublings=n_doublings)
     result = solver.solve(case.metric, np.ones(case.space.shape), case.points[0])
     assert len(result.path) == 3 * 2**n_doublings + 1
@@ -138,9 +147,7 @@ def test_steps_are_halved_as_often_as_is_asked_for(monkeypatch, n_doublings):
 )
 def test_what_becomes_of_a_step(monkeypatch, factors, errors, message):
     case = CASES["all sphere"]
-    monkeypatch.setattr(
-        discrete_exponential, "MiddleEquation", lambda *settings: Scripted(factors, errors)
-    )
+    monkeypatch.setattr(exponential, "MiddleEquation", lambda *settings: Scripted(factors, errors))
     solver, velocity = DiscreteExponential(n_steps=3, n_doublings=0), np.ones(case.space.shape)
     if message == "all steps were made":
         result = solver.solve(case.metric, velocity, case.points[0])
@@ -445,3 +452,77 @@ def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     inside *= np.abs(outside).max() / np.abs(inside).max()
     assert basis.joined((size * (inside + 0.9e-9 * outside))[None]) is basis
     assert basis.joined((size * (inside + 1.5e-9 * outside))[None]) is not basis
+
+
+TEMPLATE = sphere_template(0)
+SOLVER = DiscreteExponential(n_steps=2, tolerance=1e-12)
+
+
+def metric_with(solver):
+    return ElasticMetric(AlignedSurfaces(TEMPLATE, equip=False), 1.0, 1.0, 1.0, exp_solver=solver)
+
+
+METRIC = metric_with(SOLVER)
+START, OTHER = surfaces(TEMPLATE, 2, rng=3)
+VELOCITIES = 0.1 * deformations(TEMPLATE, 2, rng=1)
+
+
+def test_derivatives_by_velocities_and_start():
+    """Of two geodesics from one point, so that what they add up to is tried as well."""
+
+    def objective(parameters):
+        reached = METRIC.exp(parameters[1:], parameters[0])
+        return anp.sum(METRIC.squared_dist(reached, OTHER) * np.array([1.0, 2.0]))
+
+    parameters = np.concatenate([START[None], VELOCITIES])
+    slopes = grad(objective)(parameters)
+    rng = np.random.default_rng(0)
+    for part in ([1.0, 0.0, 0.0], [0.0, 1.0, 1.0]):
+        step = 1e-4 * rng.normal(size=parameters.shape) * np.array(part)[:, None, None]
+        difference = 0.5 * (objective(parameters + step) - objective(parameters - step))
+        assert np.sum(slopes * step) == pytest.approx(difference, rel=1e-5)
+
+
+def test_derivatives_by_every_point_of_the_path():
+    path = SOLVER.solve(METRIC, VELOCITIES[0], START).path
+    rng = np.random.default_rng(1)
+    # Of differences between points, for translations are not determined.
+    covectors = rng.normal(size=path.shape)
+    covectors -= covectors.mean(axis=1, keepdims=True)
+    by_velocity, _ = SOLVER.derivatives(METRIC, path, VELOCITIES[0], covectors)
+    step = 1e-4 * rng.normal(size=START.shape)
+    paths = [SOLVER.solve(METRIC, VELOCITIES[0] + s * step, START).path for s in (0.5, -0.5)]
+    assert np.sum(by_velocity * step) == pytest.approx(
+        np.sum(covectors * (paths[0] - paths[1])), rel=1e-4
+    )
+
+
+def test_unsolved_equations_are_said(monkeypatch):
+    monkeypatch.setattr(exponential, "_MAX_ITER", 1)
+    path = SOLVER.solve(METRIC, VELOCITIES[0], START).path
+    with pytest.warns(ConvergenceWarning, match="derivative of the exponential is not exact"):
+        SOLVER.derivatives(METRIC, path, VELOCITIES[0], np.ones_like(path) * START)
+
+
+def test_where_there_are_no_derivatives():
+    basis = DeformationBasis(deformations(TEMPLATE, 3, rng=2), orthonormalize=True)
+    metric = metric_with(DiscreteExponential(basis, n_steps=2))
+    with pytest.raises(NotDefinedError, match=r"DiscreteExponential\(\) without a basis"):
+        grad(lambda v: anp.sum(metric.exp(v, START)))(VELOCITIES[0])
+    plane = CASES["half-plane, distance"]
+    with pytest.raises(NotDefinedError, match="those of surfaces"):
+        SOLVER.derivatives(plane.metric, plane.points[:2], plane.points[0], plane.points[:2])
+
+
+def test_solvers_of_others_have_none():
+    class Straight:
+        def solve(self, metric, tangent_vec, base_point):
+            class Found:
+                end = base_point + tangent_vec
+
+            return Found
+
+    metric = metric_with(Straight())
+    assert np.array_equal(metric.exp(VELOCITIES, START), START + VELOCITIES)
+    with pytest.raises(NotDefinedError, match="Straight has no derivatives of exp"):
+        grad(lambda v: anp.sum(metric.exp(v, START)))(VELOCITIES[0])

@@ -12,8 +12,8 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.drift import steady_path
 from riemhuman.protocols import GeodesicSolver, MetricOfSurfaces, was_interrupted
+from riemhuman.solvers._geodesic_equation import MiddleEquation, degeneration, turns_far
 from riemhuman.solvers.basis_path import BasisPath
-from riemhuman.solvers.middle_equation import MiddleEquation, degeneration, turns_far
 from riemhuman.solvers.path_straightening import PathStraightening, refined_path
 from riemhuman.solvers.results import (
     PathResult,
