@@ -1,6 +1,6 @@
-"""Checks on arguments: each says which argument was wrong, what was found and what was expected.
+"""Checks of arguments; errors name the argument, what was found and what was expected.
 
-Arrays traced by autograd pass through unchanged: their values are checked, the tape is kept.
+Arrays traced by autograd pass through unchanged, so that derivatives are kept.
 """
 
 from __future__ import annotations
@@ -23,25 +23,7 @@ _SHORTEST_LENGTH = 1e-60
 
 
 def values_of(array: Any, name: str = "array") -> np.ndarray:
-    """Return the plain NumPy values of an array, traced by autograd or not.
-
-    Parameters
-    ----------
-    array : array_like, shape (...)
-        An array or an autograd box.
-    name : str
-        Name of the argument, for messages.
-
-    Returns
-    -------
-    array, shape (...)
-
-    Raises
-    ------
-    ArgumentTypeError
-        If it is made of parts of different shapes, or has masked entries: as plain numbers they
-        would count.
-    """
+    """Return the plain NumPy values of an array, traced by autograd or not."""
     while array is not (value := getval(array)):
         array = value
     masked = 0
@@ -72,35 +54,9 @@ def real_array(
 ) -> Any:
     """Return `array` as a float64 array after checking its shape and finiteness.
 
-    Parameters
-    ----------
-    array : array_like
-        The argument; an autograd box is returned as it is.
-    name : str
-        Name of the argument, for messages.
-    shape : sequence of int or str, optional
-        Expected trailing shape. A string stands for any length and is used in messages,
-        as in ``("n_points", 3)``. By default any shape will do.
-    batched : bool
-        Whether any number of leading axes may precede `shape`.
-    finite : bool
-        Whether NaN and infinite entries are refused.
-    rows : bool
-        Whether rows of as many numbers as a `shape` of integers holds will do, too.
-    lengths : bool
-        Whether areas of these vertices, shape (..., V, 3), must stay within double precision.
-
-    Returns
-    -------
-    array : array, shape (..., *shape)
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the argument does not convert to real numbers.
-    ArgumentError
-        If its shape is wrong or it holds NaN or infinite entries; or if the largest coordinate of
-        a surface is above 1e60, or below 1e-60 and not 0.
+    `shape` is the expected trailing shape, in which a string stands for any length; with `batched`,
+    leading axes may precede it. `rows` also accepts rows that hold a whole point each. `lengths`
+    checks that areas of these vertices, shape (..., V, 3), stay within double precision.
     """
     values = array if type(array) is np.ndarray else values_of(array, name)
     if values.dtype.kind not in "fiub":
@@ -109,7 +65,7 @@ def real_array(
         )
     if shape is not None and not (batched and values.shape[-len(shape) :] == tuple(shape)):
         if rows:
-            array = unflattened(array if hasattr(array, "_trace") else values, shape)
+            array = unflatten(array if hasattr(array, "_trace") else values, shape)
             values = values_of(array)
         check_shape(values, name, shape, batched=batched)
     if finite and not np.isfinite(values).all():
@@ -132,20 +88,8 @@ def real_array(
     return array if hasattr(array, "_trace") else values
 
 
-def unflattened(array: Any, shape: Sequence[Any]) -> Any:
-    r"""Return rows of numbers as points, and every other array as it is.
-
-    Parameters
-    ----------
-    array : array, shape (..., \*shape) or (..., n)
-        Points, or rows of as many numbers as a point has; or an autograd box.
-    shape : sequence of int
-        Shape of a point.
-
-    Returns
-    -------
-    array, shape (..., \*shape), or what was given
-    """
+def unflatten(array: Any, shape: Sequence[Any]) -> Any:
+    """Return rows of numbers, shape (..., n), as points; return any other array unchanged."""
     given, size = np.shape(array), math.prod(shape)
     if given[-len(shape) :] == tuple(shape) or given[-1:] != (size,) or size == shape[-1]:
         return array
@@ -155,24 +99,7 @@ def unflattened(array: Any, shape: Sequence[Any]) -> Any:
 def check_shape(
     values: np.ndarray, name: str, shape: Sequence[int | str], *, batched: bool = True
 ) -> None:
-    """Refuse an array whose trailing shape is not `shape`.
-
-    Parameters
-    ----------
-    values : array
-        The argument.
-    name : str
-        Name of the argument, for messages.
-    shape : sequence of int or str
-        Expected trailing shape; strings stand for any length.
-    batched : bool
-        Whether any number of leading axes may precede `shape`.
-
-    Raises
-    ------
-    ArgumentError
-        If the shape is another.
-    """
+    """Raise an ArgumentError if the trailing shape of an array is not `shape`."""
     fits = values.ndim >= len(shape) if batched else values.ndim == len(shape)
     for expected, found in zip(reversed(shape), reversed(values.shape), strict=False):
         fits = fits and (isinstance(expected, str) or expected == found)
@@ -182,28 +109,7 @@ def check_shape(
 
 
 def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
-    """Return a weight of a metric as a float of at least 0, or above it if `strict`.
-
-    Parameters
-    ----------
-    value : float
-        The argument.
-    name : str
-        Name of the argument, for messages.
-    strict : bool
-        Whether 0 is refused.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the argument does not convert to a real number.
-    ArgumentError
-        If it is NaN, below 0, or above 1e60, where squared distances would overflow.
-    """
+    """Return a weight of a metric as a float of at least 0, or above it if `strict`."""
     number = real_number(value, name, minimum=0.0, strict=strict)
     if number > _LARGEST_WEIGHT:
         raise ArgumentError(f"{name} must be at most {_LARGEST_WEIGHT:g}; found {number:g}")
@@ -211,28 +117,7 @@ def metric_weight(value: Any, name: str, *, strict: bool = False) -> float:
 
 
 def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarray:
-    """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted.
-
-    Parameters
-    ----------
-    array : array_like
-        The argument.
-    name : str
-        Name of the argument, for messages.
-    shape : sequence of int or str
-        Expected shape; strings stand for any length.
-
-    Returns
-    -------
-    array of int64, shape `shape`
-
-    Raises
-    ------
-    ArgumentTypeError
-        If an entry is not a whole number.
-    ArgumentError
-        If the shape is another, or a number needs more than 64 bits.
-    """
+    """Return `array` as int64 of exactly this shape; whole-numbered floats are accepted."""
     values = values_of(array, name)
     if values.dtype.kind not in "iu" and not (
         values.dtype.kind == "f" and np.isfinite(values).all() and (values == values.round()).all()
@@ -250,30 +135,7 @@ def integer_array(array: Any, name: str, shape: Sequence[int | str]) -> np.ndarr
 
 
 def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool = False) -> float:
-    """Return `value` as a finite float that is at least (if `strict`, above) `minimum`.
-
-    Parameters
-    ----------
-    value : float
-        The argument.
-    name : str
-        Name of the argument, for messages.
-    minimum : float
-        Lower bound; by default there is none.
-    strict : bool
-        Whether `minimum` itself is refused.
-
-    Returns
-    -------
-    float
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the argument does not convert to a real number.
-    ArgumentError
-        If it is NaN, infinite or below the bound.
-    """
+    """Return `value` as a finite float that is at least (if `strict`, above) `minimum`."""
     try:
         # Text and moments in time convert to float as well, and arrays of one number did so
         # before NumPy 2.4.
@@ -291,28 +153,7 @@ def real_number(value: Any, name: str, *, minimum: float = -np.inf, strict: bool
 
 
 def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
-    """Return `value` as an int that is at least `minimum`.
-
-    Parameters
-    ----------
-    value : int
-        The argument.
-    name : str
-        Name of the argument, for messages.
-    minimum : int, optional
-        Lower bound; by default there is none.
-
-    Returns
-    -------
-    int
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the argument is not an integer.
-    ArgumentError
-        If it is below the bound.
-    """
+    """Return `value` as an int that is at least `minimum`."""
     try:
         number = operator.index(value)
     except TypeError as error:
@@ -323,27 +164,7 @@ def whole_number(value: Any, name: str, *, minimum: int | None = None) -> int:
 
 
 def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
-    """Return `value` if it is one of `choices`.
-
-    Parameters
-    ----------
-    value : object
-        The argument.
-    name : str
-        Name of the argument, for messages.
-    choices : sequence
-        What it may be.
-
-    Returns
-    -------
-    object
-        The argument itself.
-
-    Raises
-    ------
-    ArgumentError
-        If it is none of them.
-    """
+    """Return `value`, or raise an ArgumentError if it is not one of `choices`."""
     if value not in choices:
         listed = ", ".join(repr(choice) for choice in choices)
         raise ArgumentError(f"{name} must be one of {listed}; found {_shown(value)}")
@@ -351,24 +172,7 @@ def one_of(value: Any, name: str, choices: Sequence[Any]) -> Any:
 
 
 def generator(rng: Rng) -> np.random.Generator:
-    """Return a NumPy generator: the one given, or a new one, with a seed if one is given.
-
-    Parameters
-    ----------
-    rng : int or numpy.random.Generator, optional
-        Seed of at least 0, or a generator; by default a new one that is seeded by the system.
-
-    Returns
-    -------
-    numpy.random.Generator
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the argument is neither an integer nor a generator nor None.
-    ArgumentError
-        If the seed is negative.
-    """
+    """Return a NumPy generator: the one given, or a new one, with a seed if one is given."""
     if isinstance(rng, np.random.Generator):
         return rng
     if rng is None:
@@ -377,7 +181,7 @@ def generator(rng: Rng) -> np.random.Generator:
 
 
 def _shown(value: Any) -> str:
-    """Return what an argument looks like; one from a file may be of any length."""
+    """Return the text of an argument, cut short, since one from a file may be of any length."""
     text = repr(value)
     return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
 

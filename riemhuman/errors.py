@@ -59,7 +59,7 @@ class MissingDependencyError(RiemhumanError, ImportError):
 
 
 class ConvergenceWarning(UserWarning):
-    """A solver stopped before it converged; its result tells why.
+    """A solver stopped before it converged; the message of its result says why.
 
     Examples
     --------
@@ -73,11 +73,11 @@ class DamagedFileWarning(UserWarning):
     """A file is damaged; its content is computed again."""
 
 
-class UnseenLengthsWarning(UserWarning):
+class StretchInvarianceWarning(UserWarning):
     """A mean is computed with a metric that ignores the edge lengths of surfaces."""
 
 
-class UnseenSlidesWarning(UserWarning):
+class ReparametrizationInvarianceWarning(UserWarning):
     """A path over all vertices is searched with a metric that ignores motions along surfaces."""
 
 
@@ -86,15 +86,7 @@ class ClusterError(RiemhumanError, RuntimeError):
 
 
 def warn(message: str, category: type[Warning]) -> None:
-    """Issue a warning that points at the line outside the library which led to it.
-
-    Parameters
-    ----------
-    message : str
-        The text.
-    category : type
-        Its class.
-    """
+    """Issue a warning that points at the line of the user's code that caused it."""
     frame, level = sys._getframe(), 1
     while frame.f_back and frame.f_globals.get("__name__", "").startswith("riemhuman."):
         frame, level = frame.f_back, level + 1

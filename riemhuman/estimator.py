@@ -8,7 +8,7 @@ from typing import Any, Self
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
-from riemhuman.representation import constructed
+from riemhuman.representation import constructor_text
 
 
 class Estimator(InheritsDocstrings):
@@ -18,17 +18,7 @@ class Estimator(InheritsDocstrings):
     """
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Return the parameters by name.
-
-        Parameters
-        ----------
-        deep : bool
-            Whether to include parameters of parameters, with names such as ``solver__tolerance``.
-
-        Returns
-        -------
-        dict of str to object
-        """
+        """Return the parameters by name."""
         params = {name: getattr(self, name) for name in self._parameter_names()}
         if deep:
             for name, value in list(params.items()):
@@ -38,23 +28,7 @@ class Estimator(InheritsDocstrings):
         return params
 
     def set_params(self, **params: Any) -> Self:
-        """Set parameters by name.
-
-        Parameters
-        ----------
-        **params
-            New values; ``name__inner`` sets a parameter of a parameter.
-
-        Returns
-        -------
-        Estimator
-            The estimator itself.
-
-        Raises
-        ------
-        ArgumentError
-            If a parameter is unknown.
-        """
+        """Set parameters by name."""
         names = self._parameter_names()
         for key, value in params.items():
             name, _, inner = key.partition("__")
@@ -70,7 +44,7 @@ class Estimator(InheritsDocstrings):
         return self
 
     def __repr__(self) -> str:
-        return constructed(self)
+        return constructor_text(self)
 
     def __sklearn_tags__(self) -> Any:
         """Return the tags that tools of scikit-learn read."""

@@ -9,20 +9,7 @@ from riemhuman.errors import MissingDependencyError
 
 
 def import_optional(module: str, extra: str) -> ModuleType:
-    """Import an optional module, or raise an error that names the extra to install.
-
-    Parameters
-    ----------
-    module : str
-        Name of the module.
-    extra : str
-        Extra of riemhuman that installs it.
-
-    Raises
-    ------
-    MissingDependencyError
-        If the module cannot be imported.
-    """
+    """Import an optional module, or raise an error that names the extra to install."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -16,41 +16,28 @@ _LONGEST = 80
 _MISSING = object()
 
 
-def constructed(value: object, leave_out: Sequence[str] = ()) -> str:
+def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
     """Return the call that constructs an object, in one line.
 
     The call contains arguments that the object keeps as attributes of their names, with or without
     an underscore before: all numbers, and other arguments that differ from their defaults.
-
-    Parameters
-    ----------
-    value : object
-        The object.
-    leave_out : sequence of str
-        Names of arguments to leave out.
     """
     shown = []
     for name, parameter in inspect.signature(type(value)).parameters.items():
-        held = getattr(value, name, getattr(value, f"_{name}", _MISSING))
-        if name in leave_out or held is _MISSING:
+        kept = getattr(value, name, getattr(value, f"_{name}", _MISSING))
+        if name in leave_out or kept is _MISSING:
             continue
         # Texts are compared by value, since pickling copies them; other values by identity.
-        is_default = held is parameter.default or (
-            isinstance(held, str) and held == parameter.default
+        is_default = kept is parameter.default or (
+            isinstance(kept, str) and kept == parameter.default
         )
-        if isinstance(held, Number) or not is_default:
-            shown.append(f"{name}={_brief(held)}")
+        if isinstance(kept, Number) or not is_default:
+            shown.append(f"{name}={_brief(kept)}")
     return f"{type(value).__name__}({', '.join(shown)})"
 
 
-def held(value: Any) -> dict[str, str]:
-    """Return the fields of a data class as brief texts: numbers, and the shapes of arrays.
-
-    Parameters
-    ----------
-    value : object
-        An instance of a data class.
-    """
+def field_texts(value: Any) -> dict[str, str]:
+    """Return the fields of a data class as brief texts: numbers, and the shapes of arrays."""
     shown = {}
     for field in dataclasses.fields(value):
         part = getattr(value, field.name)
@@ -63,16 +50,8 @@ def held(value: Any) -> dict[str, str]:
     return shown
 
 
-def listed(names: Sequence[str], most: int = 10) -> str:
-    """Return the first of some names as a list, and the number of the others.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names; the end of a long one is left out.
-    most : int
-        Largest number of names to list.
-    """
+def join_names(names: Sequence[str], most: int = 10) -> str:
+    """Return the first of some names as a list, and the number of the others."""
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(map(_cut, names[:most])) + more
 
@@ -81,7 +60,7 @@ class Record(InheritsDocstrings):
     """Base of data classes that hold arrays, with a one-line representation by shapes."""
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"{name}={text}" for name, text in held(self).items())
+        shown = ", ".join(f"{name}={text}" for name, text in field_texts(self).items())
         return f"{type(self).__name__}({shown})"
 
 

@@ -1,4 +1,4 @@
-"""Units of length: in which unit a body has its size, and whether two surfaces share one."""
+"""Units of length: the likely unit of a body, and whether two surfaces have the same unit."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError
 
-# How many of each make a metre.
+# Units in a metre.
 UNITS = {"metres": 1.0, "centimetres": 100.0, "millimetres": 1000.0, "inches": 39.37}
 
 SCALES = ("template", None)
-"""What surfaces must be of the size of: the template, or nothing."""
+"""Choices of a reference that surfaces must have about the same size as."""
 
 TAKE_ANY_SCALE = "scale=None, on the command line --any-scale, takes them as they are"
-"""What to do where surfaces of any size are meant."""
+"""Advice for users who mean surfaces of any size."""
 
 # Largest extents of human bodies, from infants to men with their arms raised.
 _BODY_METRES = (0.45, 2.8)
@@ -27,24 +27,13 @@ _BODY_RATIO = 1.5
 _N_SAMPLES = 256
 
 
-def body_units(extent: float) -> list[str]:
-    """Return the units in which this extent is the size of a human body.
-
-    Parameters
-    ----------
-    extent : float
-        Largest extent along an axis.
-
-    Returns
-    -------
-    list of str
-        Names out of `UNITS`; empty where it is no body in any of them.
-    """
+def likely_units(extent: float) -> list[str]:
+    """Return the units in which this extent is the size of a human body."""
     low, high = _BODY_METRES
     return [name for name, size in UNITS.items() if low * size <= extent <= high * size]
 
 
-def refuse_other_scale(
+def check_same_scale(
     points: ndarray,
     reference: ndarray,
     name: str,
@@ -53,26 +42,7 @@ def refuse_other_scale(
     error: type[Exception] = ArgumentError,
     remedy: str = TAKE_ANY_SCALE,
 ) -> None:
-    """Refuse surfaces more than eight times as large or as small as a reference.
-
-    Parameters
-    ----------
-    points : array, shape (..., V, 3)
-        Surfaces; those without any extent pass.
-    reference : array, shape (V, 3)
-        A surface with the same vertices in the same order.
-    name, reference_name : str
-        What to call them in the message.
-    error : type
-        Class of the error.
-    remedy : str
-        What to do where both sizes are meant.
-
-    Raises
-    ------
-    ArgumentError
-        Or the class given, naming the first surface, the ratio and the units it may come from.
-    """
+    """Raise an error if a surface, shape (..., V, 3), is over 8 times larger or smaller."""
     # Diagonals of the boxes around some of the vertices, found faster in rows than in columns.
     some = (f[..., :: max(1, f.shape[-2] // _N_SAMPLES), :] for f in (points, reference))
     rows = (np.ascontiguousarray(np.swapaxes(f, -1, -2)) for f in some)
@@ -88,18 +58,21 @@ def refuse_other_scale(
     place = f"{name}[{', '.join(map(str, index))}]" if index else name
     factor, kind = (ratio, "large") if ratio > 1 else (1 / ratio, "small")
     raise error(
-        f"{place} is {factor:.3g} times as {kind} as {reference_name}{_likely_units(ratio)}; bring "
+        f"{place} is {factor:.3g} times as {kind} as {reference_name}{_unit_hint(ratio)}; bring "
         f"both to one unit; {remedy}"
     )
 
 
-def _likely_units(ratio: float) -> str:
-    """Return what units two surfaces may be in that differ by a ratio, or nothing."""
+def _unit_hint(ratio: float) -> str:
+    """Return a text that names the units of two surfaces whose sizes have this ratio, if likely."""
     pairs = {
-        (one, other): UNITS[one] / UNITS[other] for one in UNITS for other in UNITS if one != other
+        (unit, reference): UNITS[unit] / UNITS[reference]
+        for unit in UNITS
+        for reference in UNITS
+        if unit != reference
     }
-    distance = {pair: abs(np.log(ratio / expected)) for pair, expected in pairs.items()}
-    (one, other), least = min(distance.items(), key=lambda item: item[1])
+    distances = {pair: abs(np.log(ratio / expected)) for pair, expected in pairs.items()}
+    (unit, reference), least = min(distances.items(), key=lambda item: item[1])
     if least > np.log(_BODY_RATIO):
         return ""
-    return f", as if one were in {one} and the other in {other}"
+    return f", as if one were in {unit} and the other in {reference}"

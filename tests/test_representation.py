@@ -1,4 +1,4 @@
-"""Every public object shows itself in a line: how it was constructed."""
+"""Every public object shows itself in a line: the call that constructs it."""
 
 import pickle
 
@@ -7,7 +7,7 @@ import pytest
 from cases import CASES, name_of, sphere_template
 
 import riemhuman as rh
-from riemhuman.representation import constructed, listed
+from riemhuman.representation import constructor_text, join_names
 
 
 class Recipe:
@@ -16,11 +16,11 @@ class Recipe:
 
 
 def test_calls_are_shown_without_what_is_as_by_default():
-    assert constructed(Recipe(2.0)) == "Recipe(amount=2.0)"
-    assert constructed(Recipe(np.zeros(2), "soup", len)) == (
+    assert constructor_text(Recipe(2.0)) == "Recipe(amount=2.0)"
+    assert constructor_text(Recipe(np.zeros(2), "soup", len)) == (
         "Recipe(amount=array([0., 0.]), name='soup', how=len)"
     )
-    assert constructed(Recipe(1, "soup"), leave_out=("amount",)) == "Recipe(name='soup')"
+    assert constructor_text(Recipe(1, "soup"), leave_out=("amount",)) == "Recipe(name='soup')"
 
 
 def test_copies_show_themselves_alike():
@@ -29,8 +29,8 @@ def test_copies_show_themselves_alike():
 
 
 def test_long_values_are_cut():
-    assert constructed(Recipe("x" * 1000)) == f"Recipe(amount='{'x' * 76}...)"
-    assert "\n" not in constructed(Recipe(np.zeros((9, 9))))
+    assert constructor_text(Recipe("x" * 1000)) == f"Recipe(amount='{'x' * 76}...)"
+    assert "\n" not in constructor_text(Recipe(np.zeros((9, 9))))
 
 
 @pytest.mark.parametrize("case", CASES.values(), ids=name_of)
@@ -94,5 +94,5 @@ def test_a_descriptor_of_ones_own_shows_itself():
 
 
 def test_a_list_of_names_stays_short_however_many_and_long_they_are():
-    assert listed(["a" * 100, "b", "c"], 2) == "a" * 77 + "..., b and 1 more"
-    assert listed(["a", "b"], 2) == "a, b"
+    assert join_names(["a" * 100, "b", "c"], 2) == "a" * 77 + "..., b and 1 more"
+    assert join_names(["a", "b"], 2) == "a, b"

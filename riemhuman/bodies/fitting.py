@@ -22,7 +22,7 @@ from riemhuman.bodies.skinned_model import SkinnedModel
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.units import refuse_other_scale
+from riemhuman.units import check_same_scale
 
 LOSSES = ("squared", "huber", "geman-mcclure")
 
@@ -129,7 +129,7 @@ def fit_model(
                 else f"correspondence is for {n_points}"
             )
         )
-    refuse_other_scale(
+    check_same_scale(
         surfaces, combine @ model.template.vertices, "points", "the model", remedy=_REMEDY
     )
     fitter = _Fitter(

@@ -11,7 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from riemhuman.errors import ArgumentError
 from riemhuman.surfaces.distortion import signed_volume, triangle_areas
 from riemhuman.surfaces.template import Template
-from riemhuman.units import body_units
+from riemhuman.units import likely_units
 
 
 def mesh_facts(vertices: np.ndarray, faces: np.ndarray) -> dict[str, Any]:
@@ -67,7 +67,7 @@ def _n_degenerate(vertices: np.ndarray, faces: np.ndarray) -> int:
 
 def _unit(extent: float) -> str:
     """Return the units in which a body can have this largest extent."""
-    return " or ".join(body_units(extent)) or "none: no human body has this size"
+    return " or ".join(likely_units(extent)) or "none: no human body has this size"
 
 
 def _template_problem(vertices: np.ndarray, faces: np.ndarray) -> str | None:

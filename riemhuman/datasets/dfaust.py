@@ -21,7 +21,7 @@ from riemhuman.errors import (
     RiemhumanError,
 )
 from riemhuman.optional import import_optional
-from riemhuman.representation import listed
+from riemhuman.representation import join_names
 from riemhuman.storage.array_files import memory_of, room_of
 from riemhuman.storage.file_content import brief, check_file, file_path
 from riemhuman.surfaces.mesh_arrays import face_difference, read_only
@@ -107,7 +107,7 @@ class DynamicFaustMotion(Motion):
         if bad:
             raise FileFormatError(
                 f"{self._path}: NaN or infinite coordinates in frames "
-                f"{listed([str(number) for number in bad])} of {key}"
+                f"{join_names([str(number) for number in bad])} of {key}"
             )
         return frames
 
@@ -312,7 +312,7 @@ def _read_faces(contents: Any, file: Path, expected: np.ndarray | None) -> np.nd
     if _FACES not in names:
         raise FileFormatError(
             f"{file} holds no dataset {_FACES!r} of triangles; found "
-            f"{listed(sorted(names)) or 'nothing'}"
+            f"{join_names(sorted(names)) or 'nothing'}"
         )
     with _damage_named(file, _FACES):
         if not _lies_here(contents, _FACES):

@@ -17,7 +17,7 @@ from riemhuman.datasets.registered_meshes import (
     read_template,
 )
 from riemhuman.errors import FileError
-from riemhuman.representation import listed
+from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
@@ -133,7 +133,7 @@ def _preference(file: Path) -> tuple[int, str]:
 def _refuse_missing(files: dict[int, Path]) -> None:
     missing = sorted(set(range(_N_SUBJECTS * _N_POSES)) - set(files))
     if missing:
-        names = listed([f"tr_reg_{number:03d}" for number in missing], 5)
+        names = join_names([f"tr_reg_{number:03d}" for number in missing], 5)
         folder = next(iter(files.values())).parent
         raise FileError(
             f"{folder}: {len(missing)} of {_N_SUBJECTS * _N_POSES} registrations are missing: "

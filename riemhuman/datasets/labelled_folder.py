@@ -22,7 +22,7 @@ from riemhuman.datasets.registered_meshes import (
     read_template,
 )
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.representation import listed
+from riemhuman.representation import join_names
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.procrustes import procrustes
@@ -232,7 +232,7 @@ def _matched(
     for row in rows:
         candidates = [names[row.file]] if row.file in names else stems.get(row.file, [])
         if len(candidates) > 1:
-            several = listed([file.name for file in candidates], 5)
+            several = join_names([file.name for file in candidates], 5)
             raise FileFormatError(
                 f"{table}, line {row.line}: {row.file[:60]} may be {several}; name one"
             )
@@ -250,9 +250,9 @@ def _matched(
     if not found or ((unknown or unlabelled) and not allow_missing):
         problems = []
         if unlabelled:
-            problems.append(f"meshes without a row: {listed(unlabelled, 5)}")
+            problems.append(f"meshes without a row: {join_names(unlabelled, 5)}")
         if unknown:
-            problems.append(f"rows without a mesh: {listed(unknown, 5)}")
+            problems.append(f"rows without a mesh: {join_names(unknown, 5)}")
         raise FileFormatError(f"{table} does not match the meshes: {'; '.join(problems)}")
     return {file: found[file] for file in files if file in found}
 

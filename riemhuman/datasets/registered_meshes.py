@@ -19,7 +19,7 @@ from riemhuman.surfaces.mesh_arrays import face_difference
 from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.upright import upright
-from riemhuman.units import SCALES, refuse_other_scale
+from riemhuman.units import SCALES, check_same_scale
 
 MESH_ENDINGS = (".ply", ".obj", ".off")
 
@@ -151,7 +151,7 @@ class RegisteredMeshes:
             raise FileFormatError(f"{file} is not registered to {self._reference}: {difference}")
         if self._scale is not None:
             names = str(file), str(self._reference)
-            refuse_other_scale(vertices, self._vertices, *names, error=FileFormatError)
+            check_same_scale(vertices, self._vertices, *names, error=FileFormatError)
         return vertices
 
 
@@ -264,7 +264,7 @@ def check_template(
     if difference:
         raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
     if scale is not None:
-        refuse_other_scale(points, template.vertices, "the mesh", "the template")
+        check_same_scale(points, template.vertices, "the mesh", "the template")
 
 
 def existing_folder(folder: str | os.PathLike[str]) -> Path:

@@ -13,7 +13,7 @@ import numpy as np
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
-from riemhuman.representation import Record, listed
+from riemhuman.representation import Record, join_names
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.mesh_files import load_mesh
@@ -164,7 +164,7 @@ def load_shrec14(
     found = {name: _file_of(name, names, class_file) for name in ids}
     missing = tuple(name for name in ids if found[name] is None)
     if missing and (not allow_missing or len(missing) == len(ids)):
-        names_missing = listed(missing, 20)
+        names_missing = join_names(missing, 20)
         rest = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
         raise FileError(
             f"{root} lacks {len(missing)} of the {len(ids)} meshes that {class_file} lists: "

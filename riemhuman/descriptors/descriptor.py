@@ -14,7 +14,7 @@ from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
-from riemhuman.representation import constructed
+from riemhuman.representation import constructor_text
 
 Mesh = tuple[ArrayLike, ArrayLike]
 
@@ -42,7 +42,7 @@ class Descriptor(InheritsDocstrings, ABC):
     _in_threads = True
 
     def __repr__(self) -> str:
-        return constructed(self)
+        return constructor_text(self)
 
     @abstractmethod
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:

@@ -21,7 +21,7 @@ from riemhuman.errors import (
     NotDefinedError,
     RiemhumanError,
 )
-from riemhuman.representation import Record, listed
+from riemhuman.representation import Record, join_names
 from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.storage.file_content import file_path
 from riemhuman.storage.named_rows import named_rows
@@ -95,7 +95,7 @@ class LatentVectors(Record, Descriptor):
             raise ArgumentError(f"vectors holds no numbers; found shape {vectors.shape}")
         twice = [name for name, count in Counter(ids).items() if count > 1]
         if twice:
-            raise ArgumentError(f"ids must differ; repeated ids: {listed(twice)}")
+            raise ArgumentError(f"ids must differ; repeated ids: {join_names(twice)}")
         object.__setattr__(self, "ids", ids)
         object.__setattr__(self, "vectors", vectors)
 
@@ -181,7 +181,7 @@ class LatentVectors(Record, Descriptor):
         found = self.match(ids)
         if found.missing:
             count = len(found.missing) + len(found.found)
-            unused = f"; vectors without a body: {listed(found.unused)}" if found.unused else ""
+            unused = f"; vectors without a body: {join_names(found.unused)}" if found.unused else ""
             raise ArgumentError(
                 f"{len(found.missing)} of {count} bodies have no vector: "
                 f"{', '.join(found.missing)}{unused}"
@@ -258,7 +258,7 @@ def _read_npz(file: Path) -> tuple[Any, Any]:
     if counts.max(initial=1) > 1:
         raise FileFormatError(
             f"{file}: ids must differ; repeated ids: "
-            f"{listed([str(name) for name in ids[counts > 1]])}"
+            f"{join_names([str(name) for name in ids[counts > 1]])}"
         )
     return arrays["ids"], arrays["vectors"]
 

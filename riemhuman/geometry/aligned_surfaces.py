@@ -18,7 +18,7 @@ from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.kernels.triangles import nearly_degenerate_triangles
 from riemhuman.terms.root_normals import RootNormalTerm
-from riemhuman.units import SCALES, refuse_other_scale
+from riemhuman.units import SCALES, check_same_scale
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
@@ -289,7 +289,7 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
             If one is more than eight times as large or as small as the template.
         """
         if self.scale is not None:
-            refuse_other_scale(values_of(point), self._reference, name, "the template")
+            check_same_scale(values_of(point), self._reference, name, "the template")
 
     def check_immersed(self, f: Any, name: str = "f") -> ndarray:
         f = self.check_tangent_vec(f, name)

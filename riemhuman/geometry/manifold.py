@@ -8,7 +8,7 @@ from typing import Any, Self
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.space import Space
-from riemhuman.representation import constructed
+from riemhuman.representation import constructor_text
 
 
 class Manifold(Space):
@@ -59,7 +59,7 @@ class Manifold(Space):
             self.equip_with_metric()
 
     def __repr__(self) -> str:
-        return constructed(self, leave_out=("equip",))
+        return constructor_text(self, leave_out=("equip",))
 
     def default_metric(self) -> type[RiemannianMetric] | None:
         """Return the class of the metric the manifold comes with, if there is one."""

@@ -20,7 +20,7 @@ from riemhuman.geometry.path_quantities import PathQuantities
 from riemhuman.geometry.space import Space
 from riemhuman.kernels.scalars import square_root
 from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
-from riemhuman.representation import constructed
+from riemhuman.representation import constructor_text
 
 
 class RiemannianMetric(
@@ -86,7 +86,7 @@ class RiemannianMetric(
         self.transport_solver = transport_solver
 
     def __repr__(self) -> str:
-        return constructed(self, leave_out=("space",))
+        return constructor_text(self, leave_out=("space",))
 
     def __mul__(self, scale: float) -> RiemannianMetric:
         return ScalarProductMetric(self, scale)

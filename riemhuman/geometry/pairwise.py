@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_shape, one_of, real_array, unflattened, whole_number
+from riemhuman.checks import check_shape, one_of, real_array, unflatten, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.bulk import Bulk, PairByPair
 from riemhuman.geometry.space import Space
@@ -346,7 +346,7 @@ def _sliceable(metric: ManyDistances, points: Any, name: str) -> Any:
     if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
         points = metric.check_points(points, name)
     if isinstance(points, np.ndarray):
-        points = unflattened(points, metric.space.shape)
+        points = unflatten(points, metric.space.shape)
         check_shape(points, name, ("n_points", *metric.space.shape), batched=False)
     return points
 

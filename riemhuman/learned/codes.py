@@ -24,7 +24,7 @@ from riemhuman.learned.networks import initial_network, network_shapes
 from riemhuman.learned.training import Loss, trained
 from riemhuman.learned.weight_files import Weights, save_weights
 from riemhuman.surfaces.template import Template
-from riemhuman.units import refuse_other_scale
+from riemhuman.units import check_same_scale
 
 FOLDER = Path(__file__).parent / "data"
 """Folder of the weights that ship."""
@@ -316,7 +316,7 @@ class Codes(Estimator):
         return points
 
     def _check_scale(self, points: ndarray, name: str) -> None:
-        refuse_other_scale(
+        check_same_scale(
             points, self._home.vertices, name, "the network's template", remedy=_REMEDY
         )
 

@@ -26,7 +26,7 @@ from riemhuman.measurements.standard_pose import in_standard_pose
 from riemhuman.measurements.volume_measurements import Mass, Volume
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.template import Template
-from riemhuman.units import body_units
+from riemhuman.units import likely_units
 
 POSES = ("as is", "standard")
 AXES = ("body", "space")
@@ -353,7 +353,7 @@ def _refuse_other_units(surfaces: ndarray) -> None:
     some = surfaces[:, :: max(1, surfaces.shape[1] // _N_SAMPLES)]
     extents = np.ptp(some, axis=1).max(axis=1)
     for number, extent in enumerate(extents):
-        units = body_units(float(extent))
+        units = likely_units(float(extent))
         if units and "metres" not in units:
             raise ArgumentError(
                 f"points[{number}] is {extent:.4g} long, as a body in {' or '.join(units)} is; "

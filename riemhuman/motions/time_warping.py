@@ -18,7 +18,7 @@ from riemhuman.motions.frame_tables import Tables, tables_of
 from riemhuman.motions.frames import Motion, several_motions
 from riemhuman.motions.warp import Warp
 from riemhuman.progress import ProgressBar
-from riemhuman.representation import constructed
+from riemhuman.representation import constructor_text
 
 
 class TimeWarping(InheritsDocstrings, ABC):
@@ -46,7 +46,7 @@ class TimeWarping(InheritsDocstrings, ABC):
         thread_count(n_jobs)
 
     def __repr__(self) -> str:
-        return constructed(self)
+        return constructor_text(self)
 
     def dist(self, m1: Motion, m2: Motion) -> float:
         """Return the distance of two motions.

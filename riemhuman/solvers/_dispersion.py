@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
-from riemhuman.errors import ArgumentError, DegenerateSurfaceError, UnseenLengthsWarning, warn
+from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.tiles import slices
 from riemhuman.protocols import MetricOfSurfaces, MetricWithCompanion, SurfaceSpace
@@ -304,7 +304,7 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
 
     Warns
     -----
-    UnseenLengthsWarning
+    StretchInvarianceWarning
         If the returned metric does not see lengths.
     """
     if isinstance(metric, MetricWithCompanion) and weight > 0:
@@ -315,7 +315,7 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
             "shrink like rubber. Use a metric that sees lengths, such as ElasticMetric with a > 0, "
             "a companion (companion_weight > 0 of BasisMean), or a medoid "
             "(riemhuman.statistics.KMedoids)",
-            UnseenLengthsWarning,
+            StretchInvarianceWarning,
         )
     return metric
 

@@ -127,7 +127,7 @@ class BasisMean(InheritsDocstrings, MeanSolver):
         -----
         ConvergenceWarning
             If the stopping test was not met.
-        UnseenLengthsWarning
+        StretchInvarianceWarning
             If neither the metric nor a companion sees the lengths of edges.
         """
         searched = seeing_lengths(metric, self.companion_weight)
@@ -461,7 +461,7 @@ class StreamingMean(BasisMean):
         -----
         ConvergenceWarning
             If the stopping test was not met.
-        UnseenLengthsWarning
+        StretchInvarianceWarning
             If neither the metric nor a companion sees how long edges are.
         """
         searched = seeing_lengths(metric, self.companion_weight)
@@ -543,7 +543,7 @@ class StreamingMedian(StreamingMean):
         -----
         ConvergenceWarning
             If the stopping test was not met.
-        UnseenLengthsWarning
+        StretchInvarianceWarning
             If neither the metric nor a companion sees how long edges are.
         """
         searched = seeing_lengths(metric, self.companion_weight)

@@ -13,7 +13,7 @@ from numpy import ndarray
 from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import real_number, whole_number
-from riemhuman.errors import ArgumentError, UnseenSlidesWarning, warn
+from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import (
@@ -159,7 +159,7 @@ class PathStraightening(ManyPaths):
         -----
         ConvergenceWarning
             If the stopping test was not met.
-        UnseenSlidesWarning
+        ReparametrizationInvarianceWarning
             If the metric does not see surfaces slide along themselves: their meshes crumple.
         """
         start, end = check_end_points(metric, start, end)
@@ -173,7 +173,7 @@ class PathStraightening(ManyPaths):
                 f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
                 "meshes of a path crumple, and its energy falls on and on. Search over smooth "
                 "deformations, as BasisPath(DeformationBasis.from_laplacian(template)) does",
-                UnseenSlidesWarning,
+                ReparametrizationInvarianceWarning,
             )
         levels = [n_segments]
         if initial_path is None:

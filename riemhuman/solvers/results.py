@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.protocols import FoundMean, FoundPath
-from riemhuman.representation import Record, held
+from riemhuman.representation import Record, field_texts
 from riemhuman.storage.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.html_pictures import vertices_html
 
@@ -115,7 +115,7 @@ class Result(Record):
     def _repr_html_(self) -> str:
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>"
-            for name, text in held(self).items()
+            for name, text in field_texts(self).items()
         )
         table = f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
         surfaces = self._surfaces()

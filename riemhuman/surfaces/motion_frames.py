@@ -10,7 +10,7 @@ import numpy as np
 from riemhuman.checks import check_shape, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.progress import ProgressBar
-from riemhuman.units import refuse_other_scale
+from riemhuman.units import check_same_scale
 
 _REMEDY = "a basis weighs deformations by their lengths"
 
@@ -70,7 +70,7 @@ def frames_apart(
                     f"{name} has {len(frame)} vertices; the motions before it have {len(first)}"
                 )
             if start is None:
-                refuse_other_scale(frame, first, name, "the first motion", remedy=_REMEDY)
+                check_same_scale(frame, first, name, "the first motion", remedy=_REMEDY)
             if start is not None:
                 yield start, frame
             start = frame

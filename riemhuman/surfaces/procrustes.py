@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
-from riemhuman.units import refuse_other_scale
+from riemhuman.units import check_same_scale
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
 # the size of the surface, and to the coordinates from which the spread was computed.
@@ -81,7 +81,7 @@ def procrustes(
         )
     aligned = _align(surfaces, reference, _shares(weights, len(reference)), bool(scale))
     if scale is False:
-        refuse_other_scale(surfaces, reference, "points", "to", remedy=_REMEDY)
+        check_same_scale(surfaces, reference, "points", "to", remedy=_REMEDY)
     return aligned
 
 
@@ -149,7 +149,7 @@ def generalized_procrustes(
     shares = _shares(weights, surfaces.shape[-2])
     if scale is False:
         first = surfaces[(0,) * len(leading)]
-        refuse_other_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
+        check_same_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
     size = np.sqrt(_squared_size(_centred(surfaces, shares), shares).mean())
 
     first = mean = surfaces[(0,) * len(leading)]

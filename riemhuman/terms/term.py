@@ -22,7 +22,7 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.kernels.linear import differential
 from riemhuman.kernels.surface import Derivatives, follow_up
 from riemhuman.kernels.triangles import LENGTH, fill_records
-from riemhuman.representation import constructed
+from riemhuman.representation import constructor_text
 
 Fields = tuple[ndarray, ...]
 
@@ -84,7 +84,7 @@ class Term(InheritsDocstrings, ABC):
         self.weight = metric_weight(weight, "weight", strict=True)
 
     def __repr__(self) -> str:
-        return constructed(self)
+        return constructor_text(self)
 
     @abstractmethod
     def fields(self, first: Derivatives) -> Fields:

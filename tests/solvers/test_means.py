@@ -17,7 +17,7 @@ from riemhuman.errors import (
     DegenerateSurfaceError,
     NotDefinedError,
     OutsideManifoldError,
-    UnseenLengthsWarning,
+    StretchInvarianceWarning,
 )
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -850,14 +850,14 @@ def test_arms_of_a_pose_mean_are_no_rubber():
 
 
 def test_a_metric_of_normals_alone_sees_no_lengths():
-    with pytest.warns(UnseenLengthsWarning, match=r"c=1.0\) does not see the lengths of edges"):
+    with pytest.warns(StretchInvarianceWarning, match=r"c=1.0\) does not see the lengths of edges"):
         shortest, _ = edge_range(0.0)
     assert shortest < 0.75
 
 
 def test_a_mean_by_rotations_alone_warns_too():
     points = load_open_bodies("coarse").points[:2]
-    with pytest.warns(UnseenLengthsWarning, match=r"RotationMetric"):
+    with pytest.warns(StretchInvarianceWarning, match=r"RotationMetric"):
         BasisMean(tolerance=0.5).solve(RotationMetric(bodies.space()), points)
 
 
