@@ -6,7 +6,7 @@ import pytest
 import riemhuman as rh
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.units import UNITS, likely_units, check_same_scale
+from riemhuman.units import UNITS, check_same_scale, likely_units
 
 
 @pytest.mark.parametrize(
