@@ -24,19 +24,19 @@ class MidpointMetric(MetricOfTerms):
     driver = SumOfQuadraticTerms
 
     @property
-    def sees_translations(self) -> bool:
-        """Whether a term sees translations."""
-        return any(term.sees_translations for term in self.terms)
+    def is_translation_invariant(self) -> bool:
+        """Whether translations cost nothing."""
+        return all(term.is_translation_invariant for term in self.terms)
 
     @property
-    def sees_lengths(self) -> bool:
-        """Whether a term sees the lengths of edges."""
-        return any(term.sees_lengths for term in self.terms)
+    def is_stretch_invariant(self) -> bool:
+        """Whether changes of the lengths of edges cost nothing."""
+        return all(term.is_stretch_invariant for term in self.terms)
 
     @property
-    def sees_slides(self) -> bool:
-        """Whether a term sees surfaces slide along themselves."""
-        return any(term.sees_slides for term in self.terms)
+    def is_reparametrization_invariant(self) -> bool:
+        """Whether deformations tangential to a surface cost nothing."""
+        return all(term.is_reparametrization_invariant for term in self.terms)
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Remove translations from a path if no term sees them.
@@ -47,6 +47,6 @@ class MidpointMetric(MetricOfTerms):
             A path of the same energy with the same ends.
         """
         path = self.check_points(path, "path")
-        if self.sees_translations:
+        if not self.is_translation_invariant:
             return path
         return still_path(path, self.space.template.vertex_areas, rotations=False)

@@ -63,8 +63,8 @@ class RotationMetric(PullbackMetric):
     """
 
     space: AlignedSurfaces
-    sees_translations = False
-    sees_lengths = False
+    is_translation_invariant = True
+    is_stretch_invariant = True
 
     def __init__(
         self,

@@ -52,7 +52,7 @@ class SurfaceMetric(MetricOfTerms):
 
     driver = SumOfTerms
     _sum: SumOfTerms
-    sees_translations = False
+    is_translation_invariant = True
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the sum of the squared distances of fields (equation 5).
@@ -93,9 +93,9 @@ class SurfaceMetric(MetricOfTerms):
         return self._sum
 
     @property
-    def sees_lengths(self) -> bool:
-        """Whether a term sees the lengths of edges."""
-        return any(term.sees_lengths for term in self.terms)
+    def is_stretch_invariant(self) -> bool:
+        """Whether no term changes with the lengths of edges."""
+        return all(term.is_stretch_invariant for term in self.terms)
 
     def remove_drift(self, path: ndarray) -> ndarray:
         """Remove rigid motions that the metric does not see from a path.
@@ -111,8 +111,8 @@ class SurfaceMetric(MetricOfTerms):
             A path of the same energy with the same ends.
         """
         path = self.check_points(path, "path")
-        sees_rotations = any(term.sees_rotations for term in self.terms)
-        return still_path(path, self.space.template.vertex_areas, rotations=not sees_rotations)
+        rotations = all(term.is_rotation_invariant for term in self.terms)
+        return still_path(path, self.space.template.vertex_areas, rotations=rotations)
 
     def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
         """Return coordinates whose Euclidean distances are at most those of the metric.

@@ -93,12 +93,12 @@ class MetricOfSurfaces(Protocol):
     """
 
     @property
-    def sees_translations(self) -> bool:
-        """Whether distances change when one of two surfaces is translated."""
+    def is_translation_invariant(self) -> bool:
+        """Whether translating one of two surfaces leaves distances unchanged."""
 
     @property
-    def sees_lengths(self) -> bool:
-        """Whether distances change when edges get longer or shorter."""
+    def is_stretch_invariant(self) -> bool:
+        """Whether changes of the lengths of edges leave distances unchanged."""
 
 
 @runtime_checkable
@@ -109,8 +109,8 @@ class MetricOfSlides(Protocol):
     """
 
     @property
-    def sees_slides(self) -> bool:
-        """Whether it costs something when a surface slides along itself."""
+    def is_reparametrization_invariant(self) -> bool:
+        """Whether deformations tangential to a surface cost nothing."""
 
 
 @runtime_checkable

@@ -309,7 +309,7 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
     """
     if isinstance(metric, MetricWithCompanion) and weight > 0:
         metric = metric.seeing_lengths(weight)
-    if isinstance(metric, MetricOfSurfaces) and not metric.sees_lengths:
+    if isinstance(metric, MetricOfSurfaces) and metric.is_stretch_invariant:
         warn(
             f"{metric!r} does not see the lengths of edges: limbs of the mean may stretch or "
             "shrink like rubber. Use a metric that sees lengths, such as ElasticMetric with a > 0, "

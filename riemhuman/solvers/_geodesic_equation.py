@@ -158,7 +158,7 @@ class MiddleEquation:
     def _steady(self, shift: ndarray) -> ndarray:
         """Take out translations that the metric does not see: the centroid then moves uniformly."""
         metric = self.metric
-        if not isinstance(metric, MetricOfSurfaces) or metric.sees_translations:
+        if not isinstance(metric, MetricOfSurfaces) or not metric.is_translation_invariant:
             return shift
         space: Any = metric.space
         return shift - centroid(shift, space.template.vertex_areas)

@@ -197,7 +197,7 @@ class DiscreteLogarithm:
             return whole_path_result(self.geodesic_solver.solve(metric, start, end))
         if self.basis is None:
             found = self._over_all(metric, start, end)
-            if isinstance(metric, MetricOfSurfaces) and not metric.sees_translations:
+            if isinstance(metric, MetricOfSurfaces) and metric.is_translation_invariant:
                 # As the exponential moves surfaces where the metric does not say.
                 space: Any = metric.space
                 found = replace(found, path=steady_path(found.path, space.template.vertex_areas))

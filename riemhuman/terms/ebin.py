@@ -62,7 +62,7 @@ class EbinTerm(Term):
     True
     """
 
-    sees_rotations = False
+    is_rotation_invariant = True
     single = True
     area_power = 1.0
 

@@ -113,7 +113,7 @@ class FirstOrderTerm(QuadraticTerm):
 
     def __init__(self, template: Any, weights: FirstOrderWeights) -> None:
         self.template, self.weights = template, weights
-        self.sees_lengths = weights.a1 > 0.0 or weights.b1 > 0.0
+        self.is_stretch_invariant = weights.a1 == 0.0 and weights.b1 == 0.0
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:
         operator = self.template.differential_operator

@@ -264,8 +264,8 @@ class NormalPartTerm(QuadraticTerm):
         If the triangles are not consistently oriented.
     """
 
-    sees_translations = True
-    sees_slides = False
+    is_translation_invariant = False
+    is_reparametrization_invariant = True
 
     def __init__(self, template: Any, term: QuadraticTerm) -> None:
         mixed = mixed_edges(template.faces)
@@ -277,7 +277,7 @@ class NormalPartTerm(QuadraticTerm):
                 "triangles of the template consistently"
             )
         self.template, self.term = template, term
-        self.sees_lengths = term.sees_lengths
+        self.is_stretch_invariant = term.is_stretch_invariant
         self._averages = corner_averages(template.faces, template.n_vertices)
 
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:

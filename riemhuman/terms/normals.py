@@ -32,7 +32,7 @@ class NormalTerm(Term):
     """
 
     needs_area = True
-    sees_lengths = False
+    is_stretch_invariant = True
     single = True
 
     def fields(self, first: Derivatives) -> Fields:

@@ -11,29 +11,28 @@ from numpy import ndarray
 from scipy.sparse import csr_array
 
 from riemhuman.checks import values_of
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.kernels import surface
 from riemhuman.kernels.moving_frames import by_vertex
 
 Slopes = tuple[float, ndarray, ndarray]
 
 
-class QuadraticTerm(InheritsDocstrings, ABC):
+class QuadraticTerm(ABC):
     """A term of a metric on surfaces, given by its inner product.
 
     Attributes
     ----------
-    sees_translations : bool
-        Whether translations cost something.
-    sees_lengths : bool
-        Whether it costs something when edges get longer or shorter.
-    sees_slides : bool
-        Whether it costs something when a surface slides along itself.
+    is_translation_invariant : bool
+        Whether translations cost nothing.
+    is_stretch_invariant : bool
+        Whether changes of the lengths of edges cost nothing.
+    is_reparametrization_invariant : bool
+        Whether deformations tangential to a surface cost nothing.
     """
 
-    sees_translations = False
-    sees_lengths = True
-    sees_slides = True
+    is_translation_invariant = True
+    is_stretch_invariant = False
+    is_reparametrization_invariant = False
 
     @abstractmethod
     def inner_product(self, h: ndarray, k: ndarray, f: ndarray) -> ndarray:

@@ -31,7 +31,7 @@ class RotationTerm(Term):
     """
 
     needs_area = True
-    sees_lengths = False
+    is_stretch_invariant = True
     single = True
 
     def fields(self, first: Derivatives) -> Fields:

@@ -18,7 +18,6 @@ from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.kernels.linear import differential
 from riemhuman.kernels.surface import Derivatives, follow_up
 from riemhuman.kernels.triangles import LENGTH, fill_records
@@ -27,7 +26,7 @@ from riemhuman.representation import constructor_text
 Fields = tuple[ndarray, ...]
 
 
-class Term(InheritsDocstrings, ABC):
+class Term(ABC):
     """One term of a metric on surfaces.
 
     A subclass defines `fields`, `squared_dist` and `inner_product` with `autograd.numpy`, triangle
@@ -41,10 +40,10 @@ class Term(InheritsDocstrings, ABC):
 
     Attributes
     ----------
-    sees_rotations : bool
-        Whether the term changes when one of two surfaces is rotated. No term sees translations.
-    sees_lengths : bool
-        Whether the term changes when edges get longer or shorter.
+    is_rotation_invariant : bool
+        Whether rotating one of two surfaces leaves the term unchanged, as translating it does.
+    is_stretch_invariant : bool
+        Whether the term is unchanged when edges get longer or shorter.
     needs_area : bool
         Whether the fields exist only on triangles that have an area.
     single : bool
@@ -74,8 +73,8 @@ class Term(InheritsDocstrings, ABC):
     """
 
     weight = 1.0  # of subclasses that do not call __init__
-    sees_rotations = True
-    sees_lengths = True
+    is_rotation_invariant = False
+    is_stretch_invariant = False
     needs_area = False
     single = False
     area_power = 0.0

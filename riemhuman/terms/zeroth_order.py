@@ -76,7 +76,7 @@ class ZerothOrderTerm(QuadraticTerm):
         w > 0.
     """
 
-    sees_translations = True
+    is_translation_invariant = False
 
     def __init__(self, template: Any, weight: float) -> None:
         self.template, self.weight = template, weight

@@ -109,7 +109,7 @@ def test_geodesic_along_normals(benchmark, people):
 class LogAreas(FlatTerm):
     """The term of the README."""
 
-    sees_rotations = False
+    is_rotation_invariant = True
     needs_area = True
 
     def field(self, first):

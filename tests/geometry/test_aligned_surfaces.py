@@ -131,13 +131,13 @@ def test_translations_of_each(case):
     assert "translation" in case.invariant_under
     assert is_unchanged(case.metric, (f1, f2), (f1 + [0.3, -2.0, 1.0], f2))
     assert is_unchanged(case.metric, (f1, f2), (f1, f2 + [5.0, 0.1, 0.2]))
-    assert not case.metric.sees_translations
+    assert case.metric.is_translation_invariant
 
 
 @every_metric
 def test_whether_lengths_are_seen_is_told(case):
     f = case.points[0]
-    assert case.metric.sees_lengths == (case.metric.dist(f, 1.1 * f) > 1e-3)
+    assert case.metric.is_stretch_invariant != (case.metric.dist(f, 1.1 * f) > 1e-3)
 
 
 @every_metric

@@ -362,7 +362,7 @@ def test_single_precision_and_integers_are_taken():
 @pytest.mark.parametrize("name", ["a1", "b1", "c1", "d1"])
 def test_stretching_in_either_way_is_a_change_of_lengths(name):
     term = FirstOrderTerm(sphere_template(), FirstOrderWeights(**{name: 1.0}))
-    assert term.sees_lengths == (name in ("a1", "b1"))
+    assert term.is_stretch_invariant == (name not in ("a1", "b1"))
 
 
 def test_drift_leaves_turns_alone():

@@ -102,8 +102,8 @@ def test_what_terms_say_of_what_they_see(term):
     def changes(other):
         return driver.path_energy(np.stack([f, other]))[0] > 1e-9
 
-    assert changes(f @ turn) == term.sees_rotations
-    assert changes(2.0 * f) == term.sees_lengths
+    assert changes(f @ turn) != term.is_rotation_invariant
+    assert changes(2.0 * f) != term.is_stretch_invariant
     flat = f.copy()
     flat[FACES[3]] = flat[FACES[3, 0]]
     assert np.isinf(driver.path_energy(np.stack([f, flat]))[0]) == term.needs_area

@@ -20,7 +20,7 @@ from riemhuman.terms import EbinTerm, FlatTerm, Term
 class RootArea(FlatTerm):
     """Differences of the square roots of areas."""
 
-    sees_rotations = False
+    is_rotation_invariant = True
 
     def field(self, first):
         return anp.sqrt(first.areas)[..., None]
@@ -29,7 +29,7 @@ class RootArea(FlatTerm):
 class LogArea(Term):
     """Differences of the logarithms of areas: no compiled form at all."""
 
-    sees_rotations = False
+    is_rotation_invariant = True
     needs_area = True
 
     def fields(self, first):
