@@ -167,8 +167,8 @@ class PathStraightening(ManyPaths):
         if n_segments == 1:
             single = linear_path(start, end, 2)
             return known_path(metric, self.energy, single, "a single segment", gap=0.0)
-        is_reparametrization_invariant = isinstance(metric, MetricOfSlides) and metric.is_reparametrization_invariant
-        if is_reparametrization_invariant and not np.array_equal(start, end):
+        unchanged = isinstance(metric, MetricOfSlides) and metric.is_reparametrization_invariant
+        if unchanged and not np.array_equal(start, end):
             warn(
                 f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
                 "meshes of a path crumple, and its energy falls on and on. Search over smooth "
