@@ -12,8 +12,8 @@ from riemhuman.datasets import check_dataset, load_open_bodies
 from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.measurements import Measurements, open_measurements
-from riemhuman.retrieval import benchmark
-from riemhuman.retrieval.representations import available
+from riemhuman.report import benchmark
+from riemhuman.report.representations import available
 from riemhuman.solvers import check_metric
 from riemhuman.surfaces import save_mesh
 

@@ -13,7 +13,6 @@ ROOMS = (
     "bodies",
     "datasets",
     "descriptors",
-    "jobs",
     "learned",
     "plots",
     "report",

@@ -224,7 +224,7 @@ def _distances(
     settings = {"precision": options.precision, "progress": reporter.bars}
     if options.resume is None:
         return metric.dist_pairwise(surfaces, options.jobs, **settings)
-    from riemhuman.jobs import pairwise_job
+    from riemhuman.retrieval import pairwise_job
 
     try:
         return pairwise_job(metric, surfaces, options.resume, n_jobs=options.jobs, **settings)
@@ -236,7 +236,7 @@ def _distances(
 def _path_distances(
     metric: SurfaceMetric, surfaces: Any, options: argparse.Namespace, reporter: Reporter
 ) -> PathDistances:
-    from riemhuman.jobs import path_job
+    from riemhuman.retrieval import path_job
     from riemhuman.solvers import BasisPath, path_distances
 
     if len(surfaces) < 2:

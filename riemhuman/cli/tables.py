@@ -59,8 +59,8 @@ def add_verbs(verbs: Verbs) -> None:
 
 def _run(options: argparse.Namespace) -> None:
     from riemhuman import retrieval
-    from riemhuman.retrieval.benchmark import table_metrics
-    from riemhuman.retrieval.representations import metrics_of_extensions
+    from riemhuman.report.representations import metrics_of_extensions
+    from riemhuman.report.retrieval_benchmark import table_metrics
 
     check_body_sets(options)
     watch = Reporter(options.quiet).task if options.json or options.quiet else _timed
@@ -109,17 +109,17 @@ def _run(options: argparse.Namespace) -> None:
 
 
 def _compare_all(bodies: Bodies, options: argparse.Namespace) -> None:
-    from riemhuman import retrieval
-    from riemhuman.learned.code_descriptor import LEARNED
-    from riemhuman.retrieval.representations import STRAIGHT, available
+    from riemhuman.report import benchmark, format_benchmark
+    from riemhuman.report.code_descriptors import LEARNED
+    from riemhuman.report.representations import STRAIGHT, available
 
     reporter = Reporter(options.quiet)
     with reporter.task("All representations"):
-        records = retrieval.benchmark(bodies, available(bodies), n_jobs=-1, progress=reporter.bars)
+        records = benchmark(bodies, available(bodies), n_jobs=-1, progress=reporter.bars)
     if options.json:
         say_json([asdict(record) for record in records])
         return
-    say(f"\n{retrieval.format_benchmark(records)}")
+    say(f"\n{format_benchmark(records)}")
     say(
         "\nPer cent, each body against all others: NN nearest neighbour, FT and ST first and "
         "second tier,\nmAP mean average precision; an asterisk marks the best of a column."

@@ -10,9 +10,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.statistics.geodesic_regression import GeodesicRegression
-from riemhuman.statistics.image_spaces import image_space
-from riemhuman.statistics.tangent_pca import mean_point
+from riemhuman.solvers.geodesic_regression import GeodesicRegression
+from riemhuman.solvers.image_spaces import image_space
+from riemhuman.solvers.tangent_pca import mean_point
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,9 @@ from scipy.interpolate import CubicSpline
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.kernels.projections import Projection
 from riemhuman.motions.dtw_kernels import between_frames
 from riemhuman.motions.frames import Motion, frame_runs, n_frames_of, sampled_frames
-from riemhuman.retrieval.rows import Projection
 
 # Frames whose principal components stand for those of all.
 _MOST_SAMPLED = 600

@@ -15,8 +15,8 @@ from riemhuman.motions.frames import Motion
 from riemhuman.motions.motion_mean import MotionMean, elastic_metric
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.protocols import uninterrupted
-from riemhuman.statistics.nearest_surface import NearestSurface
-from riemhuman.statistics.tangent_pca import TangentPCA
+from riemhuman.solvers.nearest_surface import NearestSurface
+from riemhuman.solvers.tangent_pca import TangentPCA
 
 
 class MotionComponents(Estimator):

@@ -17,7 +17,7 @@ from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import uninterrupted
-from riemhuman.statistics.nearest_surface import NearestSurface
+from riemhuman.solvers.nearest_surface import NearestSurface
 
 
 class MotionMean(Estimator):

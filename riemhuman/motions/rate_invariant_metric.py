@@ -14,6 +14,7 @@ from riemhuman.checks import metric_weight, real_array, real_number, whole_numbe
 from riemhuman.geometry.bulk import Bulk
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import MEMORY, Points
+from riemhuman.kernels.projections import Projection
 from riemhuman.kernels.threads import for_each
 from riemhuman.motions.even_segments import even_segments
 from riemhuman.motions.frames import Motion, n_frames_of, several_motions, whole_motion
@@ -22,7 +23,6 @@ from riemhuman.motions.time_warping import all_pairs
 from riemhuman.motions.transported_velocities import TransportedVelocities
 from riemhuman.motions.velocity_kernels import best_gain, trace_gain
 from riemhuman.motions.warp import Warp
-from riemhuman.retrieval.rows import Projection
 from riemhuman.terms.sum import Features
 
 # Velocities whose principal components stand for those of all.

@@ -19,7 +19,7 @@ from riemhuman.report.plan import (
     Plan,
     elastic_metric,
 )
-from riemhuman.retrieval.benchmark import Described, described_together, timed_distances
+from riemhuman.report.retrieval_benchmark import Described, described_together, timed_distances
 from riemhuman.retrieval.scores import scores
 from riemhuman.storage.result_store import Computed, ResultStore, Step
 
@@ -48,7 +48,7 @@ def distance_steps(
     bodies : Bodies
         The bodies.
     representations : mapping of str to object
-        Metrics and descriptors by name, as for `riemhuman.retrieval.benchmark`.
+        Metrics and descriptors by name, as for `riemhuman.report.benchmark`.
     bars : bool
         Whether to show progress bars.
 

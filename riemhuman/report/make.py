@@ -20,9 +20,9 @@ from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, page
 from riemhuman.report.plan import QUICK, Plan
 from riemhuman.report.registered_scans import scan_section
+from riemhuman.report.representations import available, of_extensions
 from riemhuman.report.results import compute_results
-from riemhuman.retrieval.benchmark import table_metrics
-from riemhuman.retrieval.representations import available, of_extensions
+from riemhuman.report.retrieval_benchmark import table_metrics
 from riemhuman.storage.report_folder import check_folder, opened_folder, write_provenance
 from riemhuman.storage.result_store import Progress, ResultStore, fingerprint
 from riemhuman.storage.whole_files import write_text
@@ -65,7 +65,7 @@ def make_report(
         Whether to make a smaller report, in half a minute instead of minutes.
     representations : mapping of str to object, optional
         Further metrics and descriptors of the retrieval tables, as for
-        `riemhuman.retrieval.benchmark`; by default all that apply to the bodies or, if `quick`,
+        `riemhuman.report.benchmark`; by default all that apply to the bodies or, if `quick`,
         only those of other packages, see `riemhuman.extensions`.
     scans : path_like, optional
         Output folder of `riemhuman.registration.register_folder`; the page shows its scans, the

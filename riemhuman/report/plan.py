@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.retrieval.benchmark import POSE_METRIC, SHAPE_METRIC
+from riemhuman.report.retrieval_benchmark import POSE_METRIC, SHAPE_METRIC
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies

@@ -1,20 +1,20 @@
-"""Retrieval: rankings of bodies by distance, their scores, and exact nearest neighbours."""
+"""Retrieval: rankings by distance, their scores, nearest neighbours and resumable jobs."""
 
-from riemhuman.retrieval.benchmark import BenchmarkRecord, benchmark
 from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.retrieval.pairwise_jobs import pairwise_job
+from riemhuman.retrieval.path_jobs import path_job
 from riemhuman.retrieval.rankings import confusion, precision_recall
 from riemhuman.retrieval.scores import RetrievalScores, scores
-from riemhuman.retrieval.tables import TableRow, format_benchmark, format_table, retrieval_table
+from riemhuman.retrieval.tables import TableRow, format_table, retrieval_table
 
 __all__ = [
-    "BenchmarkRecord",
     "NearestNeighbors",
     "RetrievalScores",
     "TableRow",
-    "benchmark",
     "confusion",
-    "format_benchmark",
     "format_table",
+    "pairwise_job",
+    "path_job",
     "precision_recall",
     "retrieval_table",
     "scores",

@@ -11,10 +11,10 @@ from numpy import ndarray
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import features_in_threads
+from riemhuman.kernels.projections import GrowingRows, Projection
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.protocols import MetricWithLowerBound
-from riemhuman.retrieval.rows import GrowingRows, Projection
 
 # Number of points that are added at a time.
 _BLOCK = 64

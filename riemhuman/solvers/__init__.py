@@ -9,11 +9,14 @@ from riemhuman.solvers.comparison import (
 )
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
+from riemhuman.solvers.geodesic_regression import GeodesicRegression
+from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.manifold_checks import check_manifold
 from riemhuman.solvers.means import BasisMean, GradientDescentMean, StreamingMean, StreamingMedian
 from riemhuman.solvers.metric_checks import check_metric
 from riemhuman.solvers.model_path import ModelParameters, ModelPath
+from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_distances import PathDistances, path_distances
 from riemhuman.solvers.path_straightening import PathStraightening
@@ -22,6 +25,7 @@ from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
 from riemhuman.solvers.results import MeanResult, PathResult, Result
 from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath
 from riemhuman.solvers.solver_checks import check_solver
+from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.solvers.transfer import (
     Disentangling,
     DisentanglingResult,
@@ -39,6 +43,7 @@ __all__ = [
     "DisentanglingResult",
     "ExponentialResult",
     "FiniteDifferenceEnergy",
+    "GeodesicRegression",
     "GradientDescentMean",
     "LinearPath",
     "LogarithmResult",
@@ -46,6 +51,7 @@ __all__ = [
     "ModelParameters",
     "ModelPath",
     "MotionTransfer",
+    "NearestSurface",
     "PathComparison",
     "PathDistances",
     "PathMeasures",
@@ -61,11 +67,13 @@ __all__ = [
     "ShapeTransfer",
     "StreamingMean",
     "StreamingMedian",
+    "TangentPCA",
     "TransportResult",
     "check_manifold",
     "check_metric",
     "check_solver",
     "compare_paths",
+    "inverted_triangles",
     "measure_path",
     "path_distances",
 ]

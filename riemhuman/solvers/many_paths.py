@@ -62,7 +62,7 @@ class ManyPaths(InheritsDocstrings, ABC):
         Returns
         -------
         list of PathResult
-            In the order of the pairs; see `riemhuman.jobs.path_job` for more than memory holds.
+            In the order of the pairs; see `rh.path_job` for more than memory holds.
 
         Raises
         ------

@@ -1,12 +1,12 @@
 """Statistics on manifolds: principal components, regression, clusters, tests, fitted metrics."""
 
+from riemhuman.solvers.geodesic_regression import GeodesicRegression
+from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.means import FrechetMean, GeometricMedian
+from riemhuman.solvers.nearest_surface import NearestSurface
+from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
-from riemhuman.statistics.geodesic_regression import GeodesicRegression
-from riemhuman.statistics.inverted_triangles import inverted_triangles
 from riemhuman.statistics.metric_weights import MetricWeights
-from riemhuman.statistics.nearest_surface import NearestSurface
-from riemhuman.statistics.tangent_pca import TangentPCA
 from riemhuman.statistics.two_sample_test import TwoSampleResult, two_sample_test
 
 __all__ = [

@@ -20,7 +20,7 @@ from people_in_motion import PeopleInMotion
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.jobs import pairwise_job
+from riemhuman.retrieval import pairwise_job
 
 TESTS = Path(__file__).parents[1]
 METRICS = {"pose": (0.0, 0.0, 1.0), "shape": (1.0, 1e-4, 0.0)}
@@ -33,7 +33,7 @@ import numpy as np
 from people_in_motion import PeopleInMotion
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.jobs import pairwise_job
+from riemhuman.retrieval import pairwise_job
 from riemhuman.storage.job_folder import JobFolder
 
 folder, n_bodies, resolution, n_jobs, *weights = sys.argv[1:]

@@ -5,8 +5,9 @@ import pytest
 
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
-from riemhuman.learned import CodeDescriptor, IntrinsicExtrinsicCodes
+from riemhuman.learned import IntrinsicExtrinsicCodes
 from riemhuman.learned.evaluate import UnseenBodies, mean_error
+from riemhuman.report import CodeDescriptor
 from riemhuman.surfaces import spectrum
 
 

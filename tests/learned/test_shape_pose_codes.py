@@ -6,8 +6,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
-from riemhuman.learned import CodeDescriptor, ShapePoseCodes
+from riemhuman.learned import ShapePoseCodes
 from riemhuman.learned.evaluate import UnseenBodies, mean_error
+from riemhuman.report import CodeDescriptor
 from riemhuman.retrieval import scores
 from riemhuman.surfaces.template import Template
 

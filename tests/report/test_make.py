@@ -14,10 +14,9 @@ from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.report import make_report
+from riemhuman.report import benchmark, make_report
 from riemhuman.report.findings import chance_of_tier
 from riemhuman.report.plan import POSE, SHAPE
-from riemhuman.retrieval import benchmark
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 

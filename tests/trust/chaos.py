@@ -27,7 +27,7 @@ from trust.faults import Changes, turn_back_the_clock
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.jobs import pairwise_job
+from riemhuman.retrieval import pairwise_job
 
 MEMORY = 60_000
 FILES = ("job.lock", "manifest.json", "manifest.json.part", "digests.npy", "features_0.npy") + (

@@ -26,8 +26,8 @@ from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import DamagedFileWarning
-from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.retrieval.pairwise_jobs import pairwise_job
 from riemhuman.storage.array_files import load_arrays
 from riemhuman.storage.job_folder import JobFolder
 from riemhuman.storage.result_store import ResultStore

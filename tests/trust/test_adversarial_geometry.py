@@ -20,7 +20,7 @@ from trust.adversarial_properties import CELLS, PROPERTIES, ROUNDING
 from trust.adversarial_surfaces import EPS, FAMILIES, MESHES, make, surfaces, weights
 
 import riemhuman as rh
-from riemhuman.jobs import pairwise_job
+from riemhuman.retrieval import pairwise_job
 
 # Derivatives are taken by the chain rule from edges: what overflows or divides by 0 is an error.
 pytestmark = pytest.mark.filterwarnings("error")

@@ -15,8 +15,7 @@ from cases import deformations, sphere_template, surfaces
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.jobs import pairwise_job
-from riemhuman.retrieval import NearestNeighbors
+from riemhuman.retrieval import NearestNeighbors, pairwise_job
 from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis, Template
 

@@ -42,8 +42,8 @@ from riemhuman.errors import (
     FileFormatError,
     RiemhumanError,
 )
-from riemhuman.jobs.pairwise import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
+from riemhuman.retrieval.pairwise_jobs import pairwise_job
 from riemhuman.storage.array_files import load_array, load_arrays
 from riemhuman.storage.safe_pickle import load_pickled_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis

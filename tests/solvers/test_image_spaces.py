@@ -8,7 +8,7 @@ from riemhuman.errors import OutsideManifoldError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers._dispersion import Dispersion
-from riemhuman.statistics.image_spaces import image_space
+from riemhuman.solvers.image_spaces import image_space
 
 
 def test_the_mean_does_not_need_logarithms_of_fields():

@@ -9,13 +9,8 @@ import pytest
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import HeatKernelSignature, ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.retrieval import (
-    BenchmarkRecord,
-    RetrievalScores,
-    benchmark,
-    format_benchmark,
-    scores,
-)
+from riemhuman.report import BenchmarkRecord, benchmark, format_benchmark
+from riemhuman.retrieval import RetrievalScores, scores
 
 
 class Some(SimpleNamespace):

@@ -13,8 +13,8 @@ from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
 from riemhuman.geometry.normal_fields import NormalFields
 from riemhuman.geometry.product import ProductManifold, ProductMetric
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.solvers.field_factors import field_factor
 from riemhuman.statistics import GeodesicRegression
-from riemhuman.statistics.field_factors import field_factor
 
 
 def product():

@@ -9,7 +9,7 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.statistics.image_distances import image_distances
+from riemhuman.solvers.image_distances import image_distances
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)
 POINTS = surfaces(sphere_template(), 4, rng=3)

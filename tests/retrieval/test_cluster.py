@@ -11,17 +11,17 @@ import cloudpickle
 import distributed
 import numpy as np
 import pytest
+import riemhuman.retrieval.pairwise_job
 from cases import sphere_template, surfaces
 
-import riemhuman.jobs.cluster
-import riemhuman.jobs.pairwise
+import riemhuman.retrieval.cluster
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.vector_space import VectorSpace
-from riemhuman.jobs import pairwise_job
-from riemhuman.jobs.tiles import Tile, TileReader
+from riemhuman.retrieval import pairwise_job
+from riemhuman.retrieval.job_tiles import Tile, TileReader
 
 # Workers cannot import the tests: what these send goes by value.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -71,8 +71,8 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
                 os.kill(next(iter(pids.values())), signal.SIGKILL)
             yield number, distances
 
-    in_turn = riemhuman.jobs.pairwise.computed_tiles
-    monkeypatch.setattr(riemhuman.jobs.pairwise, "computed_tiles", killing)
+    in_turn = riemhuman.retrieval.pairwise_job.computed_tiles
+    monkeypatch.setattr(riemhuman.retrieval.pairwise_job, "computed_tiles", killing)
     pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     assert n_tiles[0] > 10
     assert (tmp_path / "D.npy").read_bytes() == local
@@ -98,7 +98,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
                 scheduler.kill()
             yield number, distances
 
-    in_turn = riemhuman.jobs.pairwise.computed_tiles
+    in_turn = riemhuman.retrieval.pairwise_job.computed_tiles
     script = tmp_path / "scheduler.py"
     script.write_text(SCHEDULER)
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
@@ -114,7 +114,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
         client = distributed.Client(scheduler.stdout.readline().strip())
         try:
             with monkeypatch.context() as patches:
-                patches.setattr(riemhuman.jobs.pairwise, "computed_tiles", killing)
+                patches.setattr(riemhuman.retrieval.pairwise_job, "computed_tiles", killing)
                 with pytest.raises(ClusterError, match="cluster is lost .* the same call goes on"):
                     pairwise_job(METRIC, POINTS, folder, memory=MEMORY, client=client)
         finally:
@@ -150,12 +150,12 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
                 close()
             return first_finished(*arguments)
 
-        calls, in_turn = [], riemhuman.jobs.pairwise.computed_tiles
-        first_finished = riemhuman.jobs.cluster._first_finished
+        calls, in_turn = [], riemhuman.retrieval.pairwise_job.computed_tiles
+        first_finished = riemhuman.retrieval.cluster._first_finished
         if moment == "tiles":
-            monkeypatch.setattr(riemhuman.jobs.pairwise, "computed_tiles", closing)
+            monkeypatch.setattr(riemhuman.retrieval.pairwise_job, "computed_tiles", closing)
         else:
-            monkeypatch.setattr(riemhuman.jobs.cluster, "_first_finished", closing_first)
+            monkeypatch.setattr(riemhuman.retrieval.cluster, "_first_finished", closing_first)
         with pytest.raises(ClusterError, match="the same call goes on with it"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
         monkeypatch.undo()
@@ -202,7 +202,7 @@ class Deserted:
 
 
 def test_a_cluster_without_workers_is_given_up(monkeypatch):
-    monkeypatch.setattr(riemhuman.jobs.cluster, "_SECONDS", 0.05)
+    monkeypatch.setattr(riemhuman.retrieval.cluster, "_SECONDS", 0.05)
 
     class Never:
         @staticmethod
@@ -210,7 +210,7 @@ def test_a_cluster_without_workers_is_given_up(monkeypatch):
             raise TimeoutError
 
     with pytest.raises(ClusterError, match="no worker for"):
-        riemhuman.jobs.cluster._first_finished(Deserted(), Never, ["future"])
+        riemhuman.retrieval.cluster._first_finished(Deserted(), Never, ["future"])
 
 
 def hide():

@@ -20,8 +20,11 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, features_in_threads
-from riemhuman.jobs.cluster import computed_tiles
-from riemhuman.jobs.tiles import (
+from riemhuman.kernels.threads import thread_count
+from riemhuman.kernels.tiles import slices
+from riemhuman.progress import ProgressBar
+from riemhuman.retrieval.cluster import computed_tiles
+from riemhuman.retrieval.job_tiles import (
     POINTS,
     Tile,
     TileReader,
@@ -30,9 +33,6 @@ from riemhuman.jobs.tiles import (
     memory_of_tile,
     tiles_of,
 )
-from riemhuman.kernels.threads import thread_count
-from riemhuman.kernels.tiles import slices
-from riemhuman.progress import ProgressBar
 from riemhuman.storage.checksums import are_marks, checksums, mark
 from riemhuman.storage.fingerprint import describe, digest
 from riemhuman.storage.job_folder import JobFolder

@@ -18,11 +18,11 @@ from riemhuman.errors import (
     warn,
 )
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.jobs.cluster import computed_tiles
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import GeodesicSolver
+from riemhuman.retrieval.cluster import computed_tiles
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.path_distances import PairsOfPoints, PathDistances, distances_of, row_of
 from riemhuman.storage.checksums import are_marks, mark
@@ -94,7 +94,7 @@ def path_job(
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> space = rh.AlignedSurfaces(bodies.template)
     >>> solver = rh.solvers.PoissonPath(n_nodes=5)
-    >>> found = rh.jobs.path_job(solver, space.metric, bodies.points[:3], "paths")
+    >>> found = rh.retrieval.path_job(solver, space.metric, bodies.points[:3], "paths")
     >>> found.lengths.shape
     (3, 3)
     """

@@ -14,12 +14,12 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManif
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.solvers.field_factors import field_factor
+from riemhuman.solvers.image_spaces import ImageSpace, image_space
 from riemhuman.solvers.minimization import WALL, Minimum, minimize
+from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
-from riemhuman.statistics.field_factors import field_factor
-from riemhuman.statistics.image_spaces import ImageSpace, image_space
-from riemhuman.statistics.nearest_surface import NearestSurface
-from riemhuman.statistics.tangent_pca import mean_point
+from riemhuman.solvers.tangent_pca import mean_point
 
 # Points whose misfits are taken together, so that what they need stays in the processor's cache.
 _BLOCK = 4

@@ -3,13 +3,13 @@
 import distributed
 import numpy as np
 import pytest
+import riemhuman.retrieval.path_job
 from cases import sphere_template, surfaces
 
-import riemhuman.jobs.paths
 from riemhuman.errors import ArgumentError, DamagedFileWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.jobs import path_job
+from riemhuman.retrieval import path_job
 from riemhuman.solvers import PathStraightening, PoissonPath, path_distances
 
 METRIC = ElasticMetric(AlignedSurfaces(sphere_template(), equip=False), 1.0, 0.1, 0.1)
@@ -19,7 +19,7 @@ SOLVER = PathStraightening(n_nodes=4)
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(riemhuman.jobs.paths, "_BLOCK", 3)
+    monkeypatch.setattr(riemhuman.retrieval.path_job, "_BLOCK", 3)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_same_as_in_memory_with_the_paths(expected, tmp_path):
 
 
 def test_goes_on_where_it_was_stopped(expected, tmp_path, monkeypatch):
-    finder = riemhuman.jobs.paths._PathFinder
+    finder = riemhuman.retrieval.path_job._PathFinder
     find, asked = finder.distances, []
 
     def stopped(self, metric, block):

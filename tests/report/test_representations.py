@@ -6,8 +6,8 @@ import numpy as np
 from descriptor_meshes import sphere
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.retrieval import benchmark
-from riemhuman.retrieval.representations import GAUGE_INVARIANT, SOBOLEV, available
+from riemhuman.report import benchmark
+from riemhuman.report.representations import GAUGE_INVARIANT, SOBOLEV, available
 from riemhuman.surfaces import Template
 
 TEMPLATE_FREE = ["APT", "ShapeDNA", "HKS", "WKS"]

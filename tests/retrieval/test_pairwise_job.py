@@ -34,9 +34,9 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import VectorSpace
-from riemhuman.jobs import pairwise_job
-from riemhuman.jobs.pairwise import _unfinished as unfinished_tiles
-from riemhuman.jobs.tiles import TileReader, tiles_of
+from riemhuman.retrieval import pairwise_job
+from riemhuman.retrieval.job_tiles import TileReader, tiles_of
+from riemhuman.retrieval.pairwise_jobs import _unfinished as unfinished_tiles
 from riemhuman.storage.job_folder import JobFolder
 
 N_POINTS = 23
@@ -216,7 +216,7 @@ import sys
 import numpy as np
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.jobs import pairwise_job
+from riemhuman.retrieval import pairwise_job
 from riemhuman.storage.job_folder import JobFolder
 from riemhuman.surfaces.template import Template
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,14 @@ GENERAL_METRIC = "general elastic metric (1, 1, 1)"
 
 Described = tuple[np.ndarray, float]
 
+_TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
+_OURS = {"shape": SHAPE_METRIC, "pose": POSE_METRIC}
+_COLUMNS = {
+    "NN": "nn",
+    "FT": "first_tier",
+    "ST": "second_tier",
+    "mAP": "mean_average_precision",
+}
 _LABELS = {"shape": "subject", "pose": "pose"}
 
 
@@ -61,7 +69,7 @@ class BenchmarkRecord:
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
-    >>> records = rh.retrieval.benchmark(bodies, {"shape": shape})
+    >>> records = rh.report.benchmark(bodies, {"shape": shape})
     >>> [(record.representation, record.task) for record in records]
     [('shape', 'shape'), ('shape', 'pose')]
     """
@@ -94,7 +102,7 @@ def benchmark(
     representations : mapping of str to object, optional
         By name, metrics (with the method ``dist_pairwise``) or descriptors (with the methods
         ``describe`` and ``distances``). By default those of `table_metrics`;
-        `riemhuman.retrieval.representations.available` returns all that apply.
+        `riemhuman.report.representations.available` returns all that apply.
     n_jobs : int, optional
         Number of threads, -1 for one per core; by default one.
     progress : bool
@@ -117,7 +125,7 @@ def benchmark(
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
-    >>> records = rh.retrieval.benchmark(bodies, {"shape": shape})
+    >>> records = rh.report.benchmark(bodies, {"shape": shape})
     >>> [(record.representation, record.task) for record in records]
     [('shape', 'shape'), ('shape', 'pose')]
     """
@@ -164,7 +172,7 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
     dict of str to RiemannianMetric
         The paper's shape metric and pose metric, the metrics of square root normal fields and of
         diffused rotations, and the general elastic metric. Metrics without a closed-form distance
-        are in `riemhuman.retrieval.representations.available`.
+        are in `riemhuman.report.representations.available`.
 
     Raises
     ------
@@ -301,3 +309,89 @@ def timed_distances(
     start = time.perf_counter()
     distances = representation.distances(vectors)
     return distances, seconds / n_bodies, (time.perf_counter() - start) / n_pairs
+
+
+def format_benchmark(
+    records: Sequence[BenchmarkRecord], ours: Mapping[str, str] | None = None
+) -> str:
+    """Format a benchmark as text tables, with the representations that score higher than ours.
+
+    Parameters
+    ----------
+    records : sequence of BenchmarkRecord
+        Records of `riemhuman.report.benchmark`.
+    ours : mapping of str to str, optional
+        Representation by task that the others are compared with; by default the paper's shape
+        metric and pose metric.
+
+    Returns
+    -------
+    str
+        One table per task, with an asterisk at the best of each column. Sentences below it say
+        which representations are better than ours, and which failed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> shape = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template))
+    >>> text = rh.report.format_benchmark(rh.report.benchmark(bodies, {"ours": shape}))
+    >>> "ours" in text
+    True
+    """
+    ours = _OURS if ours is None else ours
+    tasks = dict.fromkeys(record.task for record in records)
+    return "\n\n".join(
+        _task_table(task, [record for record in records if record.task == task], ours.get(task))
+        for task in tasks
+    )
+
+
+def _task_table(task: str, records: list[BenchmarkRecord], ours: str | None) -> str:
+    title = _TITLES.get(task, task)
+    width = max(len(title), *(len(record.representation) for record in records))
+    columns = {
+        name: {
+            record.representation: round(getattr(record.scores, field), 1)
+            for record in records
+            if record.scores is not None
+        }
+        for name, field in _COLUMNS.items()
+    }
+    best = {name: max(column.values(), default=0.0) for name, column in columns.items()}
+    header = "".join(f"{name:>6} " for name in columns)
+    lines = [f"{title:<{width}}  {header} ms a body  ms a pair"]
+    for record in records:
+        if record.scores is None:
+            lines.append(f"{record.representation:<{width}}  failed")
+            continue
+        cells = "".join(
+            f"{column[record.representation]:6.1f}"
+            + ("*" if column[record.representation] == best[name] else " ")
+            for name, column in columns.items()
+        )
+        body = f"{1e3 * record.seconds_per_body:9.1f}" if record.seconds_per_body else f"{'-':>9}"
+        pair = f"{1e3 * record.seconds_per_pair:9.4f}"
+        lines.append(f"{record.representation:<{width}}  {cells} {body}  {pair}")
+    lines += _verdict(columns, ours)
+    lines += [
+        f"{record.representation} failed: {record.problem}"
+        for record in records
+        if record.scores is None
+    ]
+    return "\n".join(lines)
+
+
+def _verdict(columns: Mapping[str, Mapping[str, float]], ours: str | None) -> list[str]:
+    """Return sentences that say what is better than ours."""
+    if ours is None or ours not in columns["NN"]:
+        return []
+    lines = []
+    for name, column in columns.items():
+        better = sorted(
+            (row for row in column if column[row] > column[ours]), key=lambda row: -column[row]
+        )
+        if better:
+            listed = ", ".join(f"{row} ({column[row]:.1f})" for row in better)
+            lines.append(f"Better than {ours} in {name} ({column[ours]:.1f}): {listed}.")
+    return lines or [f"Nothing is better than {ours}."]

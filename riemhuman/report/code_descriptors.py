@@ -42,7 +42,7 @@ class CodeDescriptor(Descriptor):
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
     >>> codes = rh.learned.ShapePoseCodes.load_pretrained()
-    >>> rh.learned.CodeDescriptor(codes, "shape").describe_all(bodies[:2]).shape
+    >>> rh.report.CodeDescriptor(codes, "shape").describe_all(bodies[:2]).shape
     (2, 16)
     """
 

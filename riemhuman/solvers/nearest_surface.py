@@ -16,10 +16,10 @@ from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.protocols import MetricWithCompanion, PulledBackMetric
 from riemhuman.solvers._dispersion import check_weights
+from riemhuman.solvers.image_distances import image_distances
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor, spatial_factor
-from riemhuman.statistics.image_distances import image_distances
 
 # Steps after which the matrix is factored anew, and steps that are remembered.
 _ROUND, _DAMPED_ROUND, _MEMORY = 30, 5, 20

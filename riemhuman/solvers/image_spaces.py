@@ -12,9 +12,9 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.protocols import PulledBackMetric, uninterrupted
+from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.means import GradientDescentMean
-from riemhuman.statistics.inverted_triangles import inverted_triangles
-from riemhuman.statistics.nearest_surface import NearestSurface
+from riemhuman.solvers.nearest_surface import NearestSurface
 
 KINDS = ("auto", "fields", "points")
 

@@ -17,8 +17,8 @@ from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.learned.code_descriptor import shipped_descriptors
-from riemhuman.retrieval.benchmark import table_metrics
+from riemhuman.report.code_descriptors import shipped_descriptors
+from riemhuman.report.retrieval_benchmark import table_metrics
 from riemhuman.solvers.simple_paths import LinearPath
 from riemhuman.terms.normal_projection import mixed_edges
 
@@ -29,7 +29,7 @@ GAUGE_INVARIANT = f"gauge-invariant SRNF{STRAIGHT}"
 
 
 def available(bodies: Any) -> dict[str, Any]:
-    """Return all representations that apply to a data set, for `riemhuman.retrieval.benchmark`.
+    """Return all representations that apply to a data set, for `riemhuman.report.benchmark`.
 
     The model of the open bodies also generated them: its fits recover the vectors almost exactly,
     which is why model vectors rank first on these bodies.

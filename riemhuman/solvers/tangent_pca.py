@@ -15,8 +15,8 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.protocols import uninterrupted
-from riemhuman.statistics.image_spaces import ImageSpace, image_space
-from riemhuman.statistics.nearest_surface import NearestSurface
+from riemhuman.solvers.image_spaces import ImageSpace, image_space
+from riemhuman.solvers.nearest_surface import NearestSurface
 
 # Squared singular values below this share of the first are rounding errors.
 _ROUNDING = 1e-13
