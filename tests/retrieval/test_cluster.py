@@ -11,10 +11,10 @@ import cloudpickle
 import distributed
 import numpy as np
 import pytest
-import riemhuman.retrieval.pairwise_job
 from cases import sphere_template, surfaces
 
 import riemhuman.retrieval.cluster
+import riemhuman.retrieval.pairwise_jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -71,8 +71,8 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
                 os.kill(next(iter(pids.values())), signal.SIGKILL)
             yield number, distances
 
-    in_turn = riemhuman.retrieval.pairwise_job.computed_tiles
-    monkeypatch.setattr(riemhuman.retrieval.pairwise_job, "computed_tiles", killing)
+    in_turn = riemhuman.retrieval.pairwise_jobs.computed_tiles
+    monkeypatch.setattr(riemhuman.retrieval.pairwise_jobs, "computed_tiles", killing)
     pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     assert n_tiles[0] > 10
     assert (tmp_path / "D.npy").read_bytes() == local
@@ -98,7 +98,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
                 scheduler.kill()
             yield number, distances
 
-    in_turn = riemhuman.retrieval.pairwise_job.computed_tiles
+    in_turn = riemhuman.retrieval.pairwise_jobs.computed_tiles
     script = tmp_path / "scheduler.py"
     script.write_text(SCHEDULER)
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
@@ -114,7 +114,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
         client = distributed.Client(scheduler.stdout.readline().strip())
         try:
             with monkeypatch.context() as patches:
-                patches.setattr(riemhuman.retrieval.pairwise_job, "computed_tiles", killing)
+                patches.setattr(riemhuman.retrieval.pairwise_jobs, "computed_tiles", killing)
                 with pytest.raises(ClusterError, match="cluster is lost .* the same call goes on"):
                     pairwise_job(METRIC, POINTS, folder, memory=MEMORY, client=client)
         finally:
@@ -150,10 +150,10 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
                 close()
             return first_finished(*arguments)
 
-        calls, in_turn = [], riemhuman.retrieval.pairwise_job.computed_tiles
+        calls, in_turn = [], riemhuman.retrieval.pairwise_jobs.computed_tiles
         first_finished = riemhuman.retrieval.cluster._first_finished
         if moment == "tiles":
-            monkeypatch.setattr(riemhuman.retrieval.pairwise_job, "computed_tiles", closing)
+            monkeypatch.setattr(riemhuman.retrieval.pairwise_jobs, "computed_tiles", closing)
         else:
             monkeypatch.setattr(riemhuman.retrieval.cluster, "_first_finished", closing_first)
         with pytest.raises(ClusterError, match="the same call goes on with it"):

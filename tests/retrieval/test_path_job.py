@@ -3,9 +3,9 @@
 import distributed
 import numpy as np
 import pytest
-import riemhuman.retrieval.path_job
 from cases import sphere_template, surfaces
 
+import riemhuman.retrieval.path_jobs
 from riemhuman.errors import ArgumentError, DamagedFileWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
@@ -19,7 +19,7 @@ SOLVER = PathStraightening(n_nodes=4)
 
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch):
-    monkeypatch.setattr(riemhuman.retrieval.path_job, "_BLOCK", 3)
+    monkeypatch.setattr(riemhuman.retrieval.path_jobs, "_BLOCK", 3)
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def test_same_as_in_memory_with_the_paths(expected, tmp_path):
 
 
 def test_goes_on_where_it_was_stopped(expected, tmp_path, monkeypatch):
-    finder = riemhuman.retrieval.path_job._PathFinder
+    finder = riemhuman.retrieval.path_jobs._PathFinder
     find, asked = finder.distances, []
 
     def stopped(self, metric, block):
