@@ -11,11 +11,11 @@ from riemhuman.cli import main
 from riemhuman.datasets import check_dataset, load_open_bodies
 from riemhuman.descriptors.descriptor import Descriptor
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.io import save_mesh
 from riemhuman.measurements import Measurements, open_measurements
 from riemhuman.report import benchmark
 from riemhuman.report.representations import available
 from riemhuman.solvers import check_metric
-from riemhuman.surfaces import save_mesh
 
 ENTRIES = """
 [riemhuman.metrics]

@@ -13,7 +13,7 @@ from riemhuman.__main__ import main
 from riemhuman.datasets import Bodies, load_open_bodies
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.surfaces import save_mesh
+from riemhuman.io import save_mesh
 
 
 def test_prints_the_tables(capsys):

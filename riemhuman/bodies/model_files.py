@@ -19,8 +19,8 @@ from riemhuman.bodies.model_families import (
 )
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.storage.array_files import load_arrays, save_arrays
-from riemhuman.storage.safe_pickle import load_pickled_arrays
+from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.pickles import load_pickled_arrays
 
 # Fields of the file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
 _FIELDS = {

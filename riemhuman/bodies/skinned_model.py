@@ -16,8 +16,8 @@ from riemhuman.bodies.skinning import chained_motions, skinned
 from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import read_only
 from riemhuman.kernels.rotations import rotation_matrix
-from riemhuman.surfaces.mesh_arrays import read_only
 from riemhuman.surfaces.template import Template
 
 

@@ -47,8 +47,8 @@ from riemhuman.errors import (
     OutsideManifoldError,
     RiemhumanError,
 )
+from riemhuman.io.outputs import lock_output
 from riemhuman.optional import import_optional
-from riemhuman.storage.outputs import claimed
 
 _FAILURE = 1
 _BAD_DATA = 2
@@ -161,7 +161,7 @@ def _run(given: Sequence[str]) -> int:
 
 def _output_claimed(options: argparse.Namespace) -> AbstractContextManager[None]:
     output = getattr(options, "output", None)
-    return nullcontext() if output is None else claimed(path_argument(os.fspath(output)))
+    return nullcontext() if output is None else lock_output(path_argument(os.fspath(output)))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -10,7 +10,7 @@ from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.outputs import check_folder, whole_folder
+from riemhuman.io.outputs import atomic_folder, check_output_folder
 
 _PICTURE = "aligned.html"
 _MESHES = (".ply", ".obj", ".off")
@@ -48,7 +48,7 @@ def add_verbs(verbs: Verbs) -> None:
 def _align(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from riemhuman.surfaces.mesh_files import save_mesh
+    from riemhuman.io.meshes import save_mesh
 
     files = meshes_named(options.meshes)
     names = [file.name for file in files]
@@ -56,14 +56,14 @@ def _align(options: argparse.Namespace) -> None:
         raise ArgumentError(
             "two meshes have the same name and would overwrite each other in the folder"
         )
-    check_folder(options.output, _is_ours, force=options.force)
+    check_output_folder(options.output, _is_ours, force=options.force)
     reporter = Reporter(options.quiet)
     surfaces = surfaces_in(files, options)
     with reporter.task(f"Alignment of {len(files)} meshes"):
         points = surfaces[:]
     gaps = np.linalg.norm(points - surfaces.template.vertices, axis=-1)
     distances = np.sqrt((gaps**2).mean(axis=-1))
-    with whole_folder(options.output, _is_ours) as folder:
+    with atomic_folder(options.output, _is_ours) as folder:
         for name, surface in zip(names, points, strict=True):
             save_mesh(folder / name, surface, surfaces.template.faces)
         titles = [file.stem for file in files]

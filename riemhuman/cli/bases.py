@@ -10,7 +10,7 @@ from riemhuman.cli.inputs import add_units, path_argument
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Motion
@@ -143,7 +143,7 @@ def chosen_basis(
 def _basis(options: argparse.Namespace) -> None:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
 
-    check_file(options.output, [".npz"], force=options.force)
+    check_output_file(options.output, [".npz"], force=options.force)
     reporter = Reporter(options.quiet)
     motions = _motions(options)
     n_frames = sum(len(motion) for motion in motions)
@@ -177,7 +177,7 @@ def _motions(options: argparse.Namespace) -> list[Motion]:
     """Return the chosen motions, whose frames are read when they are needed."""
     from riemhuman import datasets
     from riemhuman.datasets.mesh_motions import load_mesh_motions
-    from riemhuman.surfaces.mesh_arrays import face_difference
+    from riemhuman.io.mesh_arrays import face_difference
 
     if options.open == bool(options.motions):
         raise ArgumentError("give either HDF5 files or folders of motions, or --open")

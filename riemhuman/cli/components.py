@@ -20,7 +20,7 @@ from riemhuman.cli.pictures import write_picture
 from riemhuman.cli.terminal import Reporter, as_json, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.outputs import check_folder, whole_folder
+from riemhuman.io.outputs import atomic_folder, check_output_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -93,7 +93,7 @@ def _components(options: argparse.Namespace) -> None:
     count = whole_number(options.n_components, "-n", minimum=1)
     n_samples = whole_number(options.samples, "--samples", minimum=0)
     whole_number(options.seed, "--seed", minimum=0)
-    check_folder(options.output, _is_ours, force=options.force)
+    check_output_folder(options.output, _is_ours, force=options.force)
     reporter = Reporter(options.quiet)
     files = meshes_named(options.meshes)
     with reporter.task(f"Reading {len(files)} meshes"):
@@ -112,7 +112,7 @@ def _components(options: argparse.Namespace) -> None:
         bodies = _bodies(pca, n_samples, options.seed, bars=reporter.bars)
 
     record = _record(options, files, metric_record(metric), pca, points)
-    with whole_folder(options.output, _is_ours) as folder:
+    with atomic_folder(options.output, _is_ours) as folder:
         _fill(folder, bodies, surfaces.template.faces, record)
     if options.json:
         say_json(record | {"output": options.output})
@@ -164,7 +164,7 @@ def _record(
 
 
 def _fill(folder: Path, bodies: dict[str, ndarray], faces: ndarray, record: dict[str, Any]) -> None:
-    from riemhuman.surfaces.mesh_files import save_mesh
+    from riemhuman.io.meshes import save_mesh
 
     for name, surface in bodies.items():
         save_mesh(folder / name, surface, faces)

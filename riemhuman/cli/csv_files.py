@@ -7,7 +7,7 @@ import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from riemhuman.storage.cells import cell
+from riemhuman.io.text_tables import csv_cell
 
 
 def csv_text(rows: Iterable[Sequence[object]]) -> str:
@@ -17,7 +17,7 @@ def csv_text(rows: Iterable[Sequence[object]]) -> str:
     ----------
     rows : iterable of sequence
         Cells of each row. Spreadsheets must not run text as a formula, see
-        `riemhuman.storage.cells.cell`.
+        `riemhuman.io.text_tables.cell`.
 
     Returns
     -------
@@ -25,7 +25,7 @@ def csv_text(rows: Iterable[Sequence[object]]) -> str:
     """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
-    writer.writerows([cell(x) if isinstance(x, str) else x for x in row] for row in rows)
+    writer.writerows([csv_cell(x) if isinstance(x, str) else x for x in row] for row in rows)
     return stream.getvalue()
 
 
@@ -39,6 +39,6 @@ def write_csv(path: Path, rows: Iterable[Sequence[object]]) -> None:
     rows : iterable of sequence
         Cells of each row.
     """
-    from riemhuman.storage.whole_files import write_text
+    from riemhuman.io.files import write_text
 
     write_text(path, csv_text(rows))

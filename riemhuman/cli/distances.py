@@ -25,7 +25,7 @@ from riemhuman.cli.metrics import (
 from riemhuman.cli.terminal import Reporter, note, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -162,7 +162,7 @@ def _dist(options: argparse.Namespace) -> None:
 
 def _matrix(options: argparse.Namespace) -> None:
     from riemhuman.datasets.registered_meshes import find_meshes
-    from riemhuman.storage.whole_files import write_text
+    from riemhuman.io.files import write_text
 
     check_metric_options(options)
     if options.output is None and options.csv is None:
@@ -172,9 +172,9 @@ def _matrix(options: argparse.Namespace) -> None:
     _check_paths(options)
     table = None if options.csv in (None, "-") else path_argument(options.csv)
     if options.output is not None:
-        check_file(options.output, [".npz"], force=options.force)
+        check_output_file(options.output, [".npz"], force=options.force)
     if table is not None:
-        check_file(table, [".csv", ".tsv", ".txt"], force=options.force)
+        check_output_file(table, [".csv", ".tsv", ".txt"], force=options.force)
 
     reporter = Reporter(options.quiet)
     files = find_meshes(options.folder)
@@ -275,7 +275,7 @@ def _excess(found: PathDistances) -> str:
 def _save_matrix(path: Path, matrices: dict[str, ndarray], names: list[str], metric: str) -> None:
     import numpy as np
 
-    from riemhuman.storage.array_files import save_arrays
+    from riemhuman.io.arrays import save_arrays
 
     arrays = {**matrices, "names": np.array(names), "metric": np.array(metric)}
     save_arrays(path, arrays)

@@ -10,7 +10,7 @@ from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from riemhuman.bodies import BodyModel
@@ -57,10 +57,10 @@ def add_verbs(verbs: Verbs) -> None:
 def _fit(options: argparse.Namespace) -> None:
     import numpy as np
 
+    from riemhuman.io.arrays import save_arrays
     from riemhuman.progress import ProgressBar
-    from riemhuman.storage.array_files import save_arrays
 
-    check_file(options.output, [".npz"], force=options.force)
+    check_output_file(options.output, [".npz"], force=options.force)
     check_picture(options)
     reporter = Reporter(options.quiet)
     files = meshes_named(options.meshes)

@@ -90,7 +90,7 @@ def _facts(path: Path) -> dict[str, Any]:
 
 def _mesh_facts(path: Path) -> dict[str, Any]:
     from riemhuman.cli.mesh_facts import mesh_facts
-    from riemhuman.surfaces.mesh_files import load_mesh
+    from riemhuman.io.meshes import load_mesh
 
     return {"kind": "mesh", **mesh_facts(*load_mesh(path))}
 
@@ -115,7 +115,7 @@ def _folder_facts(path: Path) -> dict[str, Any]:
 
 
 def _npz_facts(path: Path) -> dict[str, Any]:
-    from riemhuman.storage.array_files import load_arrays
+    from riemhuman.io.arrays import load_arrays
 
     arrays = load_arrays(path, ())
     if {"vectors", "format_version"} <= arrays.keys():

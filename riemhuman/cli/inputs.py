@@ -115,7 +115,7 @@ def path_argument(text: str) -> Path:
     -------
     Path
     """
-    from riemhuman.storage.file_content import file_path
+    from riemhuman.io.files import file_path
 
     return file_path(text)
 

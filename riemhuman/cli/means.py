@@ -18,7 +18,7 @@ from riemhuman.cli.metrics import (
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -53,12 +53,12 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _mean(options: argparse.Namespace) -> None:
+    from riemhuman.io.meshes import save_mesh
     from riemhuman.protocols import uninterrupted
     from riemhuman.solvers import BasisMean
-    from riemhuman.surfaces.mesh_files import save_mesh
 
     check_metric_options(options)
-    check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
+    check_output_file(options.output, [".ply", ".obj", ".off"], force=options.force)
     check_picture(options)
     reporter = Reporter(options.quiet)
     files = meshes_named(options.meshes)

@@ -12,7 +12,7 @@ from riemhuman.cli.inputs import add_units, meshes_named, path_argument
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_force, add_json, add_verb
 from riemhuman.errors import ArgumentError
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -102,9 +102,9 @@ def _add_definitions(parser: argparse.ArgumentParser) -> None:
 
 def _measure(options: argparse.Namespace) -> None:
     if options.output is not None:
-        check_file(options.output, [".csv"], force=options.force)
+        check_output_file(options.output, [".csv"], force=options.force)
     if options.picture is not None:
-        check_file(options.picture, _PICTURES, force=options.force)
+        check_output_file(options.picture, _PICTURES, force=options.force)
     reporter = Reporter(options.quiet)
     files = meshes_named(options.meshes)
     own, points = _read(files, options)
@@ -142,7 +142,7 @@ def _compare(options: argparse.Namespace) -> None:
     from riemhuman.measurements import compare_visits
 
     if options.output is not None:
-        check_file(options.output, [".csv"], force=options.force)
+        check_output_file(options.output, [".csv"], force=options.force)
     reporter = Reporter(options.quiet)
     own, points = _read([options.before, options.after], options)
     with reporter.task("Standard pose of 2 meshes"):
@@ -220,13 +220,13 @@ def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measureme
 
 
 def _draw(path: Path, own: Measurements, surface: ndarray, axes: str) -> None:
+    from riemhuman.io.files import atomic_file
     from riemhuman.plots.figures import figure_style
     from riemhuman.plots.tape_plots import plot_tapes
-    from riemhuman.storage.whole_files import whole_file
 
     with figure_style():
         figure = plot_tapes(surface, own.definitions.faces, own.tapes(surface, axes=axes))
-        with whole_file(path) as neighbour:
+        with atomic_file(path) as neighbour:
             figure.savefig(neighbour, dpi=200, facecolor="white")
 
 

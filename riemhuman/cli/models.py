@@ -7,7 +7,7 @@ import argparse
 from riemhuman.cli.inputs import path_argument
 from riemhuman.cli.terminal import Reporter, say
 from riemhuman.cli.verbs import Verbs, add_output, add_verb
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -41,7 +41,7 @@ def add_verbs(verbs: Verbs) -> None:
 def _convert(options: argparse.Namespace) -> None:
     from riemhuman.bodies import convert_model, model_contents
 
-    check_file(options.output, [".npz"], force=options.force)
+    check_output_file(options.output, [".npz"], force=options.force)
     reporter = Reporter(options.quiet)
     with reporter.task("Converting"):
         model = convert_model(options.source, options.output, n_betas=options.n_betas)

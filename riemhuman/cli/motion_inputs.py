@@ -116,7 +116,7 @@ class _StoredMotion:
     """The motion in an .npz file that `riemhuman transfer` wrote."""
 
     def __init__(self, path: Path) -> None:
-        from riemhuman.storage.array_files import load_arrays
+        from riemhuman.io.arrays import load_arrays
 
         arrays = load_arrays(path, ("path", "faces"))
         self._frames, self.faces = arrays["path"], arrays["faces"]

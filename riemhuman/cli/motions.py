@@ -16,7 +16,7 @@ from riemhuman.cli.motion_inputs import (
 from riemhuman.cli.outputs import add_folder_or_file, checked_output, write_motion
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -189,9 +189,9 @@ def _dist(options: argparse.Namespace) -> None:
 def _matrix(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from riemhuman.storage.array_files import save_arrays
+    from riemhuman.io.arrays import save_arrays
 
-    check_file(options.output, [".npz", ".csv"], force=options.force)
+    check_output_file(options.output, [".npz", ".csv"], force=options.force)
     reporter = Reporter(options.quiet)
     names, motions = read_motions(options, options.motions)
     measure = motion_measure(options, motion_space(options, motions[0]), options.components)
@@ -209,11 +209,11 @@ def _matrix(options: argparse.Namespace) -> None:
 
 
 def _align(options: argparse.Namespace) -> None:
+    from riemhuman.io.arrays import save_arrays
     from riemhuman.motions.alignment import at_times, even_times
     from riemhuman.plots.motion_page import AlignedMotions
-    from riemhuman.storage.array_files import save_arrays
 
-    check_file(options.output, [".html", ".npz"], force=options.force)
+    check_output_file(options.output, [".html", ".npz"], force=options.force)
     reporter = Reporter(options.quiet)
     names, (one, other) = read_motions(options, [options.a_motion, options.b_motion], exactly=2)
     space = motion_space(options, one, options.n_times)

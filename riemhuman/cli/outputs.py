@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import path_argument
 from riemhuman.cli.verbs import add_force
-from riemhuman.storage.outputs import check_file, check_folder, whole_folder
+from riemhuman.io.outputs import atomic_folder, check_output_file, check_output_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -56,9 +56,9 @@ def checked_output(
     is_folder = options.output.endswith("/") or output.is_dir()
     ending = "" if is_folder else output.suffix.lower()
     if ending:
-        check_file(output, [*endings, "/ (a folder)"], force=options.force)
+        check_output_file(output, [*endings, "/ (a folder)"], force=options.force)
     else:
-        check_folder(output, is_ours, force=options.force)
+        check_output_folder(output, is_ours, force=options.force)
     return output, ending
 
 
@@ -87,17 +87,17 @@ def write_motion(
     **arrays
         Further arrays for an .npz file.
     """
+    from riemhuman.io.arrays import save_arrays
+    from riemhuman.io.gltf import save_glb
+    from riemhuman.io.meshes import save_mesh
     from riemhuman.plots.viewer import view_path
-    from riemhuman.storage.array_files import save_arrays
-    from riemhuman.surfaces.gltf_files import save_glb
-    from riemhuman.surfaces.mesh_files import save_mesh
 
     if ending == ".glb":
         save_glb(output, frames, faces, name=title)
     elif ending:
         save_arrays(output, {"path": frames, "faces": faces, **arrays})
     else:
-        with whole_folder(output, _of_motion) as folder:
+        with atomic_folder(output, _of_motion) as folder:
             for k, frame in enumerate(frames):
                 save_mesh(folder / f"frame_{k:04d}.ply", frame, faces)
             view_path(frames, faces, title=title, description=said).save(folder / _PAGE)

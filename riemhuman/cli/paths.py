@@ -29,7 +29,7 @@ from riemhuman.cli.terminal import (
     say_json,
 )
 from riemhuman.cli.verbs import Verbs, add_json, add_verb
-from riemhuman.storage.outputs import whole_folder
+from riemhuman.io.outputs import atomic_folder
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -108,7 +108,7 @@ def _geodesic(options: argparse.Namespace) -> None:
     if single:
         writers[single](output, result.path, faces, _described(record, result))
     else:
-        with whole_folder(output, _is_ours) as folder:
+        with atomic_folder(output, _is_ours) as folder:
             said = _described(record, result)
             _fill(folder, writers, result.path, faces, said, reporter)
             (folder / _SUMMARY).write_text(as_json(record) + "\n", encoding="utf-8")
@@ -161,7 +161,7 @@ def _fill(
     said: str,
     reporter: Reporter,
 ) -> None:
-    from riemhuman.surfaces.mesh_files import save_mesh
+    from riemhuman.io.meshes import save_mesh
 
     digits = max(2, len(str(len(path) - 1)))
     with reporter.task("Meshes"):
@@ -177,16 +177,16 @@ def _writers() -> dict[str, Write]:
 
 
 def _write_glb(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
-    from riemhuman.surfaces.gltf_files import save_glb
+    from riemhuman.io.gltf import save_glb
 
     save_glb(file, path, faces)
 
 
 def _write_png(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
+    from riemhuman.io.files import atomic_file
     from riemhuman.plots import plot_path
-    from riemhuman.storage.whole_files import whole_file
 
-    with whole_file(file) as neighbour:
+    with atomic_file(file) as neighbour:
         plot_path(path, faces).figure.savefig(neighbour, dpi=_DPI)
 
 
@@ -197,7 +197,7 @@ def _write_html(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
 
 
 def _write_npz(file: Path, path: ndarray, faces: ndarray, said: str) -> None:
-    from riemhuman.storage.array_files import save_arrays
+    from riemhuman.io.arrays import save_arrays
 
     save_arrays(file, {"path": path, "faces": faces})
 

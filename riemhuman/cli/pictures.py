@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from riemhuman.cli.inputs import path_argument
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -42,7 +42,7 @@ def check_picture(options: argparse.Namespace) -> None:
         Parsed options.
     """
     if options.picture is not None:
-        check_file(options.picture, _ENDINGS, force=options.force)
+        check_output_file(options.picture, _ENDINGS, force=options.force)
 
 
 def write_picture(
@@ -63,8 +63,8 @@ def write_picture(
     title : str
         Title of a page.
     """
+    from riemhuman.io.files import atomic_file
     from riemhuman.plots.viewer import view_bodies
-    from riemhuman.storage.whole_files import whole_file
     from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
     from riemhuman.surfaces.rendering import SKIN, View
 
@@ -74,5 +74,5 @@ def write_picture(
         view_bodies(surfaces, faces, names, title=title).save(path)
         return
     picture = strip_picture(surfaces, faces, [SKIN] * len(surfaces), View(), _HEIGHT)
-    with whole_file(path) as neighbour:
+    with atomic_file(path) as neighbour:
         neighbour.write_bytes(png_bytes(picture))

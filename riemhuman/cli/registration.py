@@ -10,7 +10,7 @@ from riemhuman.cli.inputs import AXES, UNITS, path_argument
 from riemhuman.cli.terminal import Reporter, note, say
 from riemhuman.cli.verbs import Verbs, add_output, add_verb
 from riemhuman.errors import ArgumentError, FileError
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from riemhuman.registration import ScanRegistration
@@ -99,10 +99,10 @@ def _registration(options: argparse.Namespace) -> ScanRegistration:
 def _register_file(options: argparse.Namespace) -> None:
     import numpy as np
 
+    from riemhuman.io.meshes import save_mesh
     from riemhuman.registration import load_landmarks, load_scan
-    from riemhuman.surfaces.mesh_files import save_mesh
 
-    check_file(options.output, _ENDINGS, force=options.force)
+    check_output_file(options.output, _ENDINGS, force=options.force)
     reporter = Reporter(options.quiet)
     scan = load_scan(options.scans, options.unit)
     landmarks = None if options.landmarks is None else load_landmarks(options.landmarks)

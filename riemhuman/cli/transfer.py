@@ -15,7 +15,7 @@ from riemhuman.cli.outputs import add_folder_or_file, checked_output, write_moti
 from riemhuman.cli.pictures import add_picture, check_picture, write_picture
 from riemhuman.cli.terminal import Reporter, convergence, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 
 def add_verbs(verbs: Verbs) -> None:
@@ -130,12 +130,12 @@ def _transfer(options: argparse.Namespace) -> None:
 def _disentangle(options: argparse.Namespace) -> None:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.io.meshes import save_mesh
     from riemhuman.protocols import uninterrupted
     from riemhuman.solvers import Disentangling
     from riemhuman.surfaces.deformation_basis import DeformationBasis
-    from riemhuman.surfaces.mesh_files import save_mesh
 
-    check_file(options.output, [".ply", ".obj", ".off"], force=options.force)
+    check_output_file(options.output, [".ply", ".obj", ".off"], force=options.force)
     check_picture(options)
     reporter = Reporter(options.quiet)
     surfaces = surfaces_in([options.shape, options.pose], options)

@@ -10,7 +10,7 @@ from riemhuman.cli.inputs import add_units, meshes_named, path_argument, surface
 from riemhuman.cli.terminal import Reporter, say, say_json
 from riemhuman.cli.verbs import Verbs, add_json, add_output, add_verb
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.storage.outputs import check_file
+from riemhuman.io.outputs import check_output_file
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -118,10 +118,10 @@ def _add_matrix(parser: argparse.ArgumentParser, *, required: bool) -> None:
 def _view(options: argparse.Namespace) -> None:
     import webbrowser
 
+    from riemhuman.io.arrays import load_arrays
     from riemhuman.plots.viewer import view_bodies, view_path
-    from riemhuman.storage.array_files import load_arrays
 
-    check_file(options.output, [".html"], force=options.force)
+    check_output_file(options.output, [".html"], force=options.force)
     reporter = Reporter(options.quiet)
     first = options.meshes[0]
     with reporter.task("Page"):
@@ -151,13 +151,13 @@ def _view(options: argparse.Namespace) -> None:
 def _plot(options: argparse.Namespace) -> None:
     import numpy as np
 
+    from riemhuman.io.files import atomic_file
     from riemhuman.optional import import_optional
     from riemhuman.plots.embedding import embed, stress
     from riemhuman.plots.figures import figure_style, new_figure
     from riemhuman.plots.result_plots import plot_embedding
-    from riemhuman.storage.whole_files import whole_file
 
-    check_file(options.output, _PICTURES, force=options.force)
+    check_output_file(options.output, _PICTURES, force=options.force)
     import_optional("matplotlib", "plot")
     if options.labels is None:
         distances, names = _matrix(options.matrix)
@@ -177,7 +177,7 @@ def _plot(options: argparse.Namespace) -> None:
             unit="m" if is_scaled else None,
             ax=figure.subplots(),
         )
-        with whole_file(options.output) as neighbour:
+        with atomic_file(options.output) as neighbour:
             figure.savefig(
                 neighbour, dpi=200, facecolor="white", format=options.output.suffix[1:].lower()
             )
@@ -208,7 +208,7 @@ def _scores(options: argparse.Namespace) -> None:
 
 
 def _matrix(path: Path) -> tuple[ndarray, list[str]]:
-    from riemhuman.storage.array_files import load_arrays
+    from riemhuman.io.arrays import load_arrays
 
     arrays: dict[str, Any] = load_arrays(path, ["distances", "names"])
     distances, names = arrays["distances"], [str(name) for name in arrays["names"]]

@@ -15,10 +15,10 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array, real_number
 from riemhuman.datasets.motions import Motion, Motions
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.io.arrays import load_arrays, open_archive
+from riemhuman.io.files import file_path
+from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.kernels.tiles import slices
-from riemhuman.storage.array_files import load_arrays, opened_archive
-from riemhuman.storage.file_content import file_path
-from riemhuman.surfaces.mesh_arrays import face_difference
 
 # Parents of the joints of SMPL's body, with which all models of its family begin.
 _BODY_PARENTS = (-1, 0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)
@@ -332,7 +332,7 @@ def _find_files(path: str | os.PathLike[str]) -> list[Path]:
 
 def _read_header(file: Path) -> _Header:
     """Read gender, frame rate and number of frames of a file."""
-    with opened_archive(file) as archive:
+    with open_archive(file) as archive:
         shapes = {name: archive.shape(name) for name in archive.names}
         fields = archive.arrays([name for name in (*_RATES, "gender") if name in shapes])
     rate_name = next((name for name in _RATES if name in shapes), " or ".join(_RATES))

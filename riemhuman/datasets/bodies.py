@@ -13,8 +13,8 @@ import numpy as np
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, FrameIndexError
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.optional import import_optional
-from riemhuman.storage.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.html_pictures import surfaces_html
 from riemhuman.surfaces.template import Template
 

@@ -20,11 +20,11 @@ from riemhuman.errors import (
     FileFormatError,
     RiemhumanError,
 )
+from riemhuman.io.arrays import memory_limit, memory_size
+from riemhuman.io.files import check_file, file_path, short_message
+from riemhuman.io.mesh_arrays import face_difference, read_only
 from riemhuman.optional import import_optional
 from riemhuman.representation import join_names
-from riemhuman.storage.array_files import memory_of, room_of
-from riemhuman.storage.file_content import brief, check_file, file_path
-from riemhuman.surfaces.mesh_arrays import face_difference, read_only
 
 _FILES = ("registrations_m.hdf5", "registrations_f.hdf5")
 _FACES = "faces"
@@ -96,7 +96,7 @@ class DynamicFaustMotion(Motion):
                 except (OSError, RuntimeError) as error:
                     raise FileError(
                         f"{self._path}: frames {first} to {end - 1} of {key} cannot be read: "
-                        f"{brief(error)}"
+                        f"{short_message(error)}"
                     ) from error
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
         bad = [
@@ -233,10 +233,10 @@ def _lies_here(contents: Any, key: str) -> bool:
     found = contents[key]
     if not isinstance(found, h5py.Dataset):
         return True
-    room = room_of(found.id.get_storage_size())
+    room = memory_limit(found.id.get_storage_size())
     # HDF5 unpacks a whole chunk to read a part of it, even if it is much larger than the data.
     shapes = [shape for shape in (found.shape, found.chunks) if shape is not None]
-    fits = all(memory_of(shape, found.dtype) <= room for shape in shapes)
+    fits = all(memory_size(shape, found.dtype) <= room for shape in shapes)
     return fits and not found.external and not found.is_virtual
 
 
@@ -248,9 +248,9 @@ def _damage_named(file: Path, what: str) -> Iterator[None]:
     except RiemhumanError:
         raise
     except Exception as error:
-        raise FileFormatError(f"{file} is damaged: {what} cannot be read: {brief(error)}") from (
-            error
-        )
+        raise FileFormatError(
+            f"{file} is damaged: {what} cannot be read: {short_message(error)}"
+        ) from (error)
 
 
 def _names(contents: Any, file: Path) -> list[str]:
@@ -301,7 +301,7 @@ def _opened(path: Path) -> Iterator[Any]:
             raise FileFormatError(f"{path} is not an HDF5 file")
         file = h5py.File(path, "r")
     except (OSError, RuntimeError) as error:
-        raise FileError(f"cannot read {path}: {brief(error)}") from error
+        raise FileError(f"cannot read {path}: {short_message(error)}") from error
     with file:
         yield file
 

@@ -22,9 +22,9 @@ from riemhuman.datasets.registered_meshes import (
     read_template,
 )
 from riemhuman.errors import FileError, FileFormatError
+from riemhuman.io.files import file_path
+from riemhuman.io.text_tables import read_text
 from riemhuman.representation import join_names
-from riemhuman.storage.file_content import file_path
-from riemhuman.storage.number_text import text_content
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 
@@ -187,7 +187,7 @@ def _read_rows(table: Path) -> list[_Row]:
         raise FileError(f"{table} is a folder; a table of labels was expected")
     if not table.exists():
         raise FileError(f"there is no table of labels {table}")
-    text = text_content(table)
+    text = read_text(table)
     heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
     separator = max(_SEPARATORS, key=heading.count)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)

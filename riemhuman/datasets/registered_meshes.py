@@ -13,10 +13,10 @@ import numpy as np
 
 from riemhuman.checks import one_of
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io.files import file_path
+from riemhuman.io.mesh_arrays import face_difference
+from riemhuman.io.meshes import load_mesh
 from riemhuman.progress import ProgressBar
-from riemhuman.storage.file_content import file_path
-from riemhuman.surfaces.mesh_arrays import face_difference
-from riemhuman.surfaces.mesh_files import load_mesh
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.upright import upright
 from riemhuman.units import SCALES, check_same_scale

@@ -13,10 +13,10 @@ import numpy as np
 from riemhuman.checks import real_number
 from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.io.files import file_path
+from riemhuman.io.meshes import load_mesh
+from riemhuman.io.text_tables import read_text
 from riemhuman.representation import Record, join_names
-from riemhuman.storage.file_content import file_path
-from riemhuman.storage.number_text import text_content
-from riemhuman.surfaces.mesh_files import load_mesh
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,7 +211,7 @@ def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
         If it is damaged; the message names the line.
     """
     file = file_path(path, "classes")
-    words = _Words(file, text_content(file))
+    words = _Words(file, read_text(file))
     if words.next("the word PSB").upper() != "PSB":
         words.refuse("a class file begins with PSB")
     words.next("the version")

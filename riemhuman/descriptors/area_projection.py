@@ -12,8 +12,8 @@ from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, pairwise
 from riemhuman.descriptors.voxels import VoxelGrid, enclosed_voxels, grid_around
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.representation import Record
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
 
 _RADII = tuple((0.03 + 0.02 * np.arange(7)).round(2).tolist())
 _MAX_VOXELS = 50_000_000
@@ -142,7 +142,7 @@ class AreaProjectionTransform(Descriptor):
         DegenerateSurfaceError
             If the mesh encloses nothing.
         """
-        points, triangles = mesh_arrays(vertices, faces)
+        points, triangles = check_mesh(vertices, faces)
         corners = points[triangles]
         middle = points.mean(axis=0)
         volume = float(np.linalg.det(corners - middle).sum()) / 6

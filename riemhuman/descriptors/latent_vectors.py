@@ -21,10 +21,10 @@ from riemhuman.errors import (
     NotDefinedError,
     RiemhumanError,
 )
+from riemhuman.io.arrays import load_array, load_arrays
+from riemhuman.io.files import file_path
+from riemhuman.io.text_tables import read_named_rows
 from riemhuman.representation import Record, join_names
-from riemhuman.storage.array_files import load_array, load_arrays
-from riemhuman.storage.file_content import file_path
-from riemhuman.storage.named_rows import named_rows
 
 
 @dataclass(frozen=True, repr=False)
@@ -273,5 +273,5 @@ def _read_npy(file: Path) -> tuple[Any, Any]:
 
 
 def _read_csv(file: Path) -> tuple[Any, Any]:
-    rows = named_rows(file, "id")
+    rows = read_named_rows(file, "id")
     return list(rows), np.array(list(rows.values()))

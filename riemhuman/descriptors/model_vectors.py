@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from riemhuman.checks import one_of, real_array
 from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.progress import ProgressBar
-from riemhuman.surfaces.mesh_arrays import face_difference
 
 
 @dataclass(frozen=True, eq=False)

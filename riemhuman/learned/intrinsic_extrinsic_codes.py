@@ -13,6 +13,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.learned.codes import PairedCodes, checked_template
 from riemhuman.learned.networks import in_single_precision, network
 from riemhuman.learned.point_clouds import (
@@ -23,7 +24,6 @@ from riemhuman.learned.point_clouds import (
 )
 from riemhuman.learned.weight_files import Weights, check_training_bodies
 from riemhuman.progress import ProgressBar
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
 from riemhuman.surfaces.spectra import spectrum
 from riemhuman.surfaces.template import Template
 
@@ -234,7 +234,7 @@ class IntrinsicExtrinsicCodes(PairedCodes):
             If the mesh has no area.
         """
         self._require_fit("parameters_")
-        mesh = mesh_arrays(vertices, faces)
+        mesh = check_mesh(vertices, faces)
         self._check_scale(mesh[0], "vertices")
         rng = np.random.default_rng(_SEED_OF_POINTS)
         clouds = np.stack([surface_points(*mesh, self.n_points, rng) for _ in range(_CLOUDS)])

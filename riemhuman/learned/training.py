@@ -14,9 +14,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.optional import import_optional
 from riemhuman.progress import ProgressBar
-from riemhuman.storage.array_files import load_arrays, save_arrays
 
 Loss = Callable[[ModuleType, dict[str, Any], Mapping[str, Any], np.random.Generator], Any]
 

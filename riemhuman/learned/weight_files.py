@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.storage.array_files import load_arrays, save_arrays
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.surfaces.template import Template
 
 _VERSION = 1

@@ -12,11 +12,11 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements
 from riemhuman.measurements.open_body import FOLDER
 from riemhuman.measurements.standard_pose import in_standard_pose
-from riemhuman.surfaces.normals import vertex_normals
 from riemhuman.surfaces.procrustes import procrustes
 
 # A difference has the variance of both visits; a change counts above two of its deviations.

@@ -11,10 +11,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.files import atomic_file, file_path, read_bytes
 from riemhuman.measurements.definitions import measurement_from_dict
 from riemhuman.measurements.moved_landmarks import Landmark
-from riemhuman.storage.file_content import file_content, file_path
-from riemhuman.storage.whole_files import whole_file
 
 _FORMAT = 1
 
@@ -55,7 +54,7 @@ def write_set(
         "axes": description.axes.tolist(),
         "standard_pose": {name: np.asarray(turn).tolist() for name, turn in pose.items()},
     }
-    with whole_file(file_path(path)) as file:
+    with atomic_file(file_path(path)) as file:
         file.write_text(_json_text(record), encoding="utf-8")
 
 
@@ -86,7 +85,7 @@ def read_set(
         If the file does not hold measurements, or is for another template.
     """
     try:
-        record = json.loads(file_content(file_path(path)))
+        record = json.loads(read_bytes(file_path(path)))
         found = (record["n_vertices"], record["n_faces"])
         if found != sizes:
             raise ArgumentError(

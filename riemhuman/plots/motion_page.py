@@ -14,10 +14,10 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.io.files import write_text
 from riemhuman.motions.warp import Warp
 from riemhuman.plots.viewer import view_path
 from riemhuman.plots.web_files import scripts, styles, web_file
-from riemhuman.storage.whole_files import write_text
 from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
 from riemhuman.surfaces.rendering import SKIN, View
 

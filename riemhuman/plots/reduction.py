@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 
 from riemhuman.checks import whole_number
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
+from riemhuman.io.mesh_arrays import check_mesh
 
 
 def lighter_mesh(vertices: ndarray, faces: ndarray, max_vertices: int) -> tuple[ndarray, ndarray]:
@@ -35,7 +35,7 @@ def lighter_mesh(vertices: ndarray, faces: ndarray, max_vertices: int) -> tuple[
     faces : array of int, shape (n_faces, 3)
         Triangles of the kept vertices, as indices into `kept`.
     """
-    vertices, faces = mesh_arrays(vertices, faces)
+    vertices, faces = check_mesh(vertices, faces)
     whole_number(max_vertices, "max_vertices", minimum=4)
     kept = np.arange(len(vertices))
     while len(kept) > max_vertices:

@@ -19,13 +19,13 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.io.files import write_text
+from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.plots.body_plots import colour_limit
 from riemhuman.plots.colors import value_colors
 from riemhuman.plots.viewer_data import ViewedBody, payload
 from riemhuman.plots.web_files import scripts, styles, web_file
-from riemhuman.storage.whole_files import write_text
 from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
 from riemhuman.surfaces.rendering import View
 
 _STILL_HEIGHT = 240
@@ -302,7 +302,7 @@ def _viewer(
     view: View | None,
 ) -> Viewer:
     every = [body for bodies in choices.values() for body in bodies]
-    _, triangles = mesh_arrays(every[0].frames[0], faces)
+    _, triangles = check_mesh(every[0].frames[0], faces)
     sizes = {body.frames.shape[1] for body in every}
     if len(sizes) > 1:
         raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")

@@ -9,10 +9,10 @@ from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial import cKDTree
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
 from riemhuman.registration.model_samples import ModelSamples
 from riemhuman.registration.posing import Pose, posed
 from riemhuman.registration.posing_equations import Prior, add_normal_equations, add_prior, stepped
-from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 
 # Distance in metres that counts as much as a turn of the normal by a radian.
 _NORMAL_METRES = 0.05

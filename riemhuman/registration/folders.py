@@ -19,15 +19,15 @@ import numpy as np
 from riemhuman.checks import real_array
 from riemhuman.datasets.registered_meshes import existing_folder, natural_key
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
+from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.files import file_path, read_bytes
+from riemhuman.io.meshes import save_mesh
 from riemhuman.progress import ProgressBar
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scan_files import SUFFIXES, read_scan
 from riemhuman.registration.scan_registration import ScanRegistration
 from riemhuman.registration.scans import Scan, in_metres
 from riemhuman.registration.surface_points import thinned
-from riemhuman.storage.array_files import load_arrays, save_arrays
-from riemhuman.storage.file_content import file_content, file_path
-from riemhuman.surfaces.mesh_files import save_mesh
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"
 _VERSION = 1
@@ -134,7 +134,7 @@ def register_folder(
     identity = _identity(registration, sequence)
     records, before = [], None
     for file in ProgressBar(files, desc="Scans", unit="scan", disable=not progress):
-        key = hashlib.sha256(identity + file_content(file)).hexdigest()
+        key = hashlib.sha256(identity + read_bytes(file)).hexdigest()
         record = _kept(folder, file.stem, key)
         if record is None:
             record, before = _registered(registration, file, before if sequence else None)

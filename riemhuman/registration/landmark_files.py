@@ -8,8 +8,8 @@ import numpy as np
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.storage.file_content import file_path
-from riemhuman.storage.named_rows import named_rows
+from riemhuman.io.files import file_path
+from riemhuman.io.text_tables import read_named_rows
 
 
 def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -44,7 +44,7 @@ def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     [0.62, 1.31, 0.05]
     """
     file = file_path(path)
-    rows = named_rows(file, "name")
+    rows = read_named_rows(file, "name")
     try:
         places = real_array(list(rows.values()), "landmarks", (len(rows), 3), batched=False)
     except ArgumentError as error:

@@ -14,8 +14,8 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel
 from riemhuman.bodies.joint_motions import Skeleton
+from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.registration.surface_points import thinned
-from riemhuman.surfaces.normals import vertex_normals
 
 
 class ModelSamples(NamedTuple):

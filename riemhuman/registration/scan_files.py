@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.storage.array_files import load_array
-from riemhuman.storage.file_content import file_content, file_path
-from riemhuman.surfaces.mesh_files import load_mesh
-from riemhuman.surfaces.ply_files import has_ply_faces, read_ply_points
+from riemhuman.io._ply import has_ply_faces, read_ply_points
+from riemhuman.io.arrays import load_array
+from riemhuman.io.files import file_path, read_bytes
+from riemhuman.io.meshes import load_mesh
 
 SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
 """Suffixes of the files of scans."""
@@ -57,7 +57,7 @@ def read_scan(path: str | os.PathLike[str]) -> _Parts:
         return _columns(_text(file), file)
     if suffix == ".ply":
         try:
-            content = file_content(file)
+            content = read_bytes(file)
             if not has_ply_faces(content):
                 points, normals = read_ply_points(content)
                 return _checked(points.astype(np.float64), file), None, normals
@@ -83,7 +83,7 @@ def _columns(values: np.ndarray, file: Path) -> _Parts:
 
 
 def _text(file: Path) -> np.ndarray:
-    lines = file_content(file).decode("latin-1").splitlines()
+    lines = read_bytes(file).decode("latin-1").splitlines()
     rows, width = [], 0
     for number, line in enumerate(lines, start=1):
         words = line.replace(",", " ").split()

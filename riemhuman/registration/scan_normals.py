@@ -7,7 +7,7 @@ from scipy import sparse
 from scipy.sparse import csgraph
 from scipy.spatial import cKDTree
 
-from riemhuman.surfaces.normals import unit_vectors
+from riemhuman.kernels.vertex_normals import unit_vectors
 
 _N_NEIGHBOURS = 14
 _NORMAL_METRES = 0.03

@@ -11,6 +11,8 @@ from scipy import ndimage
 
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
 from riemhuman.registration.scan_files import read_scan
 from riemhuman.registration.scan_normals import (
     estimated_normals,
@@ -19,8 +21,6 @@ from riemhuman.registration.scan_normals import (
     smoothed_normals,
 )
 from riemhuman.registration.surface_points import thinned
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
-from riemhuman.surfaces.normals import unit_vectors, vertex_normals
 from riemhuman.units import UNITS
 
 FEWEST_POINTS = 200
@@ -155,7 +155,7 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
     if isinstance(scan, (str, os.PathLike)):
         return in_metres(*read_scan(scan), unit=unit, name=os.fspath(scan))
     if isinstance(scan, tuple) and len(scan) == 2:
-        vertices, faces = mesh_arrays(*scan, names=("the vertices of scan", "the faces of scan"))
+        vertices, faces = check_mesh(*scan, names=("the vertices of scan", "the faces of scan"))
         return in_metres(vertices, faces, None, unit=unit)
     values = np.asarray(real_array(scan, "scan", ("N", "C"), batched=False), dtype=np.float64)
     if values.shape[1] not in (3, 6):

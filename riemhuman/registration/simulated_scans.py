@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import Rng, generator, real_number, whole_number
 from riemhuman.errors import ArgumentError
+from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.surfaces.distortion import triangle_areas
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
-from riemhuman.surfaces.normals import vertex_normals
 
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012
@@ -123,7 +123,7 @@ def simulated_scan(
     >>> rh.registration.simulated_scan(*surface, rng=0, n_points=3000).points.shape
     (3000, 3)
     """
-    vertices, triangles = mesh_arrays(points, faces)
+    vertices, triangles = check_mesh(points, faces)
     random = generator(rng)
     n_points = whole_number(n_points, "n_points", minimum=1)
     noise = real_number(noise, "noise", minimum=0.0)

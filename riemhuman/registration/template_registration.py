@@ -13,11 +13,11 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.registration.closest_points import ScanTree, fit_elastic
 from riemhuman.registration.results import RegisteredScan
 from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
 from riemhuman.surfaces.nearest_places import nearest_places
-from riemhuman.surfaces.normals import vertex_normals
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 

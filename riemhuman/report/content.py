@@ -15,7 +15,7 @@ from riemhuman.report.tables import Column, Table
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
-    from riemhuman.storage.result_store import Step
+    from riemhuman.report._result_store import Step
 
 
 def sections(materials: Materials) -> list[Section]:

@@ -12,6 +12,7 @@ from numpy import ndarray
 from riemhuman.errors import RiemhumanError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.plots.embedding import METHODS, embed
+from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.plan import (
     POSE,
     POSE_WEIGHTS,
@@ -21,7 +22,6 @@ from riemhuman.report.plan import (
 )
 from riemhuman.report.retrieval_benchmark import Described, described_together, timed_distances
 from riemhuman.retrieval.scores import scores
-from riemhuman.storage.result_store import Computed, ResultStore, Step
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies

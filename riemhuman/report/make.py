@@ -11,10 +11,13 @@ from typing import TYPE_CHECKING, Any
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.io.files import write_text
 from riemhuman.optional import import_optional
 from riemhuman.plots.figures import figure_style
 from riemhuman.registration.folders import read_records
 from riemhuman.report import provenance
+from riemhuman.report._folder import check_folder, opened_folder, write_provenance
+from riemhuman.report._result_store import Progress, ResultStore, fingerprint
 from riemhuman.report.content import facts_of, lead_of, sections
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, page
@@ -23,9 +26,6 @@ from riemhuman.report.registered_scans import scan_section
 from riemhuman.report.representations import available, of_extensions
 from riemhuman.report.results import compute_results
 from riemhuman.report.retrieval_benchmark import table_metrics
-from riemhuman.storage.report_folder import check_folder, opened_folder, write_provenance
-from riemhuman.storage.result_store import Progress, ResultStore, fingerprint
-from riemhuman.storage.whole_files import write_text
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
+from riemhuman.io.files import write_bytes, write_text
 from riemhuman.plots.figures import Picture, drawn
+from riemhuman.report._result_store import Computed, ResultStore
 from riemhuman.report.experiments import has_pairs
 from riemhuman.report.plan import POSE, SHAPE, Plan, name_of
 from riemhuman.report.results import Results
 from riemhuman.report.tables import Table
-from riemhuman.storage.result_store import Computed, ResultStore
-from riemhuman.storage.whole_files import write_bytes, write_text
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -122,7 +122,7 @@ class Materials:
             Function of the arguments that draws the figure.
         *arguments : object
             The bodies, steps, and other values that JSON or
-            `riemhuman.storage.result_store.fingerprint` can describe.
+            `riemhuman.report._result_store.fingerprint` can describe.
 
         Returns
         -------

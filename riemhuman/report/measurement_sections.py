@@ -20,10 +20,10 @@ from riemhuman.measurements import (
 from riemhuman.plots.body_plots import plot_path
 from riemhuman.plots.figures import new_figure
 from riemhuman.plots.tape_plots import plot_tapes
+from riemhuman.report._result_store import Computed, Step
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph
 from riemhuman.report.tables import Column, Table
-from riemhuman.storage.result_store import Computed, Step
 from riemhuman.surfaces.template import Template
 
 if TYPE_CHECKING:

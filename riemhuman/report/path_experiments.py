@@ -17,6 +17,7 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.sobolev_metric import SobolevMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.protocols import uninterrupted
+from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.choices import Pair
 from riemhuman.report.plan import (
     BOTH_WEIGHTS,
@@ -28,7 +29,6 @@ from riemhuman.report.plan import (
 from riemhuman.solvers import BasisMean, BasisPath, LinearPath, ModelPath, compare_paths
 from riemhuman.solvers.model_path import ModelParameters
 from riemhuman.solvers.results import MeanResult, PathResult
-from riemhuman.storage.result_store import Computed, ResultStore, Step
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 if TYPE_CHECKING:

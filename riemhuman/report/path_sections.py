@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from riemhuman.datasets import Bodies
-    from riemhuman.storage.result_store import Step
+    from riemhuman.report._result_store import Step
 
 _PATH_TITLES = {
     LINEAR: "linear",

@@ -16,7 +16,7 @@ from riemhuman.report.plan import Plan
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
-    from riemhuman.storage.result_store import Step
+    from riemhuman.report._result_store import Step
 
 _PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "scikit-learn")
 

@@ -12,12 +12,12 @@ import numpy as np
 from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
+from riemhuman.io.files import write_text
 from riemhuman.plots.colors import VALUE_COLORS, value_colors
 from riemhuman.plots.web_files import web_file
 from riemhuman.registration.folders import ScanRecord, read_records
 from riemhuman.report.page import Section, page, paragraph
 from riemhuman.report.scan_pictures import body_picture, points_picture, shared_window
-from riemhuman.storage.whole_files import write_text
 from riemhuman.surfaces.html_pictures import png_bytes
 
 # Distance of the last colour, also used for larger distances.

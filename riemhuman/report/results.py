@@ -10,6 +10,7 @@ import numpy as np
 
 from riemhuman.datasets import load_open_model, load_open_motions
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.choices import group_of, pair_across, pair_within
 from riemhuman.report.experiments import distance_steps, map_step, sweep_step
 from riemhuman.report.path_experiments import (
@@ -18,7 +19,6 @@ from riemhuman.report.path_experiments import (
     difference_step,
 )
 from riemhuman.report.plan import PATH_WEIGHTS, POSE, POSE_WEIGHTS, SHAPE, Plan
-from riemhuman.storage.result_store import Computed, ResultStore, Step
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from riemhuman.storage.cells import cell
+from riemhuman.io.text_tables import csv_cell
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ class Table:
         )
 
     def number(self, row: int, key: str) -> str:
-        """Return a number of the table for running text, with a reference to its cell.
+        """Return a number of the table for running text, with a reference to its csv_cell.
 
         Parameters
         ----------
@@ -191,7 +191,7 @@ def written(value: Any) -> str:
 
 
 def _in_file(value: Any) -> str:
-    return cell(value) if isinstance(value, str) else written(value)
+    return csv_cell(value) if isinstance(value, str) else written(value)
 
 
 def _nothing(value: Any) -> str:

@@ -12,8 +12,8 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError, RiemhumanError
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.io.files import short_message
 from riemhuman.optional import import_optional
-from riemhuman.storage.file_content import brief
 
 # Tiles sent for each thread of the cluster: one at work and others waiting, so that none is idle.
 _TILES_A_THREAD = 3
@@ -133,11 +133,11 @@ def _losses(distributed: Any, client: Any) -> Iterator[None]:
     except RiemhumanError:
         raise
     except (CancelledError, distributed.comm.CommClosedError, distributed.KilledWorker) as error:
-        raise _lost(f"the cluster is lost ({' '.join(brief(error).split())})") from error
+        raise _lost(f"the cluster is lost ({' '.join(short_message(error).split())})") from error
     except Exception as error:
         # Any part of a closed client may be missing, so errors have any type.
         if client.status != "running":
-            said = " ".join(brief(error).split())
+            said = " ".join(short_message(error).split())
             raise _lost(f"the client of the cluster was closed during the work ({said})") from error
         raise
 
@@ -169,7 +169,7 @@ def _check_workers(client: Any) -> None:
     try:
         found = client.run(pkgutil.resolve_name, "riemhuman:__version__", on_error="return")
     except (OSError, TimeoutError) as failure:
-        raise _lost(f"the cluster cannot be reached ({brief(failure)})") from failure
+        raise _lost(f"the cluster cannot be reached ({short_message(failure)})") from failure
     missing = {address: error for address, error in found.items() if isinstance(error, Exception)}
     if missing:
         address, error = next(iter(missing.items()))

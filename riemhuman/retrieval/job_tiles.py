@@ -14,8 +14,8 @@ from numpy import ndarray
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
+from riemhuman.io.arrays import load_array
 from riemhuman.kernels.tiles import slices
-from riemhuman.storage.array_files import load_array
 
 POINTS = "points.npy"
 """Name of the file of points, if a job keeps them."""

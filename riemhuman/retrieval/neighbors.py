@@ -14,10 +14,10 @@ from riemhuman.checks import integer_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 from riemhuman.retrieval.neighbor_search import nearest
-from riemhuman.storage.array_files import load_arrays, save_arrays
 
 _FIELDS = (
     "points",

@@ -20,6 +20,8 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import PRECISIONS, features_in_threads
+from riemhuman.io.fingerprint import describe, digest
+from riemhuman.io.job_folder import JobFolder, are_marks, checksums, mark
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
@@ -33,9 +35,6 @@ from riemhuman.retrieval.job_tiles import (
     memory_of_tile,
     tiles_of,
 )
-from riemhuman.storage.checksums import are_marks, checksums, mark
-from riemhuman.storage.fingerprint import describe, digest
-from riemhuman.storage.job_folder import JobFolder
 
 RESULT = "D.npy"
 """Name of the file of distances."""

@@ -18,6 +18,8 @@ from riemhuman.errors import (
     warn,
 )
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.io.fingerprint import describe, digest
+from riemhuman.io.job_folder import JobFolder, are_marks, mark
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
@@ -25,9 +27,6 @@ from riemhuman.protocols import GeodesicSolver
 from riemhuman.retrieval.cluster import computed_tiles
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.path_distances import PairsOfPoints, PathDistances, distances_of, row_of
-from riemhuman.storage.checksums import are_marks, mark
-from riemhuman.storage.fingerprint import describe, digest
-from riemhuman.storage.job_folder import JobFolder
 
 PATHS = "paths.npy"
 """Name of the file of paths, if they are kept: one for each pair i < j, row by row."""

@@ -12,9 +12,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.protocols import FoundMean, FoundPath
 from riemhuman.representation import Record, field_texts
-from riemhuman.storage.array_files import load_arrays, save_arrays
 from riemhuman.surfaces.html_pictures import vertices_html
 
 _CLASS = "result_class"

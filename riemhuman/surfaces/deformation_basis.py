@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
-from riemhuman.storage.array_files import load_arrays, save_arrays
+from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.mesh_arrays import read_only
 from riemhuman.surfaces.laplacian import harmonics
-from riemhuman.surfaces.mesh_arrays import read_only
 from riemhuman.surfaces.motion_frames import frames_apart
 from riemhuman.surfaces.orthonormal_deformations import OrthonormalDeformations
 from riemhuman.surfaces.streaming_pca import StreamingPCA

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.surfaces.mesh_arrays import read_only
+from riemhuman.io.mesh_arrays import read_only
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.vertex_weights import (
     normalized_weights,

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
-from riemhuman.surfaces.normals import unit_vectors, vertex_normals
+from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
 
 SKIN = (0.80, 0.73, 0.66)
 MEAN = (0.93, 0.74, 0.30)
@@ -154,7 +154,7 @@ def render(
     >>> rh.plots.render(bodies[0], bodies.template.faces, height=100).shape[0]
     100
     """
-    vertices, faces = mesh_arrays(vertices, faces)
+    vertices, faces = check_mesh(vertices, faces)
     colors = _face_colors(color, len(faces))
     whole_number(height, "height", minimum=1)
     whole_number(samples, "samples", minimum=1)

@@ -11,10 +11,10 @@ from scipy.sparse.csgraph import connected_components
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
+from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.optional import import_optional
 from riemhuman.representation import Record
 from riemhuman.surfaces.laplacian import harmonics, lowest_eigenpairs
-from riemhuman.surfaces.mesh_arrays import mesh_arrays
 from riemhuman.surfaces.template import Template
 
 LAPLACIANS = ("cotangent", "robust")
@@ -128,7 +128,7 @@ def spectrum(
     """
     n_eigenvalues = whole_number(n_eigenvalues, "n_eigenvalues", minimum=1)
     if one_of(laplacian, "laplacian", LAPLACIANS) == "robust":
-        return _robust_spectrum(*mesh_arrays(vertices, faces), n_eigenvalues)
+        return _robust_spectrum(*check_mesh(vertices, faces), n_eigenvalues)
     try:
         mesh = Template(vertices, faces)
     except DegenerateSurfaceError as error:

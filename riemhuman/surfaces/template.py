@@ -12,16 +12,17 @@ from scipy import sparse
 
 from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.surfaces.assembly import TriangleAssembler
-from riemhuman.surfaces.mesh_arrays import face_difference, mesh_arrays, read_only, refuse_faces
-from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
-from riemhuman.surfaces.mesh_objects import (
-    arrays_of_mesh,
+from riemhuman.io.mesh_arrays import check_faces, check_mesh, face_difference, read_only
+from riemhuman.io.meshes import (
+    as_arrays,
     from_pyvista,
     from_trimesh,
+    load_mesh,
+    save_mesh,
     to_pyvista,
     to_trimesh,
 )
+from riemhuman.surfaces.assembly import TriangleAssembler
 from riemhuman.surfaces.poisson import PoissonInterpolator
 from riemhuman.surfaces.triangle_heat import TriangleHeat
 
@@ -80,9 +81,9 @@ class Template:
 
     def __init__(self, vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> None:
         if faces is None:
-            vertices, faces = arrays_of_mesh(vertices)
-        points, triangles = mesh_arrays(vertices, faces)
-        refuse_faces(
+            vertices, faces = as_arrays(vertices)
+        points, triangles = check_mesh(vertices, faces)
+        check_faces(
             np.any(triangles == np.roll(triangles, 1, axis=1), axis=1),
             triangles,
             "faces",
@@ -127,7 +128,7 @@ class Template:
     def from_trimesh(cls, mesh: Any) -> Template:
         """Return a trimesh mesh as a template, in the order of its vertices.
 
-        Raises the errors of `riemhuman.surfaces.from_trimesh` and of the constructor.
+        Raises the errors of `riemhuman.io.from_trimesh` and of the constructor.
 
         Parameters
         ----------
@@ -144,7 +145,7 @@ class Template:
     def from_pyvista(cls, mesh: Any) -> Template:
         """Return a PyVista mesh as a template, in the order of its vertices, with polygons split.
 
-        Raises the errors of `riemhuman.surfaces.from_pyvista` and of the constructor.
+        Raises the errors of `riemhuman.io.from_pyvista` and of the constructor.
 
         Parameters
         ----------

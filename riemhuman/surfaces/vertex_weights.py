@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.surfaces.mesh_arrays import read_only
+from riemhuman.io.mesh_arrays import read_only
 
 
 def normalized_weights(weights: ArrayLike | None, n_vertices: int) -> np.ndarray | None:

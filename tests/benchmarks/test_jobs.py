@@ -34,7 +34,7 @@ from people_in_motion import PeopleInMotion
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.retrieval import pairwise_job
-from riemhuman.storage.job_folder import JobFolder
+from riemhuman.io.job_folder import JobFolder
 
 folder, n_bodies, resolution, n_jobs, *weights = sys.argv[1:]
 bodies = PeopleInMotion(int(n_bodies), resolution)

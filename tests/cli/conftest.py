@@ -6,7 +6,7 @@ import pytest
 
 from riemhuman.cli import main
 from riemhuman.datasets import load_open_bodies
-from riemhuman.surfaces import save_mesh
+from riemhuman.io import save_mesh
 
 # Two people in three poses, in files whose natural order is not the alphabetical one.
 NUMBERS = (0, 1, 2, 20, 21, 22)

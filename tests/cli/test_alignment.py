@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from riemhuman.surfaces import load_mesh, save_mesh
+from riemhuman.io import load_mesh, save_mesh
 from riemhuman.surfaces.procrustes import procrustes
 
 # z up, in millimetres.

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_motions
-from riemhuman.surfaces import DeformationBasis, save_mesh
+from riemhuman.io import save_mesh
+from riemhuman.surfaces import DeformationBasis
 
 
 @pytest.fixture(scope="module")

@@ -127,7 +127,7 @@ def test_errors_take_one_line(run, scans, monkeypatch, error, code, message):
     def fail(path):
         raise error
 
-    monkeypatch.setattr("riemhuman.surfaces.mesh_files.load_mesh", fail)
+    monkeypatch.setattr("riemhuman.io.meshes.load_mesh", fail)
     finished = run("info", scans / "body_0.ply")
     assert (finished.code, finished.out) == (code, "")
     assert finished.err.startswith(f"riemhuman: {message}")

@@ -7,8 +7,9 @@ import pytest
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.io import load_mesh, save_mesh
 from riemhuman.statistics import TangentPCA
-from riemhuman.surfaces import Template, load_mesh, save_mesh
+from riemhuman.surfaces import Template
 
 NUMBERS = (0, 20, 40, 60)
 BODIES = ["component_1_minus.ply", "component_1_plus.ply", "mean.ply"]

@@ -10,8 +10,9 @@ import pytest
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.io import save_mesh
 from riemhuman.solvers import BasisPath, path_distances
-from riemhuman.surfaces import DeformationBasis, Template, procrustes, save_mesh
+from riemhuman.surfaces import DeformationBasis, Template, procrustes
 
 NAMES = [f"body_{number}.ply" for number in (0, 1, 2, 20, 21, 22)]
 
@@ -154,7 +155,7 @@ def test_names_that_others_have_chosen(run, scans, tmp_path):
 
 
 def test_matrix_goes_on_after_an_interruption(run, scans, tmp_path, monkeypatch):
-    from riemhuman.storage.job_folder import JobFolder
+    from riemhuman.io.job_folder import JobFolder
 
     def interrupt(*arguments):
         raise KeyboardInterrupt

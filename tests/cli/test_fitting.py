@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 
-from riemhuman.storage.array_files import load_arrays
-from riemhuman.surfaces import save_mesh
+from riemhuman.io import save_mesh
+from riemhuman.io.arrays import load_arrays
 
 
 def test_fit_is_that_of_the_library(run, scans, bodies, tmp_path):

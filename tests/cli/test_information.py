@@ -9,7 +9,8 @@ import trimesh
 
 from riemhuman.cli.mesh_facts import mesh_facts
 from riemhuman.datasets import load_open_model
-from riemhuman.surfaces import DeformationBasis, save_mesh
+from riemhuman.io import save_mesh
+from riemhuman.surfaces import DeformationBasis
 
 
 @pytest.fixture

@@ -7,8 +7,9 @@ import pytest
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.io import load_mesh
 from riemhuman.solvers import BasisMean
-from riemhuman.surfaces import DeformationBasis, Template, load_mesh, procrustes
+from riemhuman.surfaces import DeformationBasis, Template, procrustes
 
 
 @pytest.mark.parametrize("align", [False, True])

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import load_open_model
+from riemhuman.io import save_mesh
 from riemhuman.measurements import Measurements, compare_visits
-from riemhuman.surfaces import save_mesh
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,9 @@ import pytest
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.io import load_mesh, save_mesh
 from riemhuman.solvers import BasisPath
-from riemhuman.surfaces import DeformationBasis, Template, load_mesh, save_mesh
+from riemhuman.surfaces import DeformationBasis, Template
 
 FOLDER = ["path.glb", "path.html", "path.png", "summary.json"]
 
@@ -111,7 +112,7 @@ def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypa
     def interrupt(*arguments, **settings):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("riemhuman.surfaces.gltf_files.save_glb", interrupt)
+    monkeypatch.setattr("riemhuman.io.gltf.save_glb", interrupt)
     finished = run("geodesic", *ends, "-o", tmp_path / "path", "--n-nodes", 2)
     assert finished.code == 130
     assert finished.err.endswith("riemhuman: interrupted\n")

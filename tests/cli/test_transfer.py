@@ -7,8 +7,9 @@ import pytest
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.io import load_mesh
 from riemhuman.solvers import Disentangling, MotionTransfer
-from riemhuman.surfaces import DeformationBasis, Template, load_mesh
+from riemhuman.surfaces import DeformationBasis, Template
 
 
 @pytest.fixture

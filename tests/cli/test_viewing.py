@@ -6,8 +6,8 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.retrieval import scores
-from riemhuman.storage.array_files import load_arrays, save_arrays
 
 LABELS = "labels.csv"
 

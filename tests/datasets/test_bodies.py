@@ -12,7 +12,7 @@ from riemhuman.errors import (
     FileFormatError,
     FrameIndexError,
 )
-from riemhuman.storage.array_files import save_arrays
+from riemhuman.io.arrays import save_arrays
 from riemhuman.surfaces import Template
 
 TEMPLATE = Template(np.eye(4, 3), [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])

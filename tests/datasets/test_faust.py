@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import Bodies, load_faust
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.io.meshes import save_mesh
 from riemhuman.surfaces import Template, procrustes
-from riemhuman.surfaces.mesh_files import save_mesh
 
 LEVELS = ["", "registrations", "training/registrations", "MPI-FAUST/training/registrations"]
 

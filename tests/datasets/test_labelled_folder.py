@@ -13,7 +13,8 @@ from riemhuman.errors import (
     FileError,
     FileFormatError,
 )
-from riemhuman.surfaces import Template, procrustes, save_mesh
+from riemhuman.io import save_mesh
+from riemhuman.surfaces import Template, procrustes
 from riemhuman.surfaces.distortion import triangle_areas
 
 FILES = ["b2.ply", "b10.obj", "b11.off", "b20.ply"]

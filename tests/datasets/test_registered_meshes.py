@@ -11,7 +11,7 @@ from riemhuman.datasets.registered_meshes import (
     natural_key,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces import save_mesh
+from riemhuman.io import save_mesh
 
 NAMES = ("body_2.obj", "body_10.ply", "body_10a.off")
 

@@ -8,8 +8,8 @@ from riemhuman.datasets import LabelledMeshes, load_shrec14
 from riemhuman.datasets.shrec import read_classes
 from riemhuman.descriptors import ShapeDNA
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.io import save_mesh
 from riemhuman.report import benchmark
-from riemhuman.surfaces import save_mesh
 
 CLASSES = "PSB 1\n2 5\n\nanna 0 3\n0\n1\n2\n\nbert 0 2\n3\n4\n"
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError, FileError, FileFormatError, MissingDependencyError
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.learned import IntrinsicExtrinsicCodes, MetricCodes, ShapePoseCodes
 from riemhuman.learned.codes import FOLDER
-from riemhuman.storage.array_files import load_arrays, save_arrays
 
 FILE = FOLDER / "shape_pose_codes.npz"
 KINDS = {"shape_pose_codes": ShapePoseCodes, "intrinsic_extrinsic_codes": IntrinsicExtrinsicCodes}

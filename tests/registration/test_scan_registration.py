@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
+from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.registration import ScanRegistration, simulated_scan
-from riemhuman.surfaces.normals import vertex_normals
 
 
 @pytest.fixture(scope="module")

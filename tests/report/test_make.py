@@ -331,8 +331,8 @@ def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
 
 
 def test_a_representation_that_refuses_is_named(tmp_path, nine_bodies):
+    from riemhuman.report._result_store import ResultStore
     from riemhuman.report.experiments import distance_steps
-    from riemhuman.storage.result_store import ResultStore
 
     steps = distance_steps(ResultStore(tmp_path, {}), "", nine_bodies, {"picky": Refusing()})
     assert steps["picky"].record == {"problem": "ArgumentError: never content"}

@@ -34,10 +34,10 @@ from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.geometry.srnf import SRNFMetric
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.io.job_folder import JobFolder
 from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.job_tiles import TileReader, tiles_of
 from riemhuman.retrieval.pairwise_jobs import _unfinished as unfinished_tiles
-from riemhuman.storage.job_folder import JobFolder
 
 N_POINTS = 23
 # So little that there are many tiles and many blocks of features.
@@ -217,7 +217,7 @@ import numpy as np
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.retrieval import pairwise_job
-from riemhuman.storage.job_folder import JobFolder
+from riemhuman.io.job_folder import JobFolder
 from riemhuman.surfaces.template import Template
 
 def told(room, *arguments):
@@ -278,7 +278,7 @@ def assert_same_bytes(folder, other):
 
 def test_one_process_at_a_time(tmp_path):
     code = (
-        "import sys; from riemhuman.storage.job_folder import JobFolder\n"
+        "import sys; from riemhuman.io.job_folder import JobFolder\n"
         "with JobFolder(sys.argv[1]).locked(): print('locked', flush=True); sys.stdin.read()"
     )
     with subprocess.Popen(

@@ -15,11 +15,11 @@ from riemhuman import solvers
 from riemhuman.errors import ArgumentError, ConvergenceWarning, FileFormatError
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
 from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
 from riemhuman.statistics import FrechetMean, GeometricMedian
-from riemhuman.storage.array_files import load_arrays, save_arrays
 
 
 class Solver:

@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
-from riemhuman.surfaces.mesh_files import save_mesh
+from riemhuman.io.meshes import save_mesh
 from riemhuman.surfaces.template import Template
 
 

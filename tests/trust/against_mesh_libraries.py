@@ -7,8 +7,9 @@ import pyvista
 from cases import sphere_template
 
 from riemhuman.errors import FileFormatError
-from riemhuman.surfaces import Template, from_pyvista, load_with_meshio, to_pyvista
-from riemhuman.surfaces.mesh_objects import arrays_of_mesh
+from riemhuman.io import from_pyvista, load_with_meshio, to_pyvista
+from riemhuman.io.meshes import as_arrays
+from riemhuman.surfaces import Template
 
 TEMPLATE = sphere_template()
 
@@ -17,7 +18,7 @@ def test_pyvista_there_and_back():
     mesh = TEMPLATE.to_pyvista(2 * TEMPLATE.vertices)
     assert mesh.is_all_triangles
     np.testing.assert_allclose(mesh.area, 4 * TEMPLATE.face_areas.sum(), rtol=1e-6)
-    vertices, faces = arrays_of_mesh(mesh)
+    vertices, faces = as_arrays(mesh)
     np.testing.assert_array_equal(vertices, 2 * TEMPLATE.vertices)
     np.testing.assert_array_equal(faces, TEMPLATE.faces)
     np.testing.assert_array_equal(Template(mesh).faces, TEMPLATE.faces)

@@ -148,7 +148,7 @@ def make_inputs(folder, seed):
     import numpy as np
     from cases import sphere_template, surfaces
 
-    from riemhuman.surfaces import save_mesh
+    from riemhuman.io import save_mesh
 
     template = sphere_template()
     (folder / "scans").mkdir(parents=True)

@@ -26,12 +26,12 @@ from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import DamagedFileWarning
+from riemhuman.io.arrays import load_arrays
+from riemhuman.io.job_folder import JobFolder
+from riemhuman.io.meshes import load_mesh, save_mesh
+from riemhuman.report._result_store import ResultStore
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.pairwise_jobs import pairwise_job
-from riemhuman.storage.array_files import load_arrays
-from riemhuman.storage.job_folder import JobFolder
-from riemhuman.storage.result_store import ResultStore
-from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 
 Files = dict[str, bytes]
 

@@ -17,8 +17,8 @@ from trust.judging import expect, mesh, real, real_or_none, whole
 from riemhuman.datasets import load_bodies
 from riemhuman.datasets.shrec import read_classes
 from riemhuman.descriptors.latent_vectors import LatentVectors
-from riemhuman.storage.array_files import load_array, load_arrays
-from riemhuman.surfaces.mesh_files import load_mesh
+from riemhuman.io.arrays import load_array, load_arrays
+from riemhuman.io.meshes import load_mesh
 
 
 def read_mesh(file):

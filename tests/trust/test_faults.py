@@ -21,7 +21,7 @@ import pytest
 from lengths import FULL, sample
 from trust.faults import Server
 
-from riemhuman.storage.report_folder import opened_folder
+from riemhuman.report._folder import opened_folder
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="processes fork, and the sizes of files are limited"

@@ -42,12 +42,12 @@ from riemhuman.errors import (
     FileFormatError,
     RiemhumanError,
 )
+from riemhuman.io.arrays import load_array, load_arrays
+from riemhuman.io.meshes import load_mesh
+from riemhuman.io.pickles import load_pickled_arrays
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.pairwise_jobs import pairwise_job
-from riemhuman.storage.array_files import load_array, load_arrays
-from riemhuman.storage.safe_pickle import load_pickled_arrays
 from riemhuman.surfaces.deformation_basis import DeformationBasis
-from riemhuman.surfaces.mesh_files import load_mesh
 
 SHORT = 700
 

@@ -12,11 +12,11 @@ from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14, read_classes
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.storage.array_files import load_array, load_arrays
-from riemhuman.storage.job_folder import JobFolder
-from riemhuman.storage.report_folder import check_folder
+from riemhuman.io.arrays import load_array, load_arrays
+from riemhuman.io.job_folder import JobFolder
+from riemhuman.io.meshes import load_mesh, save_mesh
+from riemhuman.report._folder import check_folder
 from riemhuman.surfaces.deformation_basis import DeformationBasis
-from riemhuman.surfaces.mesh_files import load_mesh, save_mesh
 
 MESH = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 1, 2], [1, 2, 3]])
 READERS = {

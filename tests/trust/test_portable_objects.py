@@ -12,6 +12,7 @@ import riemhuman as rh
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.io.fingerprint import describe
 from riemhuman.kernels.surface import derivatives
 from riemhuman.solvers import (
     BasisMean,
@@ -23,7 +24,6 @@ from riemhuman.solvers import (
     PathStraightening,
     PoleLadder,
 )
-from riemhuman.storage.fingerprint import describe
 
 TEMPLATE = sphere_template()
 POINTS = surfaces(TEMPLATE, 4, rng=1, size=0.05)

@@ -15,9 +15,9 @@ from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_amass, load_dfaust
 from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import FileFormatError, RiemhumanError
-from riemhuman.storage.array_files import load_array, load_arrays, save_arrays
-from riemhuman.storage.result_store import ResultStore
-from riemhuman.storage.safe_pickle import load_pickled_arrays
+from riemhuman.io.arrays import load_array, load_arrays, save_arrays
+from riemhuman.io.pickles import load_pickled_arrays
+from riemhuman.report._result_store import ResultStore
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 EDGES = [-(2**63), -(2**31) - 1, -2, -1, 2**31, 2**32, 2**62, 2**63 - 1]

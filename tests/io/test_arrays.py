@@ -1,0 +1,123 @@
+"""Arrays in .npz files: round trip, whole or not at all, and what damage leads to."""
+
+import os
+
+import numpy as np
+import pytest
+
+from riemhuman.errors import ArgumentTypeError, FileError, FileFormatError
+from riemhuman.io.arrays import load_array, load_arrays, save_arrays
+
+ARRAYS = {"a": np.arange(6.0).reshape(2, 3), "b": np.array(1)}
+
+
+def test_round_trip_leaves_nothing_else_behind(tmp_path):
+    save_arrays(tmp_path / "x.npz", {"a": np.zeros(3)})
+    save_arrays(tmp_path / "x.npz", ARRAYS)
+    found = load_arrays(tmp_path / "x.npz", ["a"])
+    assert found.keys() == ARRAYS.keys()
+    for name, array in ARRAYS.items():
+        np.testing.assert_array_equal(found[name], array)
+    assert os.listdir(tmp_path) == ["x.npz"]
+
+
+class Interrupted:
+    """An array that cannot be had."""
+
+    def __array__(self, dtype=None, copy=None):
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_interrupted_writing_keeps_the_old_file(tmp_path, compressed):
+    save_arrays(tmp_path / "x.npz", ARRAYS)
+    with pytest.raises(KeyboardInterrupt):
+        save_arrays(
+            tmp_path / "x.npz", {"a": np.zeros(3), "b": Interrupted()}, compressed=compressed
+        )
+    np.testing.assert_array_equal(load_arrays(tmp_path / "x.npz", ["a"])["a"], ARRAYS["a"])
+    assert os.listdir(tmp_path) == ["x.npz"]
+
+
+@pytest.mark.parametrize("compressed", [False, True])
+def test_files_are_those_of_numpy(tmp_path, compressed):
+    arrays = ARRAYS | {"names": np.array(["one", "two"]), "z": np.zeros((500, 2), np.float32).T}
+    save_arrays(tmp_path / "ours.npz", arrays, compressed=compressed)
+    write = np.savez_compressed if compressed else np.savez
+    write(tmp_path / "theirs.npz", **arrays)
+    assert (tmp_path / "ours.npz").read_bytes() == (tmp_path / "theirs.npz").read_bytes()
+    # Names that `np.savez` has arguments of are legal.
+    save_arrays(tmp_path / "ours.npz", {"file": ARRAYS["a"]}, compressed=compressed)
+    np.testing.assert_array_equal(load_arrays(tmp_path / "ours.npz", [])["file"], ARRAYS["a"])
+
+
+def test_what_cannot_be_written_or_read(tmp_path):
+    with pytest.raises(FileError, match="nowhere"):
+        save_arrays(tmp_path / "nowhere" / "x.npz", ARRAYS)
+    with pytest.raises(FileError, match="cannot be written"):
+        save_arrays(tmp_path, ARRAYS)
+    with pytest.raises(FileError, match=r"missing\.npz cannot be read: No such file"):
+        load_arrays(tmp_path / "missing.npz", [])
+    with pytest.raises(FileError, match="cannot be read"):
+        load_arrays(tmp_path, [])
+    with pytest.raises(ArgumentTypeError, match="path"):
+        load_arrays(3, [])
+    assert os.listdir(tmp_path) == []
+
+
+def test_missing_fields_are_named(tmp_path):
+    save_arrays(tmp_path / "x.npz", ARRAYS)
+    with pytest.raises(FileFormatError, match=r"lacks the fields c, d; found a, b"):
+        load_arrays(tmp_path / "x.npz", ["a", "c", "d"])
+    np.save(tmp_path / "x.npy", ARRAYS["a"])
+    with pytest.raises(FileFormatError, match="not an .npz archive"):
+        load_arrays(tmp_path / "x.npy", ["a"])
+
+
+def test_only_the_fields_asked_for_are_read(tmp_path):
+    np.savez(tmp_path / "x.npz", pickled=np.array([{}], dtype=object), **ARRAYS)
+    assert load_arrays(tmp_path / "x.npz", ["a"], ["b", "c"]).keys() == {"a", "b"}
+    assert load_arrays(tmp_path / "x.npz", ["a"], []).keys() == {"a"}
+
+
+def test_compressed_files_are_smaller(tmp_path):
+    save_arrays(tmp_path / "x.npz", {"a": np.zeros(1000)}, compressed=True)
+    assert (tmp_path / "x.npz").stat().st_size < 1000
+    np.testing.assert_array_equal(load_arrays(tmp_path / "x.npz", ["a"])["a"], np.zeros(1000))
+
+
+def test_pickles_are_refused(tmp_path):
+    np.savez(tmp_path / "x.npz", a=np.array([{}], dtype=object))
+    with pytest.raises(FileFormatError, match="plain arrays"):
+        load_arrays(tmp_path / "x.npz", ["a"])
+
+
+def test_damage_is_recognised_or_harmless(tmp_path):
+    file = tmp_path / "x.npz"
+    save_arrays(file, ARRAYS)
+    content = file.read_bytes()
+    rng = np.random.default_rng(0)
+    damaged = [b"", b"not an archive", content[:100], content[:-30]]
+    for _ in range(200):
+        broken = bytearray(content)
+        broken[rng.integers(len(broken))] ^= 1 << rng.integers(8)
+        damaged.append(bytes(broken))
+    n_refused = 0
+    for broken in damaged:
+        file.write_bytes(broken)
+        try:
+            np.testing.assert_array_equal(load_arrays(file, ["a"])["a"], ARRAYS["a"])
+        except FileFormatError:
+            n_refused += 1
+    assert n_refused > 100
+
+
+@pytest.mark.parametrize("mode", [None, "r"])
+def test_bytes_beyond_the_array_are_refused(tmp_path, mode):
+    file = tmp_path / "x.npy"
+    np.save(file, np.arange(6.0))
+    np.testing.assert_array_equal(load_array(file, mode=mode), np.arange(6.0))
+    with file.open("ab") as stream:
+        stream.write(b"\0")
+    with pytest.raises(FileFormatError, match="takes 48 bytes; found 49"):
+        load_array(file, mode=mode)

@@ -1,0 +1,174 @@
+"""GLB files: read back by hand from the glTF 2.0 specification, and by trimesh."""
+
+import json
+import struct
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.io import save_glb
+
+TYPES = {5126: "<f4", 5123: "<u2", 5125: "<u4"}
+WIDTHS = {"SCALAR": 1, "VEC3": 3}
+
+
+@pytest.fixture
+def path():
+    rng = np.random.default_rng(3)
+    sphere = trimesh.creation.icosphere(subdivisions=2)
+    shapes = np.asarray(sphere.vertices) * [0.3, 0.9, 0.2]
+    return shapes * rng.uniform(0.8, 1.2, (4, 1, 3)), np.asarray(sphere.faces)
+
+
+def read(file):
+    """Return the document of a GLB file, and a function from accessors to arrays."""
+    content = file.read_bytes()
+    magic, version, length = struct.unpack_from("<4sII", content)
+    assert (magic, version, length) == (b"glTF", 2, len(content))
+    parts, start = [], 12
+    while start < length:
+        size, kind = struct.unpack_from("<I4s", content, start)
+        assert size % 4 == 0
+        parts.append((kind, content[start + 8 : start + 8 + size]))
+        start += 8 + size
+    (json_kind, text), (binary_kind, binary) = parts
+    assert (json_kind, binary_kind) == (b"JSON", b"BIN\0")
+    document = json.loads(text)
+    assert document["buffers"] == [{"byteLength": len(binary)}]
+
+    def array(index):
+        accessor = document["accessors"][index]
+        view = document["bufferViews"][accessor["bufferView"]]
+        assert view["byteOffset"] % 4 == 0
+        width = WIDTHS[accessor["type"]]
+        values = np.frombuffer(
+            binary,
+            TYPES[accessor["componentType"]],
+            accessor["count"] * width,
+            view["byteOffset"],
+        ).reshape(-1, width)
+        assert values.nbytes == view["byteLength"]
+        if "min" in accessor:
+            np.testing.assert_array_equal(values.min(axis=0), np.float32(accessor["min"]))
+            np.testing.assert_array_equal(values.max(axis=0), np.float32(accessor["max"]))
+        return values
+
+    return document, array
+
+
+def test_every_time_of_the_animation_is_a_surface_of_the_path(path, tmp_path):
+    surfaces, faces = path
+    save_glb(tmp_path / "path.glb", surfaces, faces, seconds=6.0, name="bend")
+    document, array = read(tmp_path / "path.glb")
+    (mesh,) = document["meshes"]
+    (primitive,) = mesh["primitives"]
+    np.testing.assert_array_equal(array(primitive["indices"]).reshape(-1, 3), faces)
+    rest = array(primitive["attributes"]["POSITION"])
+    targets = np.stack([array(target["POSITION"]) for target in primitive["targets"]])
+    (animation,) = document["animations"]
+    (channel,), (sampler,) = animation["channels"], animation["samplers"]
+    assert channel == {"sampler": 0, "target": {"node": 0, "path": "weights"}}
+    assert sampler["interpolation"] == "LINEAR"
+    np.testing.assert_allclose(array(sampler["input"]).ravel(), [0.0, 2.0, 4.0, 6.0])
+    weights = array(sampler["output"]).reshape(4, 3)
+    shown = rest + np.einsum("tk,kvi->tvi", weights, targets)
+    np.testing.assert_allclose(shown, surfaces, atol=3e-7)
+    assert mesh["weights"] == [0.0, 0.0, 0.0]
+    assert len(mesh["extras"]["targetNames"]) == 3
+    assert mesh["name"] == animation["name"] == "bend"
+
+
+def test_normals_are_those_of_the_surfaces(path, tmp_path):
+    surfaces, faces = path
+    save_glb(tmp_path / "path.glb", surfaces, faces)
+    document, array = read(tmp_path / "path.glb")
+    primitive = document["meshes"][0]["primitives"][0]
+    rest = array(primitive["attributes"]["NORMAL"])
+    for time, target in enumerate([None, *primitive["targets"]]):
+        normals = rest if target is None else rest + array(target["NORMAL"])
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+        # An ellipsoid's normals are known; those of its mesh are near.
+        radii = np.abs(surfaces[time]).max(axis=0)
+        known = surfaces[time] / radii**2
+        known /= np.linalg.norm(known, axis=1, keepdims=True)
+        assert np.sum(normals * known, axis=1).min() > 0.97
+
+
+def test_every_time_has_normals_of_its_own(path, tmp_path):
+    turns = Rotation.from_rotvec([[0, 0, 0], [1.5, 0, 0], [0, -2, 1], [0.3, 0.2, 3]]).as_matrix()
+    surfaces, faces = path[0] @ np.swapaxes(turns, 1, 2), path[1]
+    save_glb(tmp_path / "path.glb", surfaces, faces)
+    document, array = read(tmp_path / "path.glb")
+    primitive = document["meshes"][0]["primitives"][0]
+    rest = array(primitive["attributes"]["NORMAL"])
+    for time, target in enumerate([None, *primitive["targets"]]):
+        expected = np.zeros_like(surfaces[time])
+        for one, two, three in faces.tolist():
+            a, b, c = surfaces[time][[one, two, three]]
+            expected[[one, two, three]] += np.cross(b - a, c - a)
+        expected /= np.linalg.norm(expected, axis=1, keepdims=True)
+        normals = rest if target is None else rest + array(target["NORMAL"])
+        np.testing.assert_allclose(normals, expected, atol=1e-6)
+
+
+def test_trimesh_reads_the_first_surface(path, tmp_path):
+    surfaces, faces = path
+    save_glb(tmp_path / "path.GLB", surfaces, faces)
+    loaded = trimesh.load(tmp_path / "path.GLB", file_type="glb", process=False)
+    (mesh,) = loaded.geometry.values()
+    np.testing.assert_array_equal(mesh.vertices, surfaces[0].astype(np.float32))
+    np.testing.assert_array_equal(mesh.faces, faces)
+
+
+def test_a_single_surface_is_a_still_mesh(path, tmp_path):
+    save_glb(tmp_path / "still.glb", path[0][:1], path[1])
+    document, _ = read(tmp_path / "still.glb")
+    assert "animations" not in document
+    assert "targets" not in document["meshes"][0]["primitives"][0]
+
+
+def test_parts_of_odd_length_are_filled_up(path, tmp_path):
+    surfaces, faces = path
+    save_glb(tmp_path / "odd.glb", surfaces, faces[:-1])
+    document, array = read(tmp_path / "odd.glb")
+    primitive = document["meshes"][0]["primitives"][0]
+    np.testing.assert_array_equal(array(primitive["indices"]).reshape(-1, 3), faces[:-1])
+    positions = array(primitive["attributes"]["POSITION"])
+    np.testing.assert_array_equal(positions, surfaces[0].astype(np.float32))
+
+
+def test_many_vertices_take_long_indices(tmp_path):
+    vertices = np.zeros((65535, 3))
+    vertices[-3:] = np.eye(3)
+    save_glb(tmp_path / "large.glb", vertices[None], [[65532, 65533, 65534]])
+    document, array = read(tmp_path / "large.glb")
+    indices = document["meshes"][0]["primitives"][0]["indices"]
+    assert document["accessors"][indices]["componentType"] == 5125
+    assert array(indices).ravel().tolist() == [65532, 65533, 65534]
+    # A vertex without triangles has a normal too, as the format asks for unit vectors.
+    normals = array(document["meshes"][0]["primitives"][0]["attributes"]["NORMAL"])
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+
+
+def test_refusals(path, tmp_path):
+    surfaces, faces = path
+    with pytest.raises(FileFormatError, match=r"path.gltf: the ending must be .glb"):
+        save_glb(tmp_path / "path.gltf", surfaces, faces)
+    with pytest.raises(ArgumentTypeError, match="found 3"):
+        save_glb(3, surfaces, faces)
+    with pytest.raises(ArgumentError, match=r"surfaces must have shape .*n_times"):
+        save_glb(tmp_path / "path.glb", surfaces[0], faces)
+    with pytest.raises(ArgumentError, match="holds no surface"):
+        save_glb(tmp_path / "path.glb", surfaces[:0], faces)
+    with pytest.raises(ArgumentError, match="NaN"):
+        save_glb(tmp_path / "path.glb", surfaces * np.nan, faces)
+    with pytest.raises(ArgumentError, match="out of range"):
+        save_glb(tmp_path / "path.glb", surfaces, faces + 1)
+    with pytest.raises(ArgumentError, match="seconds must be a finite number above 0"):
+        save_glb(tmp_path / "path.glb", surfaces, faces, seconds=0)
+    with pytest.raises(FileError, match="cannot be written"):
+        save_glb(tmp_path / "absent" / "path.glb", surfaces, faces)
+    assert list(tmp_path.iterdir()) == []

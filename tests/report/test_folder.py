@@ -1,0 +1,119 @@
+"""The folder of a report."""
+
+import json
+import os
+import shutil
+
+import pytest
+
+from riemhuman.errors import ArgumentTypeError, FileError
+from riemhuman.io.arrays import save_arrays
+from riemhuman.io.files import write_text
+from riemhuman.report._folder import (
+    MARKER,
+    SUBFOLDERS,
+    check_folder,
+    opened_folder,
+    write_provenance,
+)
+
+
+def enter(path):
+    """Open a folder, and close it again."""
+    with opened_folder(path):
+        pass
+
+
+@pytest.mark.parametrize("there", [True, False])
+def test_new_and_empty_folders_are_taken(tmp_path, there):
+    folder = tmp_path / "a" / "b"
+    if there:
+        folder.mkdir(parents=True)
+    with opened_folder(folder) as opened:
+        assert opened == folder
+    assert {entry.name for entry in folder.iterdir()} == {MARKER, *SUBFOLDERS[:3]}
+
+
+def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
+    with opened_folder(tmp_path / "report"):
+        pass
+    write_provenance(tmp_path / "report", {"status": "finished"})
+    (tmp_path / "report" / "results" / "one.npz").write_bytes(b"1")
+    with opened_folder(tmp_path / "report"):
+        pass
+    assert (tmp_path / "report" / "results" / "one.npz").read_bytes() == b"1"
+    assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"
+
+
+@pytest.mark.parametrize("name", [*SUBFOLDERS, MARKER, ".report.lock"])
+def test_links_in_a_report_are_not_followed(tmp_path, name):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    (elsewhere / "kept").write_text('{"made_by": "riemhuman report"}')
+    folder = tmp_path / "report"
+    enter(folder)
+    link = folder / name
+    if link.is_dir():
+        for below in sorted(link.rglob("*"), reverse=True):
+            below.rmdir()
+        link.rmdir()
+    link.unlink(missing_ok=True)
+    link.symlink_to(elsewhere if name in SUBFOLDERS else elsewhere / "kept")
+    with pytest.raises(FileError, match="is a link"):
+        enter(folder)
+    assert link.is_symlink()
+    assert [entry.name for entry in elsewhere.iterdir()] == ["kept"]
+    assert (elsewhere / "kept").read_text() == '{"made_by": "riemhuman report"}'
+
+
+def test_a_check_writes_nothing(tmp_path):
+    assert check_folder(tmp_path / "new") == tmp_path / "new"
+    assert check_folder(tmp_path) == tmp_path
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("marker", [None, "{}", "[]", "not json", '{"made_by": "others"}'])
+def test_a_folder_with_something_else_is_left_alone(tmp_path, marker):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    if marker is not None:
+        (tmp_path / MARKER).write_text(marker)
+    before = sorted(entry.name for entry in tmp_path.iterdir())
+    for function in (check_folder, enter):
+        with pytest.raises(FileError, match="holds other files; the report needs a new or"):
+            function(tmp_path)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == before
+
+
+def test_a_file_is_no_folder(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="is a file"):
+        enter(tmp_path / "file")
+    with pytest.raises(FileError, match="cannot be written"):
+        enter(tmp_path / "file" / "below")
+    with pytest.raises(ArgumentTypeError, match="output must be the path of a folder; found 7"):
+        enter(7)
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="permissions do not bind")
+def test_no_permission(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(FileError, match="cannot be written: Permission denied"):
+        enter(tmp_path / "report")
+    tmp_path.chmod(0o700)
+
+
+@pytest.mark.parametrize("name", SUBFOLDERS)
+def test_links_that_come_while_a_report_is_made_are_not_followed(tmp_path, name):
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with opened_folder(tmp_path / "report") as folder:
+        shutil.rmtree(folder / name)
+        (folder / name).symlink_to(elsewhere, target_is_directory=True)
+        with pytest.raises(FileError, match=f"{name} is a link, which is not followed"):
+            write_text(folder / name / "page.txt", "text")
+        with pytest.raises(FileError, match=f"{name} is a link, which is not followed"):
+            save_arrays(folder / name / "step.npz", {})
+    assert not list(elsewhere.iterdir())
+    # Whoever names a folder behind a link may write there.
+    write_text(tmp_path / "report" / name / "own.txt", "text")
+    assert (elsewhere / "own.txt").read_text() == "text"
