@@ -59,7 +59,8 @@ def nine_bodies():
 def undrawn(monkeypatch):
     """Leave figures of a report empty, which take most of its time."""
     monkeypatch.setattr(
-        "riemhuman.report.materials.drawn", lambda figure: ('<svg viewBox="0 0 4 3"></svg>', b"")
+        "riemhuman.report.materials.figure_files",
+        lambda figure: ('<svg viewBox="0 0 4 3"></svg>', b""),
     )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import base64
 import json
+import re
 import shutil
 import sys
 import tempfile
@@ -19,9 +20,9 @@ import nbformat
 from sphinx.cmd.build import main as sphinx
 
 import riemhuman as rh
-from riemhuman.plots.web_files import viewer_script, web_file
 
 SOURCES = Path(__file__).parent
+WEB = Path(rh.plots.__file__).parent / "web"
 VIEWER = "application/vnd.riemhuman.viewer+html"
 
 
@@ -32,8 +33,9 @@ def main(target: Path) -> int:
         shutil.copytree(SOURCES, source, ignore=shutil.ignore_patterns("__pycache__", "*.py"))
         shutil.copy(SOURCES / "conf.py", source)
         for name in ("three.min.js", "three.LICENSE", "viewer.css"):
-            (source / "_static" / name).write_text(web_file(name), encoding="utf-8")
-        (source / "_static" / "viewer.js").write_text(viewer_script(), encoding="utf-8")
+            shutil.copy(WEB / name, source / "_static" / name)
+        script = re.sub("</?script>", "", rh.plots.page_scripts(library=False))
+        (source / "_static" / "viewer.js").write_text(script, encoding="utf-8")
         notebooks = sorted(source.glob("*.ipynb"), key=lambda path: int(path.stem.split("_")[0]))
         (source / "gallery.md").write_text(gallery(notebooks), encoding="utf-8")
         for path in notebooks:

@@ -147,7 +147,7 @@ def tapes(bodies) -> None:
     own = rh.measurements.Measurements(bodies.model)
     straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
     found = own.tapes(straight, axes="space")
-    save(rh.plots.plot_tapes(straight, bodies.template.faces, found), "tapes")
+    save(rh.plots.plot_measurement_lines(straight, bodies.template.faces, found), "tapes")
 
 
 def motions() -> None:

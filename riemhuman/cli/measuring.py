@@ -221,11 +221,13 @@ def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measureme
 
 def _draw(path: Path, own: Measurements, surface: ndarray, axes: str) -> None:
     from riemhuman.io.files import atomic_file
-    from riemhuman.plots.figures import figure_style
-    from riemhuman.plots.tape_plots import plot_tapes
+    from riemhuman.plots._figures import figure_style
+    from riemhuman.plots.body_plots import plot_measurement_lines
 
     with figure_style():
-        figure = plot_tapes(surface, own.definitions.faces, own.tapes(surface, axes=axes))
+        figure = plot_measurement_lines(
+            surface, own.definitions.faces, own.tapes(surface, axes=axes)
+        )
         with atomic_file(path) as neighbour:
             figure.savefig(neighbour, dpi=200, facecolor="white")
 

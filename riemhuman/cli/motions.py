@@ -211,7 +211,7 @@ def _matrix(options: argparse.Namespace) -> None:
 def _align(options: argparse.Namespace) -> None:
     from riemhuman.io.arrays import save_arrays
     from riemhuman.motions.alignment import at_times, even_times
-    from riemhuman.plots.motion_page import AlignedMotions
+    from riemhuman.plots.viewer import AlignedMotions
 
     check_output_file(options.output, [".html", ".npz"], force=options.force)
     reporter = Reporter(options.quiet)

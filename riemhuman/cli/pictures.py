@@ -64,9 +64,9 @@ def write_picture(
         Title of a page.
     """
     from riemhuman.io.files import atomic_file
+    from riemhuman.plots._colors import SKIN
+    from riemhuman.plots.rendering import View, png_bytes, strip_picture
     from riemhuman.plots.viewer import view_bodies
-    from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
-    from riemhuman.surfaces.rendering import SKIN, View
 
     if path is None:
         return

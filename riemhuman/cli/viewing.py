@@ -153,9 +153,8 @@ def _plot(options: argparse.Namespace) -> None:
 
     from riemhuman.io.files import atomic_file
     from riemhuman.optional import import_optional
-    from riemhuman.plots.embedding import embed, stress
-    from riemhuman.plots.figures import figure_style, new_figure
-    from riemhuman.plots.result_plots import plot_embedding
+    from riemhuman.plots._figures import figure_style, new_figure
+    from riemhuman.plots.maps import embed, plot_embedding, stress
 
     check_output_file(options.output, _PICTURES, force=options.force)
     import_optional("matplotlib", "plot")

@@ -6,6 +6,7 @@ import operator
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from typing import Any, overload
 
 import numpy as np
@@ -15,7 +16,6 @@ from riemhuman.checks import integer_array, real_array
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, FrameIndexError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.optional import import_optional
-from riemhuman.surfaces.html_pictures import surfaces_html
 from riemhuman.surfaces.template import Template
 
 Class = int | str
@@ -266,7 +266,9 @@ class Bodies:
         )
 
     def _repr_html_(self) -> str:
-        return surfaces_html(self.points, self.template.faces, repr(self).strip("<>"))
+        plots = import_module("riemhuman.plots")  # only notebooks draw
+        html: str = plots.surfaces_html(self.points, self.template.faces, repr(self).strip("<>"))
+        return html
 
     def _chosen(self, index: Any) -> Bodies:
         """Return the surfaces at some indices, or where a mask is true."""

@@ -1,37 +1,54 @@
 """Pictures and interactive views of bodies, paths, motions and results."""
 
 from riemhuman.geometry.contributions import Contributions, contributions
-from riemhuman.plots.body_plots import per_area, plot_body, plot_path
-from riemhuman.plots.embedding import embed
-from riemhuman.plots.motion_page import AlignedMotions
+from riemhuman.plots._figures import figure_files, figure_style, new_figure
+from riemhuman.plots._viewer_data import ViewedBody
+from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path
+from riemhuman.plots.maps import embed, plot_embedding, stress
+from riemhuman.plots.rendering import View, render, surfaces_html, vertices_html
 from riemhuman.plots.result_plots import (
     plot_confusion,
-    plot_embedding,
     plot_energy,
     plot_precision_recall,
     plot_sweep,
 )
-from riemhuman.plots.tape_plots import plot_tapes
-from riemhuman.plots.viewer import Viewer, view_bodies, view_path
-from riemhuman.surfaces.rendering import View, render
+from riemhuman.plots.viewer import (
+    AlignedMotions,
+    Viewer,
+    page_scripts,
+    page_styles,
+    save_picture,
+    view_bodies,
+    view_path,
+)
 
 __all__ = [
     "AlignedMotions",
     "Contributions",
     "View",
+    "ViewedBody",
     "Viewer",
     "contributions",
     "embed",
+    "figure_files",
+    "figure_style",
+    "new_figure",
+    "page_scripts",
+    "page_styles",
     "per_area",
     "plot_body",
     "plot_confusion",
     "plot_embedding",
     "plot_energy",
+    "plot_measurement_lines",
     "plot_path",
     "plot_precision_recall",
     "plot_sweep",
-    "plot_tapes",
     "render",
+    "save_picture",
+    "stress",
+    "surfaces_html",
+    "vertices_html",
     "view_bodies",
     "view_path",
 ]

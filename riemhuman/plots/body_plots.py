@@ -1,7 +1,8 @@
-"""Bodies and paths of bodies as matplotlib pictures, drawn without a display."""
+"""Bodies, paths and measurement lines as matplotlib pictures, drawn without a display."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,40 +13,21 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
-from riemhuman.plots.colors import value_colors
+from riemhuman.plots._colors import SKIN, colour_limit, value_colors
+from riemhuman.plots._figures import new_axes, new_figure
+from riemhuman.plots.rendering import View, Window, render, window_around
 from riemhuman.surfaces.distortion import triangle_areas
-from riemhuman.surfaces.rendering import SKIN, View, render, window_around
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-# Share of values beyond the end of the colour scale, so that no single triangle sets it.
-_OUTLIERS = 0.01
-
-
-def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
-    """Return the given axes, or the axes of a new figure.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw in.
-    width, height : float
-        Size of a new figure, inches.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    MissingDependencyError
-        If matplotlib is not installed.
-    """
-    if ax is not None:
-        return ax
-    pyplot = import_optional("matplotlib.pyplot", "plot")
-    return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+# The sides of a body with measurement lines: titles and azimuths in degrees.
+_SIDES = (("front", 0.0), ("left side", 90.0), ("back", 180.0))
+_ELEVATION = 4.0  # degrees
+_BODY_INCHES = 4.6
+_LEGEND_COLUMNS = 4
+_LEGEND_ROW_INCHES = 0.19
 
 
 def plot_body(
@@ -180,8 +162,10 @@ def plot_path(
     view = View() if view is None else view
     common = window_around(surfaces[chosen], view)
     # Each surface has its own window, so that a walking body stays in its place on the strip.
-    windows = [replace(window_around(f, view), height=common.height) for f in surfaces[chosen]]
-    windows = [replace(own, centre=(own.centre[0], common.centre[1])) for own in windows]
+    windows = [
+        replace(own, centre=(own.centre[0], common.centre[1]), height=common.height)
+        for own in (window_around(f, view) for f in surfaces[chosen])
+    ]
     widths = np.array([own.width for own in windows])
     middles = np.cumsum(widths) - widths / 2
     if spacing is not None:
@@ -235,21 +219,6 @@ def per_area(values: ArrayLike, vertices: ArrayLike, faces: ArrayLike) -> ndarra
     return real_array(values, "values", (len(areas),)) / np.maximum(areas, 1e-30)
 
 
-def colour_limit(values: ndarray) -> float:
-    """Return the end of the colour scale, which 1 % of the values exceed.
-
-    Parameters
-    ----------
-    values : array, shape (...)
-        Non-negative values.
-
-    Returns
-    -------
-    float
-    """
-    return float(np.quantile(values, 1.0 - _OUTLIERS)) or float(values.max(initial=0.0))
-
-
 def _tints(
     path: ndarray,
     faces: ArrayLike,
@@ -275,3 +244,88 @@ def _scale(largest: float) -> Any:
     cm = import_optional("matplotlib.cm", "plot")
     table = colors.ListedColormap(value_colors(np.linspace(0.0, 1.0, 256)))
     return cm.ScalarMappable(colors.Normalize(0.0, largest or 1.0), table)
+
+
+def plot_measurement_lines(
+    surface: ArrayLike,
+    faces: ArrayLike,
+    lines: Mapping[str, Sequence[ArrayLike]],
+    *,
+    height: int = 700,
+) -> Figure:
+    """Draw a body from three sides with its measurement lines.
+
+    Lines are also drawn where the body would hide them.
+
+    Parameters
+    ----------
+    surface : array_like, shape (V, 3)
+        The body, metres, y up.
+    faces : array_like, shape (F, 3)
+        Triangles.
+    lines : mapping of str to sequence of array, shape (k, 3)
+        Curves by name, as `rh.measurements.Measurements.tapes` returns them.
+    height : int
+        Height of the pictures in pixels.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+
+    Raises
+    ------
+    MissingDependencyError
+        If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> lines = rh.measurements.Measurements(bodies.model).tapes(bodies[0])
+    >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)
+    """
+    curves = {name: parts for name, parts in lines.items() if len(parts)}
+    n_rows = -(-len(curves) // _LEGEND_COLUMNS)
+    figure = new_figure(9.6, _BODY_INCHES + _LEGEND_ROW_INCHES * n_rows)
+    views = [View(azimuth, _ELEVATION) for _, azimuth in _SIDES]
+    windows = [window_around(surface, view) for view in views]
+    # Windows have one height, so that all sides have one scale.
+    tallest = max(window.height for window in windows)
+    windows = [replace(window, height=tallest) for window in windows]
+    all_axes = figure.subplots(1, len(_SIDES), width_ratios=[window.width for window in windows])
+    for axes, (side, _), view, window in zip(all_axes, _SIDES, views, windows, strict=True):
+        handles = _draw_side(axes, surface, faces, curves, view, window, height)
+        axes.set_title(side)
+    figure.legend(
+        handles,
+        list(curves),
+        loc="outside lower center",
+        ncols=_LEGEND_COLUMNS,
+        fontsize=9,
+        frameon=False,
+    )
+    return figure
+
+
+def _draw_side(
+    axes: Any,
+    surface: ArrayLike,
+    faces: ArrayLike,
+    curves: Mapping[str, Sequence[ArrayLike]],
+    view: View,
+    window: Window,
+    height: int,
+) -> list[Any]:
+    """Draw a body with curves, and return an artist of each curve for the legend."""
+    (x, y), width, tall = window.centre, window.width / 2, window.height / 2
+    picture = render(surface, faces, height=height, view=view, window=window)
+    axes.imshow(picture, extent=(x - width, x + width, y - tall, y + tall))
+    handles = []
+    for number, parts in enumerate(curves.values()):
+        style = ("-", "--", ":", "-.")[number // 10 % 4]
+        for part in parts:
+            flat: ndarray = view.rotate(np.asarray(part))[:, :2]
+            (artist,) = axes.plot(*flat.T, color=f"C{number % 10}", linewidth=0.9, linestyle=style)
+        handles.append(artist)
+    axes.set_axis_off()
+    return handles

@@ -1,4 +1,4 @@
-"""Plots of embeddings, energies and retrieval results."""
+"""Plots of energies and retrieval results."""
 
 from __future__ import annotations
 
@@ -10,103 +10,16 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.checks import integer_array, real_array
-from riemhuman.errors import ArgumentError
 from riemhuman.optional import import_optional
-from riemhuman.plots.body_plots import new_axes
-from riemhuman.plots.colors import class_colors
-from riemhuman.plots.map_labels import add_length_bar, add_thumbnails
-from riemhuman.retrieval.rankings import confusion, precision_recall
-from riemhuman.surfaces.rendering import View
+from riemhuman.plots._colors import class_colors
+from riemhuman.plots._figures import new_axes
+from riemhuman.retrieval import confusion, precision_recall
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MARKERS = ("o", "s", "D", "^", "v")
 # Lightest and deepest shade, and the colour of text that is legible on both.
 _LIGHTEST, _DEEPEST, _ON_SHADES = "#eef3f8", "#5b8fbe", "#101418"
-
-
-def plot_embedding(
-    positions: ArrayLike,
-    labels: ArrayLike,
-    names: Sequence[str] | None = None,
-    *,
-    points: ArrayLike | None = None,
-    faces: ArrayLike | None = None,
-    view: View | None = None,
-    unit: str | None = None,
-    ax: Axes | None = None,
-) -> Axes:
-    """Plot items in the plane, coloured by class, with a body of each class.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Positions of the items, see `embed`.
-    labels : array_like of int, shape (n,)
-        Class of each item, counted from 0.
-    names : sequence of str, optional
-        Names of the classes.
-    points : array_like, shape (n, V, 3), optional
-        Bodies of the items; the body nearest to the middle of each class is drawn.
-    faces : array_like, shape (F, 3), optional
-        Triangles of the bodies.
-    view : View, optional
-        Direction from which the bodies are seen.
-    unit : str, optional
-        Unit of the positions, for a scale bar; both axes then have the same scale.
-    ax : matplotlib.axes.Axes, optional
-        Axes to draw in; by default those of a new figure.
-
-    Returns
-    -------
-    matplotlib.axes.Axes
-
-    Raises
-    ------
-    ArgumentError
-        If an array has the wrong shape, or only one of points and faces is given.
-    MissingDependencyError
-        If matplotlib is not installed.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> ax = rh.plots.plot_embedding(bodies.points[:10, 0, :2], bodies.subject[:10])
-    """
-    places = real_array(positions, "positions", ("n_items", 2), batched=False)
-    items = integer_array(labels, "labels", (len(places),))
-    if (points is None) != (faces is None):
-        raise ArgumentError("points and faces must be given together; found only one of them")
-    ax = new_axes(ax, 6.0, 5.0)
-    colors = class_colors(int(items.max()) + 1)
-    for label in np.unique(items):
-        ax.scatter(
-            *places[items == label].T,
-            s=22,
-            color=colors[label],
-            marker=_MARKERS[label // 10 % len(_MARKERS)],
-            linewidths=0,
-            label=str(label) if names is None else names[label],
-            zorder=3,
-        )
-    ax.set(xticks=[], yticks=[])
-    for spine in ax.spines.values():
-        spine.set_visible(False)
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
-    ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
-    ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
-    if points is None or faces is None:
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
-    if unit is not None:
-        add_length_bar(ax, unit)
-    if points is None or faces is None:
-        return ax
-    surfaces = real_array(points, "points", (len(places), "n_vertices", 3), batched=False)
-    add_thumbnails(ax, places, items, colors, names, surfaces, faces, view or View())
-    return ax
 
 
 def plot_energy(
@@ -161,7 +74,7 @@ def plot_energy(
     ax.margins(y=0.16)
     ax.xaxis.get_major_locator().set_params(integer=True)
     ax.set_xlim(-0.04 * max(highest, 1), 1.04 * max(highest, 1))
-    _bare(ax)
+    _hide_frame(ax)
     if any(curves):
         ax.legend(frameon=False, fontsize="small")
     return ax
@@ -216,7 +129,7 @@ def plot_precision_recall(
             label=name,
         )
     ax.set(xlabel="recall, %", ylabel="precision, %", xlim=(0, 102), ylim=(0, 104))
-    _bare(ax)
+    _hide_frame(ax)
     ax.legend(
         frameon=False, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2
     )
@@ -267,12 +180,12 @@ def plot_confusion(
     classes = np.unique(items)
     titles = [str(label) if names is None else names[label] for label in classes]
     ax = new_axes(ax, 4.2, 4.0)
-    heat_map(ax, np.ma.masked_equal(counts, 0), counts.sum(axis=1).max())
+    _heat_map(ax, np.ma.masked_equal(counts, 0), counts.sum(axis=1).max())
     ax.set_xticks(range(len(titles)), titles, rotation=90)
     ax.set_yticks(range(len(titles)), titles)
     ax.set(xlabel="nearest neighbour", ylabel="body")
     for row, column in np.argwhere(counts):
-        write_in_cell(ax, row, column, str(counts[row, column]))
+        _write_in_cell(ax, row, column, str(counts[row, column]))
     return ax
 
 
@@ -316,27 +229,17 @@ def plot_sweep(
     """
     cells = real_array(scores, "scores", (len(lams), len(weights)), batched=False)
     ax = new_axes(ax, 5.2, 3.0)
-    heat_map(ax, cells, 100.0)
+    _heat_map(ax, cells, 100.0)
     ax.set_xticks(range(len(weights)), weights)
     ax.set_yticks(range(len(lams)), [f"{lam:g}" for lam in lams])
     ax.set(xlabel="c (with a = 1)", ylabel="λ")
     for (row, column), score in np.ndenumerate(cells):
-        write_in_cell(ax, row, column, f"{score:.0f}")
+        _write_in_cell(ax, row, column, f"{score:.0f}")
     return ax
 
 
-def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
-    """Draw a matrix in shades from almost white to blue, on which dark text is legible.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Axes to draw in.
-    values : array, shape (n_rows, n_columns)
-        Non-negative values; masked ones have no shade.
-    largest : float
-        Value with the deepest shade.
-    """
+def _heat_map(ax: Axes, values: ndarray, largest: float) -> None:
+    """Draw a matrix in shades from almost white to blue, on which dark text is legible."""
     colors = import_optional("matplotlib.colors", "plot")
     shades = colors.LinearSegmentedColormap.from_list("shades", [_LIGHTEST, _DEEPEST])
     ax.imshow(values, cmap=shades, vmin=0, vmax=largest, aspect="auto", interpolation="nearest")
@@ -345,21 +248,10 @@ def heat_map(ax: Axes, values: ndarray, largest: float) -> None:
     ax.tick_params(length=0)
 
 
-def write_in_cell(ax: Axes, row: int, column: int, text: str) -> None:
-    """Write text into a cell of a heat map.
-
-    Parameters
-    ----------
-    ax : matplotlib.axes.Axes
-        Axes of the heat map.
-    row, column : int
-        Position of the cell.
-    text : str
-        The text.
-    """
+def _write_in_cell(ax: Axes, row: int, column: int, text: str) -> None:
     ax.text(column, row, text, ha="center", va="center", fontsize="small", color=_ON_SHADES)
 
 
-def _bare(ax: Axes) -> None:
+def _hide_frame(ax: Axes) -> None:
     for side in ("top", "right"):
         ax.spines[side].set_visible(False)

@@ -1,17 +1,20 @@
-"""Interactive views of bodies and paths, in a notebook or as one self-contained HTML file.
+"""Interactive views of bodies, paths and motions, in a notebook or as one self-contained HTML file.
 
-The page contains the surfaces, and three.js draws them; pictures replace them without WebGL.
+A page contains the surfaces, and three.js draws them; pictures replace them without WebGL.
 """
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from html import escape
+from importlib.resources import files
+from pathlib import Path
 from string import Template
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy import ndarray
@@ -19,16 +22,69 @@ from numpy.typing import ArrayLike
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.io.files import write_text
+from riemhuman.io.files import atomic_file, write_text
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.plots.body_plots import colour_limit
-from riemhuman.plots.colors import value_colors
-from riemhuman.plots.viewer_data import ViewedBody, payload
-from riemhuman.plots.web_files import scripts, styles, web_file
-from riemhuman.surfaces.html_pictures import png_bytes, strip_picture
-from riemhuman.surfaces.rendering import View
+from riemhuman.plots._colors import MEAN, SKIN, colour_limit, value_colors
+from riemhuman.plots._viewer_data import MAX_VERTICES, ViewedBody, payload
+from riemhuman.plots.rendering import View, image_source, png_bytes, strip_picture
+
+if TYPE_CHECKING:
+    from riemhuman.motions import Warp
 
 _STILL_HEIGHT = 240
+_PICTURE_HEIGHT = 400
+_MOST_IN_PICTURE = 8
+_N_MATCHES = 8  # pairs of frames on the page of two motions
+_MATCH_HEIGHT = 200
+
+
+@cache
+def _web_file(name: str) -> str:
+    return (files("riemhuman.plots") / "web" / name).read_text(encoding="utf-8")
+
+
+def page_styles() -> str:
+    """Return the styles of viewers, as an element for the head of a page.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.plots.page_styles()[:7]
+    '<style>'
+    """
+    return f"<style>{_web_file('viewer.css')}</style>"
+
+
+def page_scripts(library: bool = True) -> str:
+    """Return the scripts of viewers, as elements for the end of a page.
+
+    Parameters
+    ----------
+    library : bool
+        Whether three.js is included, which the viewers need.
+
+    Returns
+    -------
+    str
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> "class Viewer" in rh.plots.page_scripts(library=False)
+    True
+    """
+    own = "".join(_web_file(f"viewer{part}.js") for part in ("_body", "_gestures", ""))
+    script = f"<script>(() => {{\n{own}}})();\n</script>"
+    if not library:
+        return script
+    return (
+        "<script>/* three.js 0.187.0, MIT licence, Copyright 2010-2026 three.js authors */\n"
+        f"{_web_file('three.min.js')}</script>\n{script}"
+    )
 
 
 @dataclass(frozen=True)
@@ -47,9 +103,8 @@ class Viewer:
         Title of the view.
     view : View
         Initial direction from which the bodies are seen.
-    max_vertices : int, optional
-        Largest number of vertices; bodies with more are shown with fewer. By default 7,000, or
-        30,000 for triangles with values.
+    max_vertices : int
+        Largest number of vertices; bodies with more are shown with fewer, and the page says so.
     description : str
         Text below the title of the page.
 
@@ -66,7 +121,7 @@ class Viewer:
     legend: str = "Show"
     title: str = "Bodies"
     view: View = field(default_factory=View)
-    max_vertices: int | None = None
+    max_vertices: int = MAX_VERTICES
     description: str = ""
 
     def __repr__(self) -> str:
@@ -97,7 +152,9 @@ class Viewer:
         )
         shown_first = next(iter(self.choices.values()))
         data = payload(self.choices, self.faces, self.view, self.max_vertices)
-        return Template(web_file("viewer.html")).substitute(
+        n_shown, n_whole = data["n_vertices"], data["n_vertices_whole"]
+        thinned = "" if n_shown == n_whole else f"Shown with {n_shown:,} of {n_whole:,} vertices."
+        return Template(_web_file("viewer.html")).substitute(
             identifier=escape(identifier, quote=True),
             title=escape(self.title, quote=True),
             legend=escape(self.legend),
@@ -105,6 +162,7 @@ class Viewer:
             hidden=" hidden" if len(self.choices) == 1 else "",
             still="" if any(len(body.frames) > 1 for body in shown_first) else " hidden",
             stills=stills,
+            thinned=thinned,
             payload=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         )
 
@@ -115,12 +173,12 @@ class Viewer:
         -------
         str
         """
-        return Template(web_file("viewer_page.html")).substitute(
+        return Template(_web_file("viewer_page.html")).substitute(
             title=escape(self.title),
             description=f"<p>{escape(self.description)}</p>" if self.description else "",
-            styles=styles(),
+            styles=page_styles(),
             body=self.fragment("viewer"),
-            end=scripts(),
+            end=page_scripts(),
         )
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -157,8 +215,7 @@ class Viewer:
             body.color if body.values is None else value_colors(body.values, body.limit)
             for body in bodies
         ]
-        picture = strip_picture(surfaces, self.faces, colors, self.view, _STILL_HEIGHT)
-        return f"data:image/png;base64,{base64.b64encode(png_bytes(picture)).decode('ascii')}"
+        return image_source(strip_picture(surfaces, self.faces, colors, self.view, _STILL_HEIGHT))
 
 
 def view_path(
@@ -307,3 +364,180 @@ def _viewer(
     if len(sizes) > 1:
         raise ArgumentError(f"all bodies must have the same vertices; found {sorted(sizes)}")
     return Viewer(triangles, choices, legend, title, view or View(), description=description)
+
+
+def save_picture(
+    path: str | os.PathLike[str],
+    points: ArrayLike,
+    faces: ArrayLike,
+    names: Sequence[str],
+    *,
+    title: str = "Bodies",
+    mean: bool = False,
+) -> str:
+    """Write bodies side by side to a PNG file, or to an interactive page.
+
+    Parameters
+    ----------
+    path : path_like
+        The file, with the ending .png or .html; an existing file is replaced.
+    points : array_like, shape (n, V, 3)
+        Surfaces, metres, y up.
+    faces : array_like, shape (F, 3)
+        Triangles.
+    names : sequence of str, length n
+        Labels of the bodies.
+    title : str
+        Title of a page.
+    mean : bool
+        Whether the last body is the mean of the others, shown in yellow.
+
+    Returns
+    -------
+    str
+        A sentence on the bodies that the picture shows: a PNG shows at most eight.
+
+    Raises
+    ------
+    FileError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.plots.save_picture("two.png", bodies[:2], bodies.template.faces, ["Anna", "Ben"])
+    'Anna, Ben'
+    """
+    surfaces = real_array(points, "points", ("n", "n_vertices", 3), batched=False)
+    colors = [SKIN] * (len(surfaces) - mean) + [MEAN] * mean
+    labels = list(names)
+    if Path(path).suffix.lower() == ".html":
+        bodies = [
+            ViewedBody(label, surface[None], color)
+            for label, surface, color in zip(labels, surfaces, colors, strict=True)
+        ]
+        _viewer(faces, {title: bodies}, "Show", title, "", None).save(path)
+        return f"all {len(surfaces)} bodies"
+    # The mean is always shown, the others evenly chosen.
+    n_others = len(surfaces) - mean
+    n_shown = min(n_others, _MOST_IN_PICTURE - mean)
+    shown = np.linspace(0, n_others - 1, n_shown).round().astype(int).tolist()
+    shown += [len(surfaces) - 1] * mean
+    picture = strip_picture(
+        surfaces[shown], np.asarray(faces), [colors[i] for i in shown], height=_PICTURE_HEIGHT
+    )
+    with atomic_file(path) as temporary:
+        temporary.write_bytes(png_bytes(picture))
+    listed = ", ".join(labels[i] for i in shown)
+    return (
+        listed
+        if n_shown == n_others
+        else f"{listed}: {n_shown} of {n_others} bodies" + (" and their mean" if mean else "")
+    )
+
+
+@dataclass(frozen=True)
+class AlignedMotions:
+    """Two motions, the second aligned in time with the first.
+
+    Parameters
+    ----------
+    first, second : array, shape (n_times, V, 3)
+        The motions at corresponding times, metres, y up.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    warp : Warp
+        The matched times of both motions.
+    names : sequence of str
+        Names of the motions.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
+    >>> m1, m2 = knees[:40:8], other[:40:8]
+    >>> warp = rh.motions.DynamicTimeWarping(pose).warp(m1, m2)
+    >>> aligned = rh.plots.AlignedMotions(m1, m2[warp(range(5)).round().astype(int)],
+    ...                                    knees.faces, warp)
+    >>> aligned.save("aligned.html")
+    """
+
+    first: ndarray
+    second: ndarray
+    faces: ndarray
+    warp: Warp
+    names: Sequence[str] = ("first", "second")
+
+    def __post_init__(self) -> None:
+        for name in ("first", "second"):
+            real_array(getattr(self, name), name, ("n_times", "n_vertices", 3), batched=False)
+        if self.first.shape != self.second.shape:
+            raise ArgumentError(
+                f"second must have the shape of first, {self.first.shape}; found "
+                f"{self.second.shape}"
+            )
+
+    def page(self) -> str:
+        """Return the self-contained HTML page.
+
+        Returns
+        -------
+        str
+        """
+        names = [escape(name) for name in self.names]
+        paths = dict(zip(self.names, self._placed(), strict=True))
+        viewer = view_path(paths, self.faces, side_by_side=True, title=" and ".join(self.names))
+        return Template(_web_file("motion_page.html")).substitute(
+            first=names[0],
+            second=names[1],
+            styles=page_styles(),
+            viewer=viewer.fragment("motions"),
+            distance=f"{self.warp.dist:.4g}",
+            curve=self._curve(),
+            strips=self._strips(),
+            n_matches=min(_N_MATCHES, len(self.first)),
+            end=page_scripts(),
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the page to a file for any browser, without a network connection.
+
+        Parameters
+        ----------
+        path : path_like
+            The file; an existing file is replaced.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        write_text(path, self.page())
+
+    def _placed(self) -> list[ndarray]:
+        """Return both motions with their first frames at the same place."""
+        return [
+            m - m[0].mean(axis=0) * np.array([1.0, 0.0, 1.0]) for m in (self.first, self.second)
+        ]
+
+    def _curve(self) -> str:
+        """Return the points of the re-timing in a square of side 100, for an SVG polyline."""
+        scales = [max(float(times[-1]), 1.0) for times in (self.warp.first, self.warp.second)]
+        x, y = self.warp.first / scales[0], self.warp.second / scales[1]
+        return " ".join(f"{100 * a:.2f},{100 - 100 * b:.2f}" for a, b in zip(x, y, strict=True))
+
+    def _strips(self) -> str:
+        """Return pictures of pairs of corresponding frames."""
+        places = np.linspace(0, len(self.first) - 1, min(_N_MATCHES, len(self.first)))
+        pairs = []
+        for k in places.round().astype(int):
+            surfaces = [motion[k] for motion in self._placed()]
+            picture = strip_picture(surfaces, self.faces, height=_MATCH_HEIGHT)
+            share = f"{100 * k / (len(self.first) - 1):.0f} %"
+            pairs.append(
+                f'<figure><img src="{image_source(picture)}" alt="Both at {share}">'
+                f"<figcaption>{share}</figcaption></figure>"
+            )
+        return "\n".join(pairs)

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.plots.embedding import stress
-from riemhuman.plots.figures import new_figure
+from riemhuman.plots._figures import new_figure
+from riemhuman.plots.maps import plot_embedding, stress
 from riemhuman.plots.result_plots import (
     plot_confusion,
-    plot_embedding,
     plot_precision_recall,
     plot_sweep,
 )

@@ -13,7 +13,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.io.files import write_text
 from riemhuman.optional import import_optional
-from riemhuman.plots.figures import figure_style
+from riemhuman.plots._figures import figure_style
 from riemhuman.registration.folders import read_records
 from riemhuman.report import provenance
 from riemhuman.report._folder import check_folder, opened_folder, write_provenance

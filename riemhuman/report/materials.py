@@ -12,9 +12,10 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.io.files import write_bytes, write_text
-from riemhuman.plots.figures import Picture, drawn
+from riemhuman.plots import figure_files
 from riemhuman.report._result_store import Computed, ResultStore
 from riemhuman.report.experiments import has_pairs
+from riemhuman.report.page import Picture
 from riemhuman.report.plan import POSE, SHAPE, Plan, name_of
 from riemhuman.report.results import Results
 from riemhuman.report.tables import Table
@@ -130,7 +131,7 @@ class Materials:
         """
 
         def compute() -> Computed:
-            svg, png = drawn(draw(*arguments))
+            svg, png = figure_files(draw(*arguments))
             return {"png": np.frombuffer(png, dtype=np.uint8)}, {"svg": svg}
 
         given = [None if argument is self.bodies else argument for argument in arguments]

@@ -17,9 +17,8 @@ from riemhuman.measurements import (
     open_measurements,
     regress_shape,
 )
-from riemhuman.plots.body_plots import plot_path
-from riemhuman.plots.figures import new_figure
-from riemhuman.plots.tape_plots import plot_tapes
+from riemhuman.plots._figures import new_figure
+from riemhuman.plots.body_plots import plot_measurement_lines, plot_path
 from riemhuman.report._result_store import Computed, Step
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph
@@ -184,7 +183,7 @@ def _spread_table(step: Step) -> Table:
 def _draw_tapes(surface: ndarray, faces: ndarray) -> Figure:
     """Draw a body in the standard pose with all tapes."""
     tapes = Measurements(Template(surface, faces)).tapes(surface, axes="space")
-    return plot_tapes(surface, faces, tapes)
+    return plot_measurement_lines(surface, faces, tapes)
 
 
 def _draw_along(path: ndarray, faces: ndarray) -> Figure:

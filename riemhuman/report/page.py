@@ -6,10 +6,26 @@ import base64
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from html import escape
+from importlib.resources import files
 
-from riemhuman.plots.figures import Picture
-from riemhuman.plots.web_files import scripts, styles, web_file
+from riemhuman.plots import page_scripts, page_styles
+
+
+@cache
+def web_file(name: str) -> str:
+    """Return a text file of the folder ``web``."""
+    return (files("riemhuman.report") / "web" / name).read_text(encoding="utf-8")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A figure of the report: the name of its files, a description, and its SVG."""
+
+    name: str
+    alt: str
+    svg: str
 
 
 @dataclass(frozen=True)
@@ -81,13 +97,13 @@ def page(
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="color-scheme" content="light dark">\n'
         f'<title>{escape(title)}</title>\n<link rel="icon" href="data:,">\n'
-        f"<style>{web_file('page.css', 'riemhuman.report')}</style>\n{styles()}\n</head>\n<body>\n"
+        f"<style>{web_file('page.css')}</style>\n{page_styles()}\n</head>\n<body>\n"
         '<a class="skip" href="#main">Skip to the content</a>\n'
         f'<header><h1>{escape(title)}</h1><p class="lead">{lead}</p>'
         f'<dl class="facts">{numbers}</dl>'
         f'<nav aria-label="Contents"><ol>{contents}</ol></nav></header>\n'
         f'<main id="main">{"".join(section.html() for section in sections)}</main>\n'
-        f"<footer>{end}</footer>\n{scripts()}\n</body>\n</html>\n"
+        f"<footer>{end}</footer>\n{page_scripts()}\n</body>\n</html>\n"
     )
 
 

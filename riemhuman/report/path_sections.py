@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from riemhuman.plots._colors import MEAN, SKIN
+from riemhuman.plots._figures import new_figure
+from riemhuman.plots._viewer_data import ViewedBody
 from riemhuman.plots.body_plots import per_area, plot_body, plot_path
-from riemhuman.plots.figures import new_figure
 from riemhuman.plots.result_plots import plot_energy
 from riemhuman.plots.viewer import Viewer
-from riemhuman.plots.viewer_data import ViewedBody
 from riemhuman.report import findings
 from riemhuman.report.materials import Materials
 from riemhuman.report.page import Section, figure, heading, paragraph, viewer_figure
 from riemhuman.report.path_experiments import LINEAR, MODEL, OURS, SOBOLEV, SRNF_PATH
 from riemhuman.report.plan import name_of
 from riemhuman.report.tables import Column, Table
-from riemhuman.surfaces.rendering import MEAN, SKIN
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

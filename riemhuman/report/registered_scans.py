@@ -13,12 +13,11 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.io.files import write_text
-from riemhuman.plots.colors import VALUE_COLORS, value_colors
-from riemhuman.plots.web_files import web_file
+from riemhuman.plots._colors import VALUE_COLORS, value_colors
+from riemhuman.plots.rendering import png_bytes
 from riemhuman.registration.folders import ScanRecord, read_records
-from riemhuman.report.page import Section, page, paragraph
+from riemhuman.report.page import Section, page, paragraph, web_file
 from riemhuman.report.scan_pictures import body_picture, points_picture, shared_window
-from riemhuman.surfaces.html_pictures import png_bytes
 
 # Distance of the last colour, also used for larger distances.
 LARGEST_METRES = 0.02
@@ -89,7 +88,7 @@ def scan_section(records: Sequence[ScanRecord]) -> Section:
         "Scans and their bodies",
         "Scans",
         [
-            f"<style>{web_file('scans.css', 'riemhuman.report')}</style>",
+            f"<style>{web_file('scans.css')}</style>",
             paragraph(lead),
             _colour_scale(),
             f'<div class="scans">{cards}</div>',

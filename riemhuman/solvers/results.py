@@ -6,6 +6,7 @@ import dataclasses
 import os
 from dataclasses import dataclass, fields
 from html import escape
+from importlib import import_module
 from typing import Any, Self
 
 import numpy as np
@@ -15,7 +16,6 @@ from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.protocols import FoundMean, FoundPath
 from riemhuman.representation import Record, field_texts
-from riemhuman.surfaces.html_pictures import vertices_html
 
 _CLASS = "result_class"
 # What the single values of a result may be in a file; all others are numbers.
@@ -119,7 +119,10 @@ class Result(Record):
         )
         table = f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
         surfaces = self._surfaces()
-        return table if surfaces is None else vertices_html(surfaces, repr(self)) + table
+        if surfaces is None:
+            return table
+        plots = import_module("riemhuman.plots")  # only notebooks draw
+        return str(plots.vertices_html(surfaces, repr(self))) + table
 
     def _surfaces(self) -> ndarray | None:
         """Return what was found as surfaces to draw, if that is what it looks like."""

@@ -3,10 +3,12 @@
 import io
 import xml.etree.ElementTree as ElementTree
 
+import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from riemhuman.plots.figures import drawn, figure_style, new_figure
+from riemhuman.plots._colors import class_colors, rgb, value_colors
+from riemhuman.plots._figures import figure_files, figure_style, new_figure
 
 
 def small_figure():
@@ -16,7 +18,7 @@ def small_figure():
         ax = figure.subplots()
         ax.plot([0, 1], [1, 0], color="#4e82b4")
         ax.set_title("Title")
-        return drawn(figure)
+        return figure_files(figure)
 
 
 @pytest.mark.parametrize("label", [r"$\frac$", "a $ b", "two\nlines", r"\alpha_1^2", "=1+1"])
@@ -26,7 +28,7 @@ def test_labels_are_no_formulas(label):
         ax = figure.subplots()
         ax.set_title(label)
         ax.set_yscale("log")
-        svg, _ = drawn(figure)
+        svg, _ = figure_files(figure)
     ElementTree.fromstring(svg)
 
 
@@ -60,3 +62,20 @@ def test_the_style_of_the_session_is_left_alone():
     with figure_style():
         assert matplotlib.rcParams["text.color"] != before["text.color"]
     assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize("n_classes", [2, 10, 25])
+def test_classes_are_told_apart_on_either_ground(n_classes):
+    colors = class_colors(n_classes)
+    assert len(np.unique(colors, axis=0)) == n_classes
+    light = colors @ [0.2126, 0.7152, 0.0722]
+    assert (light > 0.2).all()
+    assert (light < 0.75).all()
+
+
+def test_values_run_from_skin_to_red_and_stop_there():
+    colors = value_colors(np.array([0.0, 0.5, 1.0, 7.0]), 1.0)
+    np.testing.assert_array_equal(colors[0], rgb("d4c8bb"))
+    np.testing.assert_array_equal(colors[2], colors[3])
+    assert (np.diff(colors[:, 1]) <= 0).all()  # ever less green
+    np.testing.assert_array_equal(value_colors(np.zeros(3)), np.tile(rgb("#d4c8bb"), (3, 1)))

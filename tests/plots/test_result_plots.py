@@ -1,19 +1,19 @@
 """Maps, energies and retrieval results as matplotlib pictures."""
 
 import re
+from importlib.resources import files
 
 import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError
+from riemhuman.plots.maps import plot_embedding
 from riemhuman.plots.result_plots import (
     plot_confusion,
-    plot_embedding,
     plot_energy,
     plot_precision_recall,
     plot_sweep,
 )
-from riemhuman.plots.web_files import web_file
 from riemhuman.retrieval.rankings import confusion, precision_recall
 
 LABELS = np.repeat([0, 1, 2], 4)
@@ -96,7 +96,7 @@ def test_what_is_written_in_cells_reads_on_every_shade():
 
 def test_what_is_written_on_the_page_reads_on_its_ground():
     to_rgba = pytest.importorskip("matplotlib.colors").to_rgba
-    style = web_file("page.css", "riemhuman.report")
+    style = (files("riemhuman.report") / "web" / "page.css").read_text(encoding="utf-8")
     light, dark, printed = re.findall(r":root \{([^}]*--ground[^}]*)\}", style)
     for theme in (light, dark, printed):
         color = dict(re.findall(r"--(\w+): (#[0-9a-f]+);", theme))

@@ -3,16 +3,21 @@
 import base64
 import json
 import re
+import zlib
 from html import unescape
 
 import numpy as np
 import pytest
+import trimesh
 from cases import sphere_template, surfaces
 
+import riemhuman as rh
+from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, FileError
-from riemhuman.plots.viewer import view_bodies, view_path
-from riemhuman.plots.viewer_data import quantized
-from riemhuman.plots.web_files import web_file
+from riemhuman.plots import ViewedBody, Viewer, page_scripts, view_bodies, view_path
+from riemhuman.plots._viewer_data import decimate, quantize
+from riemhuman.plots.rendering import View, render, window_around
+from riemhuman.surfaces.distortion import is_closed, signed_volume, triangle_areas
 
 TEMPLATE = sphere_template()
 PATH = surfaces(TEMPLATE, 4)
@@ -23,19 +28,27 @@ def payload_of(viewer):
     return json.loads(found[1])
 
 
-def decoded(text, dtype):
-    return np.frombuffer(base64.b64decode(text), dtype)
+def inflated(text, dtype):
+    return np.frombuffer(zlib.decompress(base64.b64decode(text)), dtype)
+
+
+def unpacked(text, dtype, width):
+    """Return rows of whole numbers as the script of the page restores them."""
+    size = np.dtype(dtype).itemsize
+    planes = inflated(text, np.uint8).reshape(size, -1).astype(dtype)
+    differences = sum(plane << dtype(8 * byte) for byte, plane in enumerate(planes))
+    return np.cumsum(differences.reshape(-1, width), axis=0, dtype=dtype)
 
 
 def test_coordinates_are_kept_to_half_a_step():
-    packed, low, step = quantized(PATH)
+    packed, low, step = quantize(PATH)
     assert packed.dtype == np.uint16
     assert np.abs(low + step * packed - PATH).max() <= 0.5001 * step.max()
     assert step.max() < np.ptp(PATH) / 60000
 
 
 def test_flat_surfaces_are_kept_too():
-    packed, low, step = quantized(PATH * [1, 1, 0])
+    packed, low, step = quantize(PATH * [1, 1, 0])
     assert not packed[..., 2].any()
     assert low[2] == 0
     assert np.isfinite(step).all()
@@ -44,12 +57,12 @@ def test_flat_surfaces_are_kept_too():
 def test_a_path_travels_whole():
     data = payload_of(view_path({"first": PATH, "second": PATH[::-1]}, TEMPLATE.faces))
     assert data["n_vertices"] == TEMPLATE.n_vertices
-    np.testing.assert_array_equal(decoded(data["faces"], "<u2").reshape(-1, 3), TEMPLATE.faces)
+    np.testing.assert_array_equal(unpacked(data["faces"], np.uint32, 3), TEMPLATE.faces)
     assert [choice["name"] for choice in data["choices"]] == ["first", "second"]
     for choice, path in zip(data["choices"], (PATH, PATH[::-1]), strict=True):
         (body,) = choice["bodies"]
         assert body["n_frames"] == 4
-        packed = decoded(body["frames"], "<u2").reshape(PATH.shape)
+        packed = unpacked(body["frames"], np.uint16, PATH[0].size).reshape(PATH.shape)
         found = np.array(body["low"]) + np.array(body["step"]) * packed
         np.testing.assert_allclose(found, path, atol=1e-4)
 
@@ -66,7 +79,7 @@ def test_values_become_colours_of_vertices():
     values[(TEMPLATE.faces == 5).any(axis=1)] = 1.0
     viewer = view_bodies(PATH[:2], TEMPLATE.faces, ["one", "two"], values=[values, 0 * values])
     (choice,) = payload_of(viewer)["choices"]
-    colors = decoded(choice["bodies"][0]["colors"], np.uint8).reshape(-1, 3)
+    colors = inflated(choice["bodies"][0]["colors"], np.uint8).reshape(-1, 3)
     assert len(colors) == TEMPLATE.n_vertices
     assert colors[5].tolist() == [0x8C, 0x1D, 0x3F]
     far = np.ones(TEMPLATE.n_vertices, bool)
@@ -74,11 +87,17 @@ def test_values_become_colours_of_vertices():
     assert (colors[far] == [0xD4, 0xC8, 0xBB]).all()
 
 
-def test_large_bodies_are_thinned():
-    large = sphere_template(5)
-    data = payload_of(view_bodies(large.vertices, large.faces))
-    assert data["n_vertices"] < 7000 < large.n_vertices
-    assert decoded(data["faces"], "<u2").max() == data["n_vertices"] - 1
+def test_large_bodies_are_thinned_and_the_page_says_so():
+    body = load_open_model("full").template
+    whole = view_bodies(body.vertices, body.faces)
+    assert payload_of(whole)["n_vertices"] == body.n_vertices == 13348
+    assert "vertices" not in re.search('class="thinned">(.*?)<', whole.page())[1]
+    thinned = Viewer(body.faces, {"": [ViewedBody("", body.vertices[None])]}, max_vertices=5000)
+    data = payload_of(thinned)
+    assert 4900 < data["n_vertices"] <= 5000
+    assert unpacked(data["faces"], np.uint32, 3).max() == data["n_vertices"] - 1
+    said = f"Shown with {data['n_vertices']:,} of 13,348 vertices."
+    assert said in thinned.page()
 
 
 def test_the_page_asks_for_nothing():
@@ -86,7 +105,7 @@ def test_the_page_asks_for_nothing():
     assert "<title>A &lt;path&gt; &amp; more</title>" in page
     without_scripts = re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
     assert not re.findall(r'(?:src|href)="(?!data:)|url\(|@import|https?:', without_scripts)
-    own = "".join(web_file(f"viewer{part}.js") for part in ("", "_body", "_gestures"))
+    own = page_scripts(library=False)
     assert not re.findall(r"fetch|XMLHttpRequest|import\(|https?:", own)
     identifiers = re.findall(r'\bid="([^"]+)"', without_scripts)
     assert len(identifiers) == len(set(identifiers)) > 1
@@ -140,3 +159,73 @@ def test_the_library_is_the_one_described():
 def test_bad_arguments(call, message):
     with pytest.raises(ArgumentError, match=message):
         call()
+
+
+@pytest.fixture
+def aligned():
+    motions = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    m1, m2 = (motion[:30:10] for motion in motions)
+    warp = rh.motions.Warp(0.125, np.array([0.0, 1.0, 2.0]), np.array([0.0, 4.0, 8.0]))
+    return rh.plots.AlignedMotions(m1, m2, motions[0].faces, warp, ("Anna & co", "Ben"))
+
+
+def test_page_shows_both_the_curve_and_matched_frames(aligned, tmp_path):
+    aligned.save(tmp_path / "both.html")
+    page = (tmp_path / "both.html").read_text(encoding="utf-8")
+    assert "<h1>Anna &amp; co and Ben aligned in time</h1>" in page
+    assert "re-timing: 0.125" in page
+    assert 'points="0.00,100.00 50.00,50.00 100.00,0.00"' in page
+    assert re.findall("<figcaption>(.*?)</figcaption>", page) == ["0 %", "50 %", "100 %"]
+    assert page.count('class="viewer"') == 1
+    assert "$" not in re.sub(r"<script.*?</script>", "", page, flags=re.DOTALL)
+
+
+def test_motions_of_different_lengths(aligned):
+    with pytest.raises(rh.RiemhumanError, match="second must have the shape of first"):
+        rh.plots.AlignedMotions(aligned.first, aligned.second[:2], aligned.faces, aligned.warp)
+
+
+def test_small_meshes_stay():
+    ball = trimesh.creation.icosphere(1)
+    kept, faces = decimate(ball.vertices, ball.faces, 100)
+    np.testing.assert_array_equal(kept, np.arange(len(ball.vertices)))
+    np.testing.assert_array_equal(faces, ball.faces)
+
+
+def test_a_sphere_stays_a_closed_sphere_of_its_own_vertices():
+    ball = trimesh.creation.icosphere(4)
+    kept, faces = decimate(ball.vertices, ball.faces, 1000)
+    assert len(kept) == 1000
+    assert (np.diff(kept) > 0).all()
+    assert is_closed(faces)
+    assert len(faces) == 2 * len(kept) - 4  # Euler
+    assert 0.99 < signed_volume(ball.vertices[kept], faces) / ball.volume < 1
+
+
+def test_borders_stay():
+    x, y = np.meshgrid(np.arange(12.0), np.arange(12.0))
+    grid = np.column_stack([x.ravel(), y.ravel(), 0 * x.ravel()])
+    corners = np.arange(144).reshape(12, 12)
+    a, b, c, d = (corners[i : i + 11, j : j + 11].ravel() for i in (0, 1) for j in (0, 1))
+    faces = np.concatenate([np.column_stack([a, b, d]), np.column_stack([a, d, c])])
+    kept, fewer = decimate(grid, faces, 50)
+    border = (grid[:, :2] % 11 == 0).any(axis=1)
+    assert set(np.flatnonzero(border)) <= set(kept.tolist())
+    assert triangle_areas(grid[kept], fewer).sum() == pytest.approx(121)
+
+
+def test_bodies_keep_their_silhouette_in_every_pose():
+    performances, model = load_open_bodies("coarse"), load_open_model("full")
+    some = [3, 49]
+    points = model(performances.betas[some], performances.pose_vectors[some])
+    kept, faces = decimate(points[0], model.faces, 3500)
+    assert is_closed(faces)
+    light, whole = signed_volume(points[:, kept], faces), signed_volume(points, model.faces)
+    np.testing.assert_allclose(light, whole, rtol=0.01)
+    for surface in points:
+        window = window_around(surface, View())
+        shapes = [
+            render(vertices, triangles, height=300, window=window)[..., 3] > 127
+            for vertices, triangles in ((surface, model.faces), (surface[kept], faces))
+        ]
+        assert (shapes[0] ^ shapes[1]).sum() < 0.01 * shapes[0].sum()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from riemhuman.measurements import Measurements
-from riemhuman.plots.tape_plots import plot_tapes
+from riemhuman.plots.body_plots import plot_measurement_lines
 from riemhuman.report.measurement_sections import measurement_section
 from riemhuman.surfaces.template import Template
 
@@ -32,7 +32,9 @@ def test_other_templates_have_no_section():
 def test_every_tape_is_drawn_on_every_side(nine_bodies):
     pytest.importorskip("matplotlib")
     tapes = Measurements(nine_bodies.model).tapes(nine_bodies.points[0])
-    figure = plot_tapes(nine_bodies.points[0], nine_bodies.template.faces, tapes, height=60)
+    figure = plot_measurement_lines(
+        nine_bodies.points[0], nine_bodies.template.faces, tapes, height=60
+    )
     n_curves = sum(map(len, tapes.values()))
     assert [len(axes.lines) for axes in figure.axes] == [n_curves] * 3
     listed = [text.get_text() for text in figure.legends[0].get_texts()]

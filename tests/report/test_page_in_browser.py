@@ -5,7 +5,7 @@ import re
 
 import pytest
 
-from riemhuman.plots.map_labels import NAME_POINTS
+from riemhuman.plots.maps import _NAME_POINTS
 
 
 @pytest.mark.parametrize("width", [390, 1440])
@@ -46,7 +46,7 @@ def test_names_on_maps_are_legible_on_a_telephone(browser, report_page):
         ".map((picture) => picture.clientWidth / Number(picture.getAttribute('width')))"
     )
     assert len(pixels_a_point) == 4
-    assert NAME_POINTS * min(pixels_a_point) >= 10
+    assert _NAME_POINTS * min(pixels_a_point) >= 10
 
 
 def test_the_smallest_text_of_figures_is_legible_on_a_telephone(browser, report_page):

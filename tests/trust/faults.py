@@ -127,7 +127,7 @@ def report(inputs, outputs):
     # Drawing takes nearly all of the time, and is part of `picture`.
     with (
         mock.patch.object(materials.Materials, "picture", undrawn),
-        mock.patch.object(materials, "drawn", undrawn_picture),
+        mock.patch.object(materials, "figure_files", undrawn_picture),
     ):
         return cli(
             "report", "--quick", "--bodies", inputs / "scans", "-o", outputs / "report", "-q"

@@ -12,8 +12,6 @@ class Viewer {
     this.element = element;
     this.find = (name) => element.querySelector(`[data-part="${name}"]`);
     const data = JSON.parse(this.find("data").textContent);
-    const raw = bytes(data.faces).buffer;
-    this.faces = data.n_vertices > 65535 ? new Uint32Array(raw) : new Uint16Array(raw);
     this.data = data;
     this.chosen = 0;
     this.time = 0;
@@ -29,10 +27,15 @@ class Viewer {
       return;
     }
     this.canvas.addEventListener("webglcontextlost", () => this.beStill());
+    this.start();
+  }
+
+  async start() {
+    this.faces = await unpack(this.data.faces, Uint32Array, 3);
+    await this.choose(0);
     listen(this);
-    this.choose(0);
     new ResizeObserver(() => this.resize()).observe(this.stage);
-    element.dataset.ready = "true";
+    this.element.dataset.ready = "true";
   }
 
   // Set up what draws the bodies, and tell whether the browser can.
@@ -69,16 +72,16 @@ class Viewer {
     show(this.chosen);
   }
 
-  bodies(index = this.chosen) {
-    if (!this.built[index]) {
-      this.built[index] = this.data.choices[index].bodies.map(
-        (body) => new Body(body, this.faces, this.data.n_vertices),
-      );
-    }
-    return this.built[index];
+  bodies() {
+    return this.built[this.chosen] || [];
   }
 
-  choose(index) {
+  async choose(index) {
+    if (!this.built[index]) {
+      this.built[index] = await Promise.all(this.data.choices[index].bodies.map(
+        (body) => Body.from(body, this.faces, this.data.n_vertices),
+      ));
+    }
     const pivot = this.bodies()[0].pivot;
     this.bodies().forEach((body) => this.scene.remove(body.holder));
     this.chosen = index;

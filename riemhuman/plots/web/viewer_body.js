@@ -1,19 +1,48 @@
 // One body of a viewer. Part of one script with viewer_gestures.js and viewer.js.
 "use strict";
 
-const bytes = (text) => Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+// Bytes of compressed data.
+async function inflate(text) {
+  const packed = Uint8Array.from(atob(text), (character) => character.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// Rows of whole numbers from differences of rows, whose bytes of one significance stand together.
+async function unpack(text, Kind, width) {
+  const planes = await inflate(text);
+  const numbers = new Kind(planes.length / Kind.BYTES_PER_ELEMENT);
+  for (let i = 0; i < numbers.length; i += 1) {
+    let value = 0;
+    for (let plane = 0; plane < Kind.BYTES_PER_ELEMENT; plane += 1) {
+      value += planes[plane * numbers.length + i] * 256 ** plane;
+    }
+    numbers[i] = i < width ? value : value + numbers[i - width];
+  }
+  return numbers;
+}
+
 const linear = (value) => Math.pow(value / 255, 2.2);
 
 // Vertices of one body at all times, and its surface in the scene.
 class Body {
-  constructor(data, faces, nVertices) {
+  static async from(data, faces, nVertices) {
+    const [packed, values, colors] = await Promise.all([
+      unpack(data.frames, Uint16Array, data.n_frames > 1 ? 3 * nVertices : 3),
+      data.values && inflate(data.values),
+      data.colors && inflate(data.colors),
+    ]);
+    return new Body(data, faces, nVertices, packed, values && new Float32Array(values.buffer), colors);
+  }
+
+  constructor(data, faces, nVertices, packed, values, colors) {
     this.label = data.label;
     this.nFrames = data.n_frames;
     this.size = 3 * nVertices;
-    this.packed = new Uint16Array(bytes(data.frames).buffer);
+    this.packed = packed;
     this.low = data.low;
     this.step = data.step;
-    this.values = data.values && new Float32Array(bytes(data.values).buffer);
+    this.values = values;
     this.largest = data.largest;
     this.valueLabel = data.value_label;
     this.geometry = new THREE.BufferGeometry();
@@ -21,9 +50,8 @@ class Body {
     this.geometry.setAttribute("position", new THREE.BufferAttribute(this.positions, 3));
     this.geometry.setIndex(new THREE.BufferAttribute(faces, 1));
     const material = new THREE.MeshStandardMaterial({ roughness: 0.82, metalness: 0 });
-    if (data.colors) {
-      const colors = Float32Array.from(bytes(data.colors), linear);
-      this.geometry.setAttribute("color", new THREE.BufferAttribute(colors, 3));
+    if (colors) {
+      this.geometry.setAttribute("color", new THREE.BufferAttribute(Float32Array.from(colors, linear), 3));
       material.vertexColors = true;
     } else {
       material.color = new THREE.Color(data.color);

@@ -13,61 +13,40 @@ _CLASSES = (
     *("c3a02b", "a674a8", "d97693", "97765f", "77858f"),
 )
 
+# Share of values beyond the end of a colour scale.
+_OUTLIERS = 0.01
+
+# Red, green and blue of a body without other colour, and of a mean.
+SKIN = (0.80, 0.73, 0.66)
+MEAN = (0.93, 0.74, 0.30)
+
 # From the colour of skin, for 0, to the colour of the largest value.
 VALUE_COLORS = ("#d4c8bb", "#ecb169", "#d95f30", "#8c1d3f")
 
 
 def rgb(hexadecimal: str) -> tuple[float, float, float]:
-    """Return red, green and blue between 0 and 1.
-
-    Parameters
-    ----------
-    hexadecimal : str
-        Six digits, with or without a leading #.
-
-    Returns
-    -------
-    tuple of float
-    """
+    """Return red, green and blue between 0 and 1, from six hexadecimal digits."""
     digits = hexadecimal.removeprefix("#")
     red, green, blue = (int(digits[i : i + 2], 16) / 255 for i in (0, 2, 4))
     return red, green, blue
 
 
 def class_colors(n_classes: int) -> ndarray:
-    """Return distinct colours for classes.
-
-    Parameters
-    ----------
-    n_classes : int
-        Number of classes.
-
-    Returns
-    -------
-    array, shape (n_classes, 3)
-        Red, green and blue between 0 and 1.
-    """
+    """Return distinct colours for classes, shape (n_classes, 3)."""
     if n_classes <= len(_CLASSES):
         return np.array([rgb(color) for color in _CLASSES[:n_classes]])
     hues = np.arange(n_classes) / n_classes
     return np.array([hls_to_rgb(h, 0.42 + 0.16 * (i % 2), 0.5) for i, h in enumerate(hues)])
 
 
+def colour_limit(values: ndarray) -> float:
+    """Return the end of the colour scale, which 1 % of the values exceed."""
+    # One extreme triangle must not set the scale.
+    return float(np.quantile(values, 1.0 - _OUTLIERS)) or float(values.max(initial=0.0))
+
+
 def value_colors(values: ndarray, largest: float | None = None) -> ndarray:
-    """Return the colours of non-negative values, from the colour of skin to dark red.
-
-    Parameters
-    ----------
-    values : array, shape (...)
-        Non-negative values.
-    largest : float, optional
-        Value of the last colour, also used for larger values; by default the largest value.
-
-    Returns
-    -------
-    array, shape (..., 3)
-        Red, green and blue between 0 and 1.
-    """
+    """Return colours of non-negative values; those above the largest have the last colour."""
     values = np.asarray(values, dtype=np.float64)
     top = float(values.max(initial=0.0)) if largest is None else largest
     share = np.clip(values / (top if top > 0 else 1.0), 0.0, 1.0)

@@ -1,12 +1,24 @@
 """Pictures of surfaces: what is covered, what is in front, and which way is left."""
 
+import base64
+import io
+import re
+
 import numpy as np
 import pytest
 import trimesh
 from cases import sphere_template
 
 from riemhuman.errors import ArgumentError
-from riemhuman.surfaces.rendering import View, Window, render, window_around
+from riemhuman.plots.rendering import (
+    View,
+    Window,
+    png_bytes,
+    render,
+    surfaces_html,
+    vertices_html,
+    window_around,
+)
 
 FRONT = View(0.0, 0.0)
 TRIANGLE = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
@@ -75,9 +87,9 @@ def test_back_faces_are_not_drawn():
         (View(0.0, 90.0), [1, 0, 0], [0, 0, -1]),
     ],
 )
-def test_views_turn_about_the_vertical_and_then_rise(view, right, up):
-    np.testing.assert_allclose(view.turned(np.array(right, float)), [1, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(view.turned(np.array(up, float)), [0, 1, 0], atol=1e-12)
+def test_views_rotate_about_the_vertical_and_then_rise(view, right, up):
+    np.testing.assert_allclose(view.rotate(np.array(right, float)), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(view.rotate(np.array(up, float)), [0, 1, 0], atol=1e-12)
 
 
 def test_triangles_without_area_are_legal():
@@ -98,3 +110,29 @@ def test_triangles_without_area_are_legal():
 def test_bad_arguments(arguments, message):
     with pytest.raises(ArgumentError, match=message):
         render(TRIANGLE, [[0, 1, 2]], **arguments)
+
+
+def test_png_files_hold_the_picture():
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    picture = np.random.default_rng(0).integers(0, 256, (5, 7, 4), dtype=np.uint8)
+    read = pyplot.imread(io.BytesIO(png_bytes(picture)), format="png")
+    np.testing.assert_array_equal(np.round(255 * read).astype(np.uint8), picture)
+
+
+def by_vertices(surfaces, faces, caption):
+    return vertices_html(surfaces, caption)
+
+
+@pytest.mark.parametrize("drawn", [surfaces_html, by_vertices])
+@pytest.mark.parametrize(("n_surfaces", "n_shown"), [(1, 1), (8, 8), (30, 8)])
+def test_pictures_show_at_most_eight_surfaces(drawn, n_surfaces, n_shown):
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    template = sphere_template(3)
+    # Far from each other: each is drawn where it is seen.
+    surfaces = [template.vertices + [5.0 * i, 0, 0] for i in range(n_surfaces)]
+    html = drawn(surfaces, template.faces, "a <caption>")
+    assert "a &lt;caption&gt;" in html
+    content = base64.b64decode(re.search(r"base64,([^\"]+)", html)[1])
+    picture = pyplot.imread(io.BytesIO(content), format="png")
+    columns = (picture[..., 3] > 0).any(axis=0)
+    assert np.count_nonzero(np.diff(columns.astype(int)) == 1) == n_shown

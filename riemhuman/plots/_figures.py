@@ -5,12 +5,12 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.optional import import_optional
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # No other element has this colour, so that the colour of the theme can replace it.
@@ -43,25 +43,6 @@ _STYLE = {
 _DPI = 150
 
 
-@dataclass(frozen=True)
-class Picture:
-    """A figure of the report.
-
-    Attributes
-    ----------
-    name : str
-        Name of the files, without ending.
-    alt : str
-        Description for readers who cannot see it.
-    svg : str
-        The figure, with dark ink on a light page and light ink on a dark page.
-    """
-
-    name: str
-    alt: str
-    svg: str
-
-
 @contextmanager
 def figure_style() -> Iterator[None]:
     """Draw in the style of the report, without changing the style of the session.
@@ -70,6 +51,12 @@ def figure_style() -> Iterator[None]:
     ------
     MissingDependencyError
         If matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> with rh.plots.figure_style():
+    ...     figure = rh.plots.new_figure(3.0, 2.0)
     """
     matplotlib = import_optional("matplotlib", "plot")
     with matplotlib.rc_context(_STYLE):
@@ -77,7 +64,7 @@ def figure_style() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure that does not open a window.
+    """Return an empty matplotlib figure that opens no window.
 
     Parameters
     ----------
@@ -87,48 +74,59 @@ def new_figure(width: float, height: float) -> Figure:
     Returns
     -------
     matplotlib.figure.Figure
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> ax = rh.plots.new_figure(3.0, 2.0).subplots()
     """
     module: Any = import_optional("matplotlib.figure", "plot")
     return module.Figure(figsize=(width, height), layout="constrained")
 
 
-def drawn(figure: Figure) -> tuple[str, bytes]:
-    """Return a figure as the contents of an SVG file and of a PNG file.
+def new_axes(ax: Axes | None, width: float, height: float) -> Axes:
+    """Return the given axes, or the axes of a new figure of a size in inches."""
+    if ax is not None:
+        return ax
+    pyplot = import_optional("matplotlib.pyplot", "plot")
+    return pyplot.subplots(figsize=(width, height), layout="constrained")[1]
+
+
+def figure_files(figure: Figure) -> tuple[str, bytes]:
+    """Return a figure drawn in `figure_style` as the contents of an SVG and of a PNG file.
 
     Parameters
     ----------
     figure : matplotlib.figure.Figure
-        The figure, drawn in `figure_style`.
+        The figure.
 
     Returns
     -------
     svg : str
-        Without background, with ink in the colour of the theme.
+        Without background; its ink follows the theme of the reader, light or dark.
     png : bytes
         On a white background.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> with rh.plots.figure_style():
+    ...     svg, png = rh.plots.figure_files(rh.plots.new_figure(3.0, 2.0))
+    >>> svg[:4]
+    '<svg'
     """
     content = io.BytesIO()
     nothing = {"Date": None, "Creator": None, "Format": None, "Type": None}
     figure.savefig(content, format="svg", dpi=_DPI, metadata=nothing)
     figure.set_layout_engine("none")  # the layout is done; doing it again would take long
-    svg = themed(content.getvalue().decode("utf-8"))
+    svg = _themed(content.getvalue().decode("utf-8"))
     content = io.BytesIO()
     figure.savefig(content, format="png", dpi=_DPI, facecolor="white", metadata={"Software": None})
     return svg, content.getvalue()
 
 
-def themed(svg: str) -> str:
-    """Return an SVG figure whose ink follows the reader's theme.
-
-    Parameters
-    ----------
-    svg : str
-        The figure, with ink in the colour of `figure_style`.
-
-    Returns
-    -------
-    str
-    """
+def _themed(svg: str) -> str:
+    """Return an SVG figure whose ink has the colour of the theme."""
     end = svg.index(">", svg.index("<svg")) + 1
     inked = svg[end:].replace(_INK, "currentColor")
     # Text without a colour would stay black.

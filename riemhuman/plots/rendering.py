@@ -5,7 +5,12 @@ Surfaces are drawn in parallel projection with smooth shading on a transparent b
 
 from __future__ import annotations
 
+import base64
+import struct
+import zlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 from numpy import ndarray
@@ -15,13 +20,14 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
-
-SKIN = (0.80, 0.73, 0.66)
-MEAN = (0.93, 0.74, 0.30)
+from riemhuman.plots._colors import SKIN
 
 # Directions to the lights in the viewer's frame (right, up, towards the eye), and their strengths.
 _LIGHTS = ((np.array([-0.45, 0.65, 0.61]), 0.70), (np.array([0.80, 0.10, 0.59]), 0.26))
 _AMBIENT = 0.36
+_STRIP_HEIGHT = 160  # pixels
+_MOST_SHOWN = 8  # surfaces in a strip
+_DEPTH_SHADE = 0.55  # darkness of the farthest points
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ class View:
         real_number(self.azimuth, "azimuth")
         real_number(self.elevation, "elevation")
 
-    def turned(self, points: ndarray) -> ndarray:
+    def rotate(self, points: ndarray) -> ndarray:
         """Return points or vectors in the viewer's frame: right, up, towards the eye.
 
         Parameters
@@ -74,15 +80,7 @@ class View:
 
 @dataclass(frozen=True)
 class Window:
-    """The part of the picture plane that is shown, in metres of the viewer's frame.
-
-    Attributes
-    ----------
-    centre : tuple of float
-        Coordinates to the right and up.
-    width, height : float
-        Size.
-    """
+    """The part of the viewer's picture plane that is shown, metres."""
 
     centre: tuple[float, float]
     width: float
@@ -90,18 +88,8 @@ class Window:
 
 
 def window_around(points: ArrayLike, view: View, margin: float = 0.03) -> Window:
-    """Return the smallest window that shows surfaces completely.
-
-    Parameters
-    ----------
-    points : array_like, shape (..., V, 3)
-        Surfaces, metres.
-    view : View
-        View direction.
-    margin : float
-        Margin on every side, metres.
-    """
-    flat = view.turned(real_array(points, "points", ("n_vertices", 3)))[..., :2].reshape(-1, 2)
+    """Return the smallest window that shows surfaces with a margin, metres."""
+    flat = view.rotate(real_array(points, "points", ("n_vertices", 3)))[..., :2].reshape(-1, 2)
     low, high = flat.min(axis=0) - margin, flat.max(axis=0) + margin
     centre, size = (low + high) / 2, high - low
     return Window((float(centre[0]), float(centre[1])), float(size[0]), float(size[1]))
@@ -163,16 +151,16 @@ def render(
 
     scale = height * samples / window.height
     shape = (height * samples, max(1, round(height * window.width / window.height)) * samples)
-    seen = view.turned(vertices)
-    normals = vertex_normals(seen, faces)
+    rotated = view.rotate(vertices)
+    normals = vertex_normals(rotated, faces)
     pixels = np.stack(
         [
-            (seen[:, 0] - window.centre[0]) * scale + shape[1] / 2,
-            shape[0] / 2 - (seen[:, 1] - window.centre[1]) * scale,
+            (rotated[:, 0] - window.centre[0]) * scale + shape[1] / 2,
+            shape[0] / 2 - (rotated[:, 1] - window.centre[1]) * scale,
         ],
         axis=1,
     )
-    front, bary, index = _visible(pixels, seen[:, 2], faces, shape)
+    front, bary, index = _visible(pixels, rotated[:, 2], faces, shape)
     picture = np.zeros((shape[0] * shape[1], 4))
     normal = np.einsum("pc,pcx->px", bary, normals[faces[front]])
     light = _shade(normal)[:, None]
@@ -236,16 +224,16 @@ def _visible(
 
 
 def _is_clockwise(corners: ndarray) -> ndarray:
-    one, two, three = (corners[:, corner] for corner in range(3))
-    return _cross(two - one, three - one) < 0
+    a, b, c = (corners[:, corner] for corner in range(3))
+    return _cross(b - a, c - a) < 0
 
 
 def _edge_functions(corners: ndarray) -> tuple[ndarray, ndarray]:
     """Return the barycentric coordinates as functions: slopes (F, 3, 2) and offsets (F, 3)."""
-    one, two, three = (corners[:, corner] for corner in range(3))
-    double_area = _cross(two - one, three - one)
-    edges = np.stack([three - two, one - three, two - one], axis=1)
-    starts = np.stack([two, three, one], axis=1)
+    a, b, c = (corners[:, corner] for corner in range(3))
+    double_area = _cross(b - a, c - a)
+    edges = np.stack([c - b, a - c, b - a], axis=1)
+    starts = np.stack([b, c, a], axis=1)
     slopes = np.stack([-edges[..., 1], edges[..., 0]], axis=-1)
     with np.errstate(divide="ignore", invalid="ignore"):
         slopes = slopes / double_area[:, None, None]
@@ -288,3 +276,156 @@ def _averaged(picture: ndarray, samples: int) -> ndarray:
     sums[..., :3] /= np.maximum(sums[..., 3:], 1.0)
     sums[..., 3] /= samples**2
     return np.round(255 * sums).astype(np.uint8)
+
+
+def points_picture(
+    points: ndarray,
+    window: Window,
+    height: int,
+    colors: ndarray | None = None,
+    view: View | None = None,
+) -> ndarray:
+    """Draw points as small squares, shape (height, width, 4); far points are darker."""
+    scale = height / window.height
+    width = max(1, round(height * window.width / window.height))
+    rotated = (view or View()).rotate(points)
+    order = np.argsort(rotated[:, 2])
+    depth = rotated[:, 2] - rotated[:, 2].min()
+    light = 1.0 - _DEPTH_SHADE * (1.0 - depth / max(float(depth.max()), 1e-9))
+    tints = np.broadcast_to(SKIN if colors is None else colors, points.shape)
+    tints = np.round(255 * np.clip(tints * light[:, np.newaxis], 0, 1)).astype(np.uint8)
+    # Squares are as wide as the distance between points.
+    side = int(np.clip(round(0.8 * height / np.sqrt(len(points))), 1, 6))
+    columns = np.floor((rotated[:, 0] - window.centre[0]) * scale + width / 2).astype(int)
+    rows = np.floor(height / 2 - (rotated[:, 1] - window.centre[1]) * scale).astype(int)
+    picture = np.zeros((height, width, 4), dtype=np.uint8)
+    steps = np.arange(side)
+    rows, columns = np.broadcast_arrays(
+        rows[order, None, None] + steps[:, None], columns[order, None, None] + steps
+    )
+    inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    numbers = np.broadcast_to(order[:, None, None], inside.shape)[inside]
+    # The last colour of a pixel stays: that of the point in front.
+    picture[rows[inside], columns[inside], :3] = tints[numbers]
+    picture[rows[inside], columns[inside], 3] = 255
+    return picture
+
+
+def strip_picture(
+    surfaces: Sequence[ndarray],
+    faces: ndarray,
+    colors: Sequence[ArrayLike] | None = None,
+    view: View | None = None,
+    height: int = _STRIP_HEIGHT,
+) -> ndarray:
+    """Draw at most eight surfaces side by side at one scale, evenly chosen from more."""
+    view = view or View()
+    tints = [SKIN] * len(surfaces) if colors is None else colors
+
+    def draw(number: int, surface: ndarray, window: Window) -> ndarray:
+        tint = tints[number]
+        return render(surface, faces, height=height, view=view, window=window, color=tint)
+
+    return _strip(surfaces, draw, view)
+
+
+def surfaces_html(surfaces: Sequence[ndarray] | ndarray, faces: ndarray, caption: str) -> str:
+    """Return HTML with a picture of at most eight surfaces side by side, and a caption.
+
+    Notebooks show it for objects of the library that hold surfaces.
+
+    Parameters
+    ----------
+    surfaces : sequence of array, each of shape (V, 3)
+        Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
+    faces : array of int, shape (F, 3)
+        Triangles.
+    caption : str
+        Plain text below the picture.
+
+    Returns
+    -------
+    str
+        An HTML fragment that needs no other file.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.plots.surfaces_html(bodies.points[:2], bodies.template.faces, "Two")[:7]
+    '<figure'
+    """
+    return _figure(surfaces, lambda: strip_picture(surfaces, faces), caption)
+
+
+def vertices_html(surfaces: Sequence[ndarray] | ndarray, caption: str) -> str:
+    """Return HTML with the vertices of at most eight surfaces side by side, and a caption.
+
+    Parameters
+    ----------
+    surfaces : sequence of array, each of shape (V, 3)
+        Surfaces in metres, y up; of more than eight, eight evenly spaced ones are shown.
+    caption : str
+        Plain text below the picture.
+
+    Returns
+    -------
+    str
+        An HTML fragment that needs no other file.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.plots.vertices_html(bodies.points[:2], "Two")[:7]
+    '<figure'
+    """
+
+    def draw(number: int, surface: ndarray, window: Window) -> ndarray:
+        return points_picture(surface, window, _STRIP_HEIGHT)
+
+    return _figure(surfaces, lambda: _strip(surfaces, draw, View()), caption)
+
+
+def image_source(picture: ndarray) -> str:
+    """Return a picture as the address of an HTML image."""
+    return f"data:image/png;base64,{base64.b64encode(png_bytes(picture)).decode('ascii')}"
+
+
+def _figure(
+    surfaces: Sequence[ndarray] | ndarray, draw: Callable[[], ndarray], caption: str
+) -> str:
+    text = f"<figcaption>{escape(caption)}</figcaption>"
+    if len(surfaces) == 0:
+        return f"<figure>{text}</figure>"
+    image = f'<img src="{image_source(draw())}" alt="{escape(caption, quote=True)}">'
+    return f'<figure style="margin:0">{image}{text}</figure>'
+
+
+def _strip(
+    surfaces: Sequence[ndarray] | ndarray,
+    draw: Callable[[int, ndarray, Window], ndarray],
+    view: View,
+) -> ndarray:
+    """Return pictures of centred surfaces side by side, each as wide as the widest."""
+    n_surfaces = len(surfaces)
+    shown = np.linspace(0, n_surfaces - 1, min(n_surfaces, _MOST_SHOWN)).round().astype(int)
+    chosen = np.stack([surfaces[number] for number in shown])
+    chosen = chosen - (chosen.min(axis=1, keepdims=True) + chosen.max(axis=1, keepdims=True)) / 2
+    window = window_around(chosen, view)
+    pictures = [draw(number, f, window) for number, f in zip(shown, chosen, strict=True)]
+    return np.concatenate(pictures, axis=1)
+
+
+def png_bytes(picture: ndarray) -> bytes:
+    """Return a picture, shape (height, width, 4), as a PNG file."""
+    height, width, _ = picture.shape
+    # Each row begins with the number of its filter; 0 means none.
+    rows = np.zeros((height, 1 + 4 * width), dtype=np.uint8)
+    rows[:, 1:] = picture.reshape(height, -1)
+    header = struct.pack(">IIBBBBB", width, height, 8, 6, 0, 0, 0)
+    chunks = ((b"IHDR", header), (b"IDAT", zlib.compress(rows.tobytes(), 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in chunks
+    )
