@@ -7,7 +7,7 @@ from unittest import mock
 import numpy as np
 
 from riemhuman.datasets import load_open_bodies, open_bodies
-from riemhuman.datasets.natural_bodies import natural_surfaces
+from riemhuman.datasets._natural_bodies import natural_surfaces
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.solvers import Disentangling

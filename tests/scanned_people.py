@@ -4,9 +4,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.datasets.surface_noise import surface_noise
+from riemhuman.datasets._natural_bodies import surface_noise
+from riemhuman.registration._start_search import _SMPL_TREE, _renamed
 from riemhuman.registration.simulated_scans import remeshed
-from riemhuman.registration.start_poses import _SMPL_TREE, _renamed
 from riemhuman.surfaces.nearest_places import nearest_places
 
 MOTIONS = (

@@ -1,27 +1,25 @@
 """Body models: surfaces as functions of shape coefficients and joint rotations."""
 
-from riemhuman.bodies.body_model import BodyModel
-from riemhuman.bodies.conversion import convert_model
-from riemhuman.bodies.fitting import fit_model
-from riemhuman.bodies.model_conversion import ConvertedFit, convert
-from riemhuman.bodies.model_families import ModelContents
-from riemhuman.bodies.model_files import model_contents
-from riemhuman.bodies.model_fit import ModelFit
-from riemhuman.bodies.skinned_model import SkinnedModel
+from riemhuman.bodies.body_model import BodyModel, convert_model
+from riemhuman.bodies.fitting import ModelFit, convert_fit, correspondence_matrix, fit_model
+from riemhuman.bodies.model_files import ModelContents, model_contents
+from riemhuman.bodies.skinning import joint_motions, joints_between, skin_surface
 from riemhuman.kernels.rotations import rotation_derivative, rotation_matrix
 
 __all__ = [
     "BodyModel",
-    "ConvertedFit",
     "ModelContents",
     "ModelFit",
-    "SkinnedModel",
-    "convert",
+    "convert_fit",
     "convert_model",
+    "correspondence_matrix",
     "fit_model",
+    "joint_motions",
+    "joints_between",
     "model_contents",
     "rotation_derivative",
     "rotation_matrix",
+    "skin_surface",
 ]
 
 

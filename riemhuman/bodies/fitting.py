@@ -8,23 +8,33 @@ joints.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies.correspondence import combination_of_vertices
-from riemhuman.bodies.fitting_equations import Equations, Loss, by_main_joint, least_squares_step
-from riemhuman.bodies.joint_motions import Posture, Skeleton
-from riemhuman.bodies.model_fit import ModelFit
-from riemhuman.bodies.skinned_model import SkinnedModel
-from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.bodies._fitting_equations import (
+    Equations,
+    Loss,
+    Parameters,
+    Skeleton,
+    by_main_joint,
+    least_squares_step,
+)
+from riemhuman.checks import integer_array, one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.kernels.threads import single_threaded_libraries
+from riemhuman.representation import Record
 from riemhuman.units import check_same_scale
 
-LOSSES = ("squared", "huber", "geman-mcclure")
+if TYPE_CHECKING:
+    from riemhuman.bodies.body_model import BodyModel
+    from riemhuman.surfaces.template import Template
+
+_LOSSES = ("squared", "huber", "geman-mcclure")
 
 # The first stage uses about this number of points in all, and at least this number for each joint.
 _FEW_POINTS = 1500
@@ -37,10 +47,57 @@ _ROUNDING = 1e-13
 
 # What to do about points of another size.
 _REMEDY = "a fit is in the unit of the model"
+_SUM_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModelFit(Record):
+    """Parameters of a body model that were fitted to surfaces, with the remaining distances.
+
+    Attributes
+    ----------
+    betas : array, shape (..., B)
+        Shape coefficients.
+    pose : array, shape (..., J, 3)
+        Axis-angle rotation of each joint, radians, by at most half a turn.
+    trans : array, shape (..., 3)
+        Translation, metres.
+    distances : array, shape (..., n_points)
+        Distance of each point from its place on the model, metres.
+    converged : array of bool, shape (...)
+        Whether the fit of each surface converged.
+    n_iterations : array of int, shape (...)
+        Gauss–Newton steps, both stages together.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fit = bodies.model.fit(bodies[0])
+    >>> bool(fit.converged), float(fit.distances.mean() < 0.01)
+    (True, 1.0)
+    """
+
+    betas: np.ndarray
+    pose: np.ndarray
+    trans: np.ndarray
+    distances: np.ndarray
+    converged: np.ndarray
+    n_iterations: np.ndarray
+
+    @property
+    def mean_distance(self) -> np.ndarray:
+        """Mean distance of the points of each surface, metres, shape (...)."""
+        return self.distances.mean(axis=-1)
+
+    @property
+    def parameters(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Betas, pose and trans, as arguments of the model or of `ModelPath`."""
+        return self.betas, self.pose, self.trans
 
 
 def fit_model(
-    model: SkinnedModel,
+    model: BodyModel,
     points: Any,
     *,
     correspondence: Any = None,
@@ -117,7 +174,7 @@ def fit_model(
     >>> bool(fit.distances.mean() < 0.01)
     True
     """
-    combine = combination_of_vertices(model, correspondence)
+    combine = correspondence_matrix(model, correspondence)
     n_points = combine.shape[0]
     surfaces = real_array(points, "points", ("n_points", 3))
     if surfaces.shape[-2] != n_points:
@@ -168,12 +225,141 @@ def fit_model(
     )
 
 
+def convert_fit(
+    fit: ModelFit, model: BodyModel, *, to: BodyModel, correspondence: Any, **options: Any
+) -> ModelFit:
+    """Convert a fit of one body model to a fit of another.
+
+    The other model is fitted to the surfaces of the first model. The correspondence places the
+    vertices of the first model on the other.
+
+    Parameters
+    ----------
+    fit : ModelFit
+        Parameters of the first model.
+    model : BodyModel
+        The first model.
+    to : BodyModel
+        The other model, for instance SMPL, SMPL-H, SMPL-X or STAR.
+    correspondence : array_like of int, pair, or sparse matrix
+        Place of each vertex of the first model on the other, as for `fit_model`.
+    **options
+        Further arguments of `fit_model`.
+
+    Returns
+    -------
+    fit : ModelFit
+        Parameters of the other model, and the distance of each vertex of the first model from its
+        place on the other.
+
+    Raises
+    ------
+    ArgumentError
+        If the correspondence does not match the models.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> model = bodies.model
+    >>> fit = model.fit(bodies[0])
+    >>> same = rh.bodies.convert_fit(fit, model, to=model, correspondence=np.arange(1202))
+    >>> bool(same.mean_distance < 1e-4)
+    True
+    """
+    surfaces = model(fit.betas, fit.pose, fit.trans)
+    return fit_model(to, surfaces, correspondence=correspondence, **options)
+
+
+def correspondence_matrix(
+    model: BodyModel | Template, correspondence: Any = None
+) -> sparse.csr_array:
+    """Return the points of a correspondence as combinations of a model's vertices.
+
+    Parameters
+    ----------
+    model : BodyModel or Template
+        The model, or any mesh.
+    correspondence : array_like of int, pair, or sparse matrix, optional
+        Numbers of vertices, shape (n_points,); or a pair of numbers of triangles, shape
+        (n_points,), and barycentric coordinates, shape (n_points, 3); or a matrix, shape
+        (n_points, V), whose rows sum to one. By default every vertex is a point.
+
+    Returns
+    -------
+    matrix : scipy.sparse.csr_array, shape (n_points, V)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If it does not hold numbers of the right kind.
+    ArgumentError
+        If it has another shape, refers to vertices or triangles that do not exist, or has rows that
+        do not sum to one.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> centres = rh.bodies.correspondence_matrix(model, ([0, 1], [[1 / 3, 1 / 3, 1 / 3]] * 2))
+    >>> (centres @ model.template.vertices).shape
+    (2, 3)
+    """
+    n_vertices = model.n_vertices
+    if correspondence is None:
+        return sparse.csr_array(sparse.eye_array(n_vertices))
+    if sparse.issparse(correspondence):
+        matrix = sparse.csr_array(correspondence, dtype=np.float64)
+        if matrix.shape[1] != n_vertices:
+            raise ArgumentError(
+                f"correspondence must have shape (n_points, {n_vertices}); found {matrix.shape}"
+            )
+        matrix.sum_duplicates()
+        coordinates = matrix.data
+        sums = matrix.sum(axis=1)
+    elif (
+        isinstance(correspondence, Sequence)
+        and len(correspondence) == 2
+        and np.ndim(correspondence[0])
+    ):
+        triangles = integer_array(correspondence[0], "triangles of correspondence", ("n_points",))
+        _refuse_outside(triangles, len(model.faces), "triangles")
+        shape = (len(triangles), 3)
+        coordinates = real_array(
+            correspondence[1], "barycentric coordinates of correspondence", shape, batched=False
+        )
+        rows = np.repeat(np.arange(len(triangles)), 3)
+        entries = (coordinates.ravel(), (rows, model.faces[triangles].ravel()))
+        matrix = sparse.csr_array(entries, shape=(len(triangles), n_vertices))
+        sums = coordinates.sum(axis=1)
+    else:
+        vertices = integer_array(correspondence, "correspondence", ("n_points",))
+        _refuse_outside(vertices, n_vertices, "vertices")
+        entries = (np.ones(len(vertices)), (np.arange(len(vertices)), vertices))
+        return sparse.csr_array(entries, shape=(len(vertices), n_vertices))
+    if not np.isfinite(coordinates).all() or (np.abs(sums - 1.0) > _SUM_TOLERANCE).any():
+        worst = int(np.argmax(np.abs(sums - 1.0)))
+        raise ArgumentError(
+            f"correspondence must have rows that sum to one; row {worst} sums to {sums[worst]:g}"
+        )
+    return matrix
+
+
+def _refuse_outside(numbers: np.ndarray, count: int, name: str) -> None:
+    if not numbers.size or numbers.min() < 0 or numbers.max() >= count:
+        found = f"numbers from {numbers.min()} to {numbers.max()}" if numbers.size else "none"
+        raise ArgumentError(
+            f"correspondence must number {name} of the model, from 0 to {count - 1}; found {found}"
+        )
+
+
 class _Fitter:
     """Fits of single surfaces, with common preparations."""
 
     def __init__(
         self,
-        model: SkinnedModel,
+        model: BodyModel,
         combine: sparse.csr_array,
         shares: np.ndarray,
         losses: tuple[Loss, ...],
@@ -205,51 +391,51 @@ class _Fitter:
             self._stages.pop()
 
     def fit(self, target: np.ndarray) -> ModelFit:
-        posture = self._start(target)
+        parameters = self._start(target)
         n_iterations, converged = 0, False
         for stage in self._stages:
-            posture, steps, converged = self._descend(*stage, target, posture)
+            parameters, steps, converged = self._descend(*stage, target, parameters)
             n_iterations += steps
-        points = self._model(posture.betas, posture.pose, posture.trans)
+        points = self._model(parameters.betas, parameters.pose, parameters.trans)
         gaps = self._combine @ points - target
         return ModelFit(
-            betas=posture.betas,
-            pose=Rotation.from_rotvec(posture.pose).as_rotvec(),
-            trans=posture.trans,
+            betas=parameters.betas,
+            pose=Rotation.from_rotvec(parameters.pose).as_rotvec(),
+            trans=parameters.trans,
             distances=np.linalg.norm(gaps, axis=-1),
             converged=np.array(converged),
             n_iterations=np.array(n_iterations),
         )
 
-    def _start(self, target: np.ndarray) -> Posture:
+    def _start(self, target: np.ndarray) -> Parameters:
         """Return the closed-form start of a fit."""
         (equations, loss), skeleton = self._stages[0], self._skeleton
         betas, trans = np.zeros(skeleton.n_betas), np.zeros(3)
         linear = np.arange(3 * skeleton.n_joints, len(self._prior))
         for _ in range(_CLOSED_FORM_ROUNDS):
-            turns = equations.closed_form_turns(target, betas)
-            pose = _relative(turns, skeleton.parents)
-            posture = Posture(betas, pose, trans)
-            matrix, right = self._normal(equations, loss, posture, target)
+            rotations = equations.closed_form_rotations(target, betas)
+            pose = _relative(rotations, skeleton.parents)
+            parameters = Parameters(betas, pose, trans)
+            matrix, right = self._normal(equations, loss, parameters, target)
             step = np.zeros(len(right))
             step[linear] = least_squares_step(
                 matrix[np.ix_(linear, linear)], right[linear], _LEAST_DAMPING
             )
-            posture = posture.moved(step)
-            betas, trans = posture.betas, posture.trans
-        return posture
+            parameters = parameters.moved(step)
+            betas, trans = parameters.betas, parameters.trans
+        return parameters
 
     def _descend(
-        self, equations: Equations, loss: Loss, target: np.ndarray, posture: Posture
-    ) -> tuple[Posture, int, bool]:
+        self, equations: Equations, loss: Loss, target: np.ndarray, parameters: Parameters
+    ) -> tuple[Parameters, int, bool]:
         """Return the last parameters, the number of steps and whether they have converged."""
         damping = _LEAST_DAMPING
-        cost = self._cost(equations, loss, posture, target)
+        cost = self._cost(equations, loss, parameters, target)
         for n_steps in range(1, self._max_iterations + 1):
-            matrix, right = self._normal(equations, loss, posture, target)
+            matrix, right = self._normal(equations, loss, parameters, target)
             while True:
                 step = least_squares_step(matrix, right, damping)
-                trial = posture.moved(step)
+                trial = parameters.moved(step)
                 movement = np.sqrt(step @ matrix @ step)
                 if damping < 1.0 and (
                     movement < self._tolerance or step @ right < _ROUNDING * cost
@@ -260,32 +446,32 @@ class _Fitter:
                     break
                 damping = 10.0 * max(damping, 1e-5)
                 if damping > _MOST_DAMPING:
-                    return posture, n_steps, False
-            posture, cost = trial, trial_cost
+                    return parameters, n_steps, False
+            parameters, cost = trial, trial_cost
             damping = max(damping / 10.0, _LEAST_DAMPING)
-        return posture, self._max_iterations, False
+        return parameters, self._max_iterations, False
 
-    def _parameters(self, posture: Posture) -> np.ndarray:
-        return np.concatenate([posture.pose.ravel(), posture.betas, posture.trans])
+    def _parameters(self, parameters: Parameters) -> np.ndarray:
+        return np.concatenate([parameters.pose.ravel(), parameters.betas, parameters.trans])
 
     def _cost(
-        self, equations: Equations, loss: Loss, posture: Posture, target: np.ndarray
+        self, equations: Equations, loss: Loss, parameters: Parameters, target: np.ndarray
     ) -> float:
-        prior = float(self._prior @ self._parameters(posture) ** 2)
-        return equations.cost(posture, target, loss) + prior
+        prior = float(self._prior @ self._parameters(parameters) ** 2)
+        return equations.cost(parameters, target, loss) + prior
 
     def _normal(
-        self, equations: Equations, loss: Loss, posture: Posture, target: np.ndarray
+        self, equations: Equations, loss: Loss, parameters: Parameters, target: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        matrix, right = equations.normal(posture, target, loss)
+        matrix, right = equations.normal(parameters, target, loss)
         matrix[np.diag_indices_from(matrix)] += self._prior
-        return matrix, right - self._prior * self._parameters(posture)
+        return matrix, right - self._prior * self._parameters(parameters)
 
 
-def _relative(turns: np.ndarray, parents: np.ndarray) -> np.ndarray:
+def _relative(rotations: np.ndarray, parents: np.ndarray) -> np.ndarray:
     """Return rotations in space as axis-angle vectors relative to the parent joint."""
-    axes = np.where((parents >= 0)[:, np.newaxis, np.newaxis], turns[parents], np.eye(3))
-    return Rotation.from_matrix(axes.transpose(0, 2, 1) @ turns).as_rotvec()
+    axes = np.where((parents >= 0)[:, np.newaxis, np.newaxis], rotations[parents], np.eye(3))
+    return Rotation.from_matrix(axes.transpose(0, 2, 1) @ rotations).as_rotvec()
 
 
 def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
@@ -298,7 +484,7 @@ def _spread_out(numbers: np.ndarray, n_points: int) -> np.ndarray:
 
 def _losses(name: str, scale: float) -> tuple[Loss, ...]:
     """Return the losses of the stages in order; the requested one is last."""
-    one_of(name, "loss", LOSSES)
+    one_of(name, "loss", _LOSSES)
 
     def squared(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return squares, np.ones_like(squares)

@@ -1,87 +1,71 @@
-"""Files of body models in SMPL's layout: .npz archives and pickles."""
+"""Files of body models in SMPL's layout: .npz archives and pickles, of all published families."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from riemhuman.bodies.model_families import (
-    HANDS,
-    LANDMARKS,
-    ModelContents,
-    contents_of,
-    last_length,
-)
 from riemhuman.checks import whole_number
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.pickles import load_pickled_arrays
 
-# Fields of the file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
-_FIELDS = {
-    "v_template": "v_template",
-    "f": "faces",
-    "shapedirs": "shapedirs",
-    "J_regressor": "joint_regressor",
-    "weights": "weights",
-    "kintree_table": "kintree_table",
-}
-_OPTIONAL_FIELDS = {"posedirs": "posedirs", "joint_names": "joint_names"}
+# Fields of a file, in SMPL's spelling, and the arguments of `BodyModel` they fill.
+_REQUIRED = ("v_template", "f", "shapedirs", "J_regressor", "weights", "kintree_table")
+_OPTIONAL = ("posedirs", "joint_names")
+_ARGUMENTS = {name: name for name in (*_REQUIRED, *_OPTIONAL)}
+_ARGUMENTS |= {"f": "faces", "J_regressor": "joint_regressor"}
 _PICKLES = (".pkl", ".pickle")
 # SMPL's files have 10 shape coefficients or 300, of which 10 are commonly used.
 _MANY_BETAS = 300
 _USUAL_BETAS = 10
 
+# Fields of SMPL-H and SMPL-X beside the model itself: hand poses, landmarks of the face.
+_HANDS = ("hands_componentsl", "hands_componentsr", "hands_meanl", "hands_meanr")
+_LANDMARKS = ("lmk_faces_idx", "dynamic_lmk_faces_idx")
 
-def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) -> dict[str, Any]:
-    """Read the arrays of a body model in any of the published layouts.
+_SMPLX_JOINTS, _SMPLH_JOINTS, _SMAL_JOINTS = 55, 52, (33, 35)
+# Shape coefficients of SMPL-X, by the number of all its coefficients; expressions come after them.
+_SHAPES_OF_SMPLX = {400: 300, 20: 10}
 
-    Parameters
+
+@dataclass(frozen=True)
+class ModelContents:
+    """The contents of a file of a body model.
+
+    Attributes
     ----------
-    path : path_like
-        An .npz file, or a .pkl file of Python 2 or 3, which is read as data.
-    n_betas : int, optional
-        Number of shape coefficients to keep, as for `BodyModel.from_file`.
+    family : str
+        "SMPL", "SMPL-H", "SMPL-X", "STAR", "SMAL", or "SMPL's layout".
+    n_shapes : int
+        Number of shape coefficients in the file, without expressions.
+    used : tuple of str
+        Parts that are used.
+    left_out : tuple of str
+        Parts that are left out.
 
-    Returns
-    -------
-    fields : dict of str to array
-        The arguments of `BodyModel` by name.
-
-    Raises
-    ------
-    ArgumentTypeError, ArgumentError, FileError, FileFormatError
-        As for `BodyModel.from_file`.
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.datasets.load_open_model("coarse").save("model.npz")
+    >>> rh.bodies.model_contents("model.npz").family
+    "SMPL's layout"
     """
-    if n_betas is not None:
-        whole_number(n_betas, "n_betas", minimum=0)
-    found = _arrays_of(path)
-    contents = _contents(found, n_betas)
-    found = {name: array for name, array in found.items() if name not in (*HANDS, *LANDMARKS)}
-    if contents.family == "STAR":
-        del found["posedirs"]
-    names = _FIELDS | _OPTIONAL_FIELDS
-    fields = {names[name]: array for name, array in found.items()}
-    for name, array in fields.items():
-        if sparse.issparse(array) and name != "joint_regressor":
-            raise FileFormatError(f"{path}: {name} must not be a sparse matrix")
-    try:
-        fields["joint_regressor"] = _dense(fields["joint_regressor"], fields["weights"].shape)
-    except ArgumentError as error:
-        raise FileFormatError(f"{path}: {error}") from error
-    if "posedirs" in fields:
-        n_entries = 9 * (len(fields["joint_regressor"]) - 1)
-        n_vertices = len(np.atleast_1d(fields["v_template"]))
-        fields["posedirs"] = _posedirs(fields["posedirs"], n_vertices, n_entries)
-    if fields["shapedirs"].ndim == 3:
-        shapes = fields["shapedirs"][..., : contents.n_shapes]
-        fields["shapedirs"] = _first_betas(shapes, n_betas, path)
-    return fields
+
+    family: str
+    n_shapes: int
+    used: tuple[str, ...]
+    left_out: tuple[str, ...]
+
+    def __str__(self) -> str:
+        sentence = f"{self.family}: used are {', '.join(self.used)}"
+        return sentence + (f"; left out are {', '.join(self.left_out)}" if self.left_out else "")
 
 
 def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> ModelContents:
@@ -118,53 +102,109 @@ def model_contents(path: str | os.PathLike[str], n_betas: int | None = None) -> 
     >>> print(rh.bodies.model_contents("model.npz"))
     SMPL's layout: used are 23 joints, 16 shape coefficients
     """
-    if n_betas is not None:
-        whole_number(n_betas, "n_betas", minimum=0)
-    return _contents(_arrays_of(path), n_betas)
+    return _contents(_load_arrays(path), n_betas)
 
 
-def _arrays_of(path: str | os.PathLike[str]) -> dict[str, Any]:
-    is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
-    load = load_pickled_arrays if is_pickle else load_arrays
-    return load(path, tuple(_FIELDS), (*_OPTIONAL_FIELDS, *HANDS, *LANDMARKS))
-
-
-def _contents(found: Mapping[str, Any], n_betas: int | None) -> ModelContents:
-    every = last_length(found["shapedirs"])
-    usual = _USUAL_BETAS if every >= _MANY_BETAS else every
-    return contents_of(found, usual if n_betas is None else n_betas)
+def read_model_fields(path: str | os.PathLike[str], n_betas: int | None = None) -> dict[str, Any]:
+    """Return the arguments of `BodyModel` by name, from a file in any of the published layouts."""
+    arrays = _load_arrays(path)
+    contents = _contents(arrays, n_betas)
+    if contents.family == "STAR":
+        del arrays["posedirs"]
+    fields = {argument: arrays[name] for name, argument in _ARGUMENTS.items() if name in arrays}
+    for name, array in fields.items():
+        if sparse.issparse(array) and name != "joint_regressor":
+            raise FileFormatError(f"{path}: {name} must not be a sparse matrix")
+    fields["joint_regressor"] = _dense_regressor(
+        fields["joint_regressor"], fields["weights"].shape, path
+    )
+    if "posedirs" in fields:
+        n_entries = 9 * (len(fields["joint_regressor"]) - 1)
+        n_vertices = len(np.atleast_1d(fields["v_template"]))
+        fields["posedirs"] = _posedirs(fields["posedirs"], n_vertices, n_entries)
+    if fields["shapedirs"].ndim == 3:
+        if n_betas is not None and n_betas > contents.n_shapes:
+            raise ArgumentError(
+                f"n_betas is {n_betas}; {path} has {contents.n_shapes} shape coefficients"
+            )
+        n_used = min(_usual_betas(fields, n_betas), contents.n_shapes)
+        fields["shapedirs"] = fields["shapedirs"][..., :n_used]
+    return fields
 
 
 def write_model_fields(path: str | os.PathLike[str], fields: Mapping[str, Any]) -> None:
-    """Write the arrays of a body model as a compressed .npz file in SMPL's layout.
-
-    Parameters
-    ----------
-    path : path_like
-        File to write, with its suffix.
-    fields : mapping of str to array
-        The arguments of `BodyModel` by name.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file cannot be written.
-    """
-    names = {argument: name for name, argument in (_FIELDS | _OPTIONAL_FIELDS).items()}
+    """Write the arguments of `BodyModel` as a compressed .npz file in SMPL's layout."""
+    names = {argument: name for name, argument in _ARGUMENTS.items()}
     arrays = {names[argument]: array for argument, array in fields.items()}
     save_arrays(path, arrays, compressed=True)
 
 
-def _dense(regressor: Any, shape_of_weights: tuple[int, ...]) -> np.ndarray:
+def _load_arrays(path: str | os.PathLike[str]) -> dict[str, Any]:
+    is_pickle = isinstance(path, (str, os.PathLike)) and Path(path).suffix.lower() in _PICKLES
+    load = load_pickled_arrays if is_pickle else load_arrays
+    return load(path, _REQUIRED, (*_OPTIONAL, *_HANDS, *_LANDMARKS))
+
+
+def _usual_betas(fields: Mapping[str, Any], n_betas: int | None) -> int:
+    if n_betas is not None:
+        return whole_number(n_betas, "n_betas", minimum=0)
+    n_coefficients = _last_length(fields["shapedirs"])
+    return _USUAL_BETAS if n_coefficients >= _MANY_BETAS else n_coefficients
+
+
+def _contents(fields: Mapping[str, Any], n_betas: int | None) -> ModelContents:
+    """Return the family of a model, and which parts of its file are used."""
+    n_joints = _last_length(fields["weights"])
+    n_entries = np.size(fields.get("posedirs", ())) // max(1, np.size(fields["v_template"]))
+    n_coefficients = _last_length(fields["shapedirs"])
+    by_quaternions = n_entries == 4 * (n_joints - 1) + 1
+    has_face = any(name in fields for name in _LANDMARKS)
+    n_shapes = n_coefficients
+    if by_quaternions:
+        family = "STAR"
+    elif n_joints == _SMPLX_JOINTS and (has_face or n_coefficients in _SHAPES_OF_SMPLX):
+        family = "SMPL-X"
+        n_shapes = _SHAPES_OF_SMPLX.get(n_coefficients, n_coefficients)
+    elif n_joints == _SMPLH_JOINTS:
+        family = "SMPL-H"
+    elif n_joints in _SMAL_JOINTS:
+        family = "SMAL"
+    else:
+        family = "SMPL" if n_joints == 24 else "SMPL's layout"
+
+    n_used = min(_usual_betas(fields, n_betas), n_shapes)
+    used = [f"{n_joints} joints", f"{n_used} shape coefficients"]
+    left_out = []
+    if by_quaternions:
+        left_out.append(f"posedirs ({n_entries} entries, of quaternions and a shape coefficient)")
+    elif n_entries:
+        used.append(f"posedirs ({n_entries} entries)")
+    if n_used < n_shapes:
+        left_out.append(f"{n_shapes - n_used} further shape coefficients")
+    if n_shapes < n_coefficients:
+        left_out.append(f"{n_coefficients - n_shapes} expression coefficients")
+    if any(name in fields for name in _HANDS):
+        left_out.append("mean poses and components of the hands (fingers are joints like others)")
+    if has_face:
+        left_out.append("landmarks of the face")
+    return ModelContents(family, n_shapes, tuple(used), tuple(left_out))
+
+
+def _last_length(array: Any) -> int:
+    """Return the length of the last axis of an array, or 0 for a number."""
+    return (0, *np.shape(array))[-1]
+
+
+def _dense_regressor(
+    regressor: Any, shape_of_weights: tuple[int, ...], path: str | os.PathLike[str]
+) -> np.ndarray:
     """Return the joint regressor as an array, after a check of the shape of a sparse one."""
     if not sparse.issparse(regressor):
         return np.atleast_1d(regressor)
     if regressor.shape[::-1] != shape_of_weights:
-        raise ArgumentError(
-            f"J_regressor must have the shape of weights, {shape_of_weights}, transposed; found "
-            f"{regressor.shape}"
+        raise FileFormatError(
+            f"{path}: J_regressor must have the shape of weights, {shape_of_weights}, transposed; "
+            f"found {regressor.shape}"
         )
     return regressor.toarray()
 
@@ -177,14 +217,3 @@ def _posedirs(posedirs: np.ndarray, n_vertices: int, n_entries: int) -> np.ndarr
     if posedirs.shape in ((n_entries, n_vertices, 3), rows[::-1]):
         return np.moveaxis(posedirs.reshape(n_entries, n_vertices, 3), 0, -1)
     return posedirs
-
-
-def _first_betas(
-    shapedirs: np.ndarray, n_betas: int | None, path: str | os.PathLike[str]
-) -> np.ndarray:
-    found = shapedirs.shape[-1]
-    if n_betas is None:
-        n_betas = _USUAL_BETAS if found >= _MANY_BETAS else found
-    if n_betas > found:
-        raise ArgumentError(f"n_betas is {n_betas}; {path} has {found} shape coefficients")
-    return shapedirs[..., :n_betas]

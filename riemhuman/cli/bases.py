@@ -176,7 +176,7 @@ def _basis(options: argparse.Namespace) -> None:
 def _motions(options: argparse.Namespace) -> list[Motion]:
     """Return the chosen motions, whose frames are read when they are needed."""
     from riemhuman import datasets
-    from riemhuman.datasets.mesh_motions import load_mesh_motions
+    from riemhuman.datasets.motions import load_mesh_motions
     from riemhuman.io.mesh_arrays import face_difference
 
     if options.open == bool(options.motions):

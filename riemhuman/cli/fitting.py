@@ -86,7 +86,7 @@ def _fit(options: argparse.Namespace) -> None:
         write_picture(
             options.picture, shown, surfaces.template.faces, titles, "Meshes, each beside its model"
         )
-    means = [float(fit.mean_distance_mm) for fit in fits]
+    means = [1000.0 * float(fit.mean_distance) for fit in fits]
     converged = [bool(fit.converged) for fit in fits]
     if options.json:
         say_json(

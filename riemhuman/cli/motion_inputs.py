@@ -85,7 +85,7 @@ def read_motions(
     ArgumentError
         If the number of motions is wrong, or they do not share one triangulation.
     """
-    from riemhuman.datasets.mesh_motions import load_mesh_motions
+    from riemhuman.datasets.motions import load_mesh_motions
 
     if (options.unit or options.up) and not any(path.is_dir() for path in paths):
         raise ArgumentError("--unit and --up are for folders of meshes; .npz files are in metres")

@@ -4,12 +4,10 @@ from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.datasets.dataset_checks import check_dataset
 from riemhuman.datasets.dfaust import load_dfaust
-from riemhuman.datasets.faust import load_faust
-from riemhuman.datasets.labelled_folder import load_bodies
-from riemhuman.datasets.mesh_motions import load_mesh_motions
-from riemhuman.datasets.motions import Motion, Motions
+from riemhuman.datasets.motions import Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
+from riemhuman.datasets.registered_meshes import load_bodies, load_faust
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 
 __all__ = [

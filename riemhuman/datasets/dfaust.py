@@ -34,21 +34,7 @@ _SPAN = 64
 
 
 class DynamicFaustMotion(Motion):
-    """One sequence of Dynamic FAUST, whose frames are read on access.
-
-    Parameters
-    ----------
-    path : path_like
-        HDF5 file.
-    subject, sequence : str
-        Names in the file.
-    n_frames : int
-        Number of frames in the file.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    step : int
-        Distance of the frames that are in use: 1 for all frames.
-    """
+    """One sequence of Dynamic FAUST, whose frames are read on access."""
 
     def __init__(
         self,

@@ -10,10 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
+from riemhuman.datasets._natural_bodies import natural_performances, natural_surfaces, surface_noise
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.natural_bodies import natural_performances, natural_surfaces
 from riemhuman.datasets.open_poses import NATURAL_POSES, OPEN_POSES, joint_turns, pose_vectors
-from riemhuman.datasets.surface_noise import surface_noise
 from riemhuman.kernels.threads import single_threaded_libraries
 
 _FOLDER = Path(__file__).parent / "data"

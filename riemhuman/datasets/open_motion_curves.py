@@ -23,24 +23,7 @@ CurvedAngles = tuple[Any, ...]
 
 @dataclass(frozen=True)
 class Choreography:
-    """One cycle of a motion, and its number of repetitions.
-
-    Parameters
-    ----------
-    seconds : float
-        Duration of a cycle.
-    cycles : float
-        Number of cycles.
-    angles : mapping of str to tuple
-        Angles of joints. A joint without a side stands for both: the angles are those of the left
-        joint, and the right joint mirrors them.
-    alternating : bool
-        Whether the right joints of such pairs follow half a cycle later.
-    standing_on : tuple of str
-        Sides of the feet that keep their place on the ground, on average if both.
-    height : float or tuple of float
-        Height of the lower foot above the ground over the cycle, metres.
-    """
+    """One cycle of a motion, and its number of repetitions."""
 
     seconds: float
     cycles: float

@@ -44,19 +44,7 @@ _FRAMES_AT_A_TIME = 16
 
 
 class OpenMotion(Motion):
-    """One person in one of the open motions, with the parameters of the body model.
-
-    Frame i is ``model(betas, pose_vectors[i], translations[i])``, computed on access.
-
-    Parameters
-    ----------
-    subject, sequence : str
-        Names of the person and the motion.
-    model : BodyModel
-        The open model, at any resolution.
-    frames_per_second : float
-        Frame rate.
-    """
+    """One person in one of the open motions, with the parameters of the body model."""
 
     def __init__(
         self, subject: str, sequence: str, model: BodyModel, frames_per_second: float

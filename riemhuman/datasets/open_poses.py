@@ -149,25 +149,7 @@ TOUCHED: dict[str, dict[str, tuple[float, float, float]]] = {
 
 
 def joint_turns(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
-    """Return the rotations of all joints from the T-pose.
-
-    Parameters
-    ----------
-    angles : mapping of str to tuple
-        Angles of some joints, as in the tables of this module; other joints do not turn.
-    model : BodyModel
-        The open model, at any resolution.
-
-    Returns
-    -------
-    turns : array, shape (J, 3, 3)
-        Rotation of each joint in the body's axes, which its parent turns.
-
-    Raises
-    ------
-    ArgumentError
-        If the model has no joint of a name.
-    """
+    """Return the rotations of all joints from the T-pose."""
     turns = np.tile(np.eye(3), (model.n_joints, 1, 1))
     sided = {name: turn for name, turn in angles.items() if name in model.joint_names}
     for name, turn in angles.items():
@@ -186,23 +168,7 @@ def joint_turns(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
 
 
 def pose_vectors(turns: np.ndarray, model: BodyModel) -> np.ndarray:
-    """Return the model's pose vectors for rotations from the T-pose.
-
-    With T_j the rotation of joint j that brings the rest pose to the T-pose, in global axes,
-    and p its parent, a turn Q_j from the T-pose is the turn T_p⁻¹ Q_j T_j from the rest pose.
-
-    Parameters
-    ----------
-    turns : array_like, shape (..., J, 3, 3)
-        Rotation of each joint in the body's axes, which its parent turns.
-    model : BodyModel
-        The open model, at any resolution.
-
-    Returns
-    -------
-    pose : array, shape (..., J, 3)
-        Axis-angle vectors in radians, for ``model(pose=pose)``.
-    """
+    """Return the model's pose vectors for rotations from the T-pose."""
     straight = _rest_to_t_pose(model)
     parent = np.where(model.parents[:, None, None] < 0, np.eye(3), straight[model.parents])
     turns = np.swapaxes(parent, -1, -2) @ np.asarray(turns, dtype=np.float64) @ straight

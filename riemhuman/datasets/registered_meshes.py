@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import itertools
 import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import overload
+from typing import Any, NamedTuple, overload
 
 import numpy as np
 
 from riemhuman.checks import one_of
+from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
 from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.meshes import load_mesh
+from riemhuman.io.text_tables import read_text
 from riemhuman.progress import ProgressBar
+from riemhuman.representation import join_names
+from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.upright import upright
 from riemhuman.units import SCALES, check_same_scale
@@ -25,27 +31,7 @@ MESH_ENDINGS = (".ply", ".obj", ".off")
 
 
 def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
-    """Return the mesh files of a folder in natural order: body_2 comes before body_10.
-
-    Subfolders and hidden files are ignored.
-
-    Parameters
-    ----------
-    folder : path_like
-        The folder.
-
-    Returns
-    -------
-    files : list of Path
-        At least one.
-
-    Raises
-    ------
-    FileError
-        If the folder does not exist, cannot be read, or has no mesh files.
-    ArgumentTypeError
-        If `folder` is not a path.
-    """
+    """Return the mesh files of a folder in natural order: body_2 comes before body_10."""
     root = existing_folder(folder)
     try:
         files = [
@@ -61,33 +47,7 @@ def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
 
 
 class RegisteredMeshes:
-    """Registered surfaces in files, which are read on access and not kept.
-
-    ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3).
-
-    Parameters
-    ----------
-    files : sequence of path_like
-        Mesh files (PLY, OBJ or OFF); at least one.
-    reference : path_like, optional
-        Mesh file whose number of vertices and triangles all files must have; by default the first.
-    scale : {"template"} or None
-        With "template", a mesh more than eight times as large or as small as the reference is
-        refused, because it is evidently in another unit.
-    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Unit of the files, converted to metres; by default coordinates are not scaled.
-    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
-        Axis that points up in the files, rotated to y; by default meshes are not rotated.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no file.
-    FileError
-        If the reference is missing or cannot be read.
-    FileFormatError
-        If it is damaged.
-    """
+    """Registered surfaces in files, which are read on access and not kept."""
 
     def __init__(
         self,
@@ -164,32 +124,7 @@ def load_registered(
     up: str | None = None,
     progress: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Read meshes that share one triangulation.
-
-    Parameters
-    ----------
-    files, reference, scale, unit, up
-        As for `RegisteredMeshes`.
-    progress : bool
-        Whether to show a progress bar over files.
-
-    Returns
-    -------
-    points : array, shape (n, V, 3)
-        Vertices of every mesh.
-    faces : array of int, shape (F, 3)
-        The common triangles.
-
-    Raises
-    ------
-    ArgumentError
-        If there is no file.
-    FileError
-        If a file is missing or cannot be read.
-    FileFormatError
-        If a file is damaged, or differs from the reference in its triangles, its number of vertices
-        or evidently in its unit; the message names the file and the difference.
-    """
+    """Read meshes that share one triangulation."""
     meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up)
     if not progress:
         return meshes[:], meshes.faces
@@ -204,30 +139,7 @@ def read_template(
     unit: str | None = None,
     up: str | None = None,
 ) -> Template:
-    """Return the given template, or the first mesh if none is given.
-
-    A template must be a body. The mean of the vertices is not a body if poses differ: its arms
-    shrink, and their triangles lose their weight in every integral over the template. Unlike a
-    medoid, the first body needs no computation and stays the same when bodies are added.
-
-    Parameters
-    ----------
-    template : Template or path_like or None
-        The template, a mesh file with it, or None.
-    first_mesh : path_like
-        The file of the first mesh.
-    unit, up
-        Unit and vertical axis of a file, as for `RegisteredMeshes`.
-
-    Raises
-    ------
-    FileError
-        If the file cannot be read.
-    FileFormatError
-        If it is damaged.
-    DegenerateSurfaceError
-        If a triangle of the template has no area.
-    """
+    """Return the given template, or the first mesh if none is given."""
     if isinstance(template, Template):
         return template
     file = first_mesh if template is None else template
@@ -238,24 +150,7 @@ def read_template(
 def check_template(
     template: Template, points: np.ndarray, faces: np.ndarray, scale: str | None = "template"
 ) -> None:
-    """Refuse a template to which meshes are not registered.
-
-    Parameters
-    ----------
-    template : Template
-        The template.
-    points : array, shape (n, V, 3)
-        Vertices of the meshes.
-    faces : array of int, shape (F, 3)
-        Their triangles.
-    scale : {"template"} or None
-        With "template", meshes more than eight times as large or as small are refused.
-
-    Raises
-    ------
-    ArgumentError
-        If the template has other triangles, another number of vertices or another unit.
-    """
+    """Refuse a template to which meshes are not registered."""
     if template.n_vertices != points.shape[1]:
         raise ArgumentError(
             f"template has {template.n_vertices} vertices; the meshes have {points.shape[1]}"
@@ -268,20 +163,7 @@ def check_template(
 
 
 def existing_folder(folder: str | os.PathLike[str]) -> Path:
-    """Return the path of a folder after checking that it is one.
-
-    Parameters
-    ----------
-    folder : path_like
-        The folder; ``~`` stands for the user's home.
-
-    Raises
-    ------
-    FileError
-        If the folder does not exist.
-    ArgumentTypeError
-        If `folder` is not a path.
-    """
+    """Return the path of a folder after checking that it is one."""
     root = file_path(folder, "folder", "folder")
     if not root.is_dir():
         raise FileError(
@@ -291,16 +173,342 @@ def existing_folder(folder: str | os.PathLike[str]) -> Path:
 
 
 def natural_key(name: str) -> tuple[object, ...]:
-    """Return a sorting key that compares numbers within names as numbers.
-
-    Parameters
-    ----------
-    name : str
-        A name.
-    """
+    """Return a sorting key that compares numbers within names as numbers."""
     # The key alternates text and numbers, so that text is compared with text.
     texts = re.split(r"[0-9]+", name.casefold())
     digits = [found.lstrip("0") for found in re.findall(r"[0-9]+", name)]
     # A number with more digits is larger; Python refuses to convert thousands of digits.
     numbers = [(len(found), found) for found in digits]
     return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=(-1, ""))),), name
+
+
+_N_SUBJECTS = 10
+_N_POSES = 10
+_LEVELS = (".", "registrations", "training/registrations", "MPI-FAUST/training/registrations")
+
+
+def load_faust(
+    folder: str | os.PathLike[str],
+    template: Template | str | os.PathLike[str] | None = None,
+    *,
+    align: bool = True,
+    allow_missing: bool = False,
+) -> Bodies:
+    """Load the 100 training registrations of MPI FAUST: 10 people in 10 poses [1]_.
+
+    The data set is not part of this library and is available from its authors on registration.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder ``registrations`` with the files ``tr_reg_000.ply`` to ``tr_reg_099.ply``, or
+        a folder above it: ``training``, ``MPI-FAUST`` or the folder that contains it. Files may
+        end in ``.ply``, ``.obj`` or ``.off``; of several formats, the first of these is read.
+    template : Template or path_like, optional
+        The template, or a mesh file with it; its triangles must be those of the registrations.
+        By default the first registration is the template, because a mean of poses is not a body.
+    align : bool
+        Whether the registrations are rotated and translated (never scaled) onto the template.
+    allow_missing : bool
+        Whether to load the other registrations when some of the 100 files are missing.
+
+    Returns
+    -------
+    bodies : Bodies
+        The registrations in metres, in the order of their numbers i, with subject i // 10 and
+        pose i % 10.
+
+    Raises
+    ------
+    FileError
+        If there are no registrations or some are missing, or a file cannot be read.
+    FileFormatError
+        If a file is damaged, or has other triangles or another number of vertices than the first.
+    DegenerateSurfaceError
+        If a triangle of the template has no area.
+    ArgumentError
+        If the template has other triangles or another number of vertices than the registrations.
+    ArgumentTypeError
+        If the folder or the template has the wrong type.
+
+    References
+    ----------
+    .. [1] Bogo, Romero, Loper, Black, "FAUST: Dataset and evaluation for 3D mesh registration",
+       CVPR 2014.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> try:
+    ...     rh.datasets.load_faust("MPI-FAUST")
+    ... except rh.RiemhumanError as error:
+    ...     print(error)
+    there is no folder MPI-FAUST
+    """
+    files = _find_registrations(folder)
+    if not allow_missing:
+        _refuse_missing(files)
+    numbers = np.array(sorted(files))
+    reference = read_template(template, files[numbers[0]])
+    points, faces = load_registered([files[number] for number in numbers])
+
+    check_template(reference, points, faces)
+    if align:
+        points = procrustes(points, to=reference.vertices, scale=None)
+    return Bodies(
+        points=points,
+        subject=numbers // _N_POSES,
+        pose=numbers % _N_POSES,
+        template=reference,
+        subject_names=tuple(f"subject {i}" for i in range(_N_SUBJECTS)),
+        pose_names=tuple(f"pose {i}" for i in range(_N_POSES)),
+        ids=tuple(f"tr_reg_{number:03d}" for number in numbers),
+    )
+
+
+def _find_registrations(folder: str | os.PathLike[str]) -> dict[int, Path]:
+    """Return the registration files by number, from the first level that holds any."""
+    root = existing_folder(folder)
+    for level in _LEVELS:
+        if not (root / level).is_dir():
+            continue
+        found: dict[int, Path] = {}
+        for file in (root / level).iterdir():
+            match = re.fullmatch(r"tr_reg_(0\d\d)", file.stem)
+            if match and file.suffix.lower() in MESH_ENDINGS:
+                number = int(match[1])
+                found[number] = min(found.get(number, file), file, key=_preference)
+        if found:
+            return found
+    raise FileError(
+        f"{root} holds no registrations: files named tr_reg_000.ply to tr_reg_099.ply (or .obj, "
+        f".off) were looked for in it and in its subfolders {', '.join(_LEVELS[1:])}"
+    )
+
+
+def _preference(file: Path) -> tuple[int, str]:
+    """Return a sorting key for files of one registration in several formats."""
+    return MESH_ENDINGS.index(file.suffix.lower()), file.name
+
+
+def _refuse_missing(files: dict[int, Path]) -> None:
+    missing = sorted(set(range(_N_SUBJECTS * _N_POSES)) - set(files))
+    if missing:
+        names = join_names([f"tr_reg_{number:03d}" for number in missing], 5)
+        folder = next(iter(files.values())).parent
+        raise FileError(
+            f"{folder}: {len(missing)} of {_N_SUBJECTS * _N_POSES} registrations are missing: "
+            f"{names}; allow_missing=True loads the others"
+        )
+
+
+_LABELS = "labels.csv"
+_COLUMNS = ("file", "subject", "pose")
+_SEPARATORS = (",", ";", "\t")
+
+
+def load_bodies(
+    folder: str | os.PathLike[str],
+    labels: str | os.PathLike[str] | None = None,
+    template: Template | str | os.PathLike[str] | None = None,
+    *,
+    align: bool = True,
+    scale: str | None = "template",
+    unit: str | None = None,
+    up: str | None = None,
+    allow_missing: bool = False,
+    progress: bool = False,
+) -> Bodies:
+    r"""Load the registered meshes of a folder with labels from a table.
+
+    Parameters
+    ----------
+    folder : path_like
+        The folder of the meshes (``.ply``, ``.obj`` or ``.off``), all with the same triangles.
+        Subfolders are ignored.
+    labels : path_like, optional
+        The table: comma-, semicolon- or tab-separated text whose first line names the columns.
+        ``file`` holds the name of a mesh file, with or without its suffix; ``subject`` and ``pose``
+        hold any text; other columns are ignored. By default ``labels.csv`` in the folder.
+    template : Template or path_like, optional
+        The template, or a mesh file with it; its triangles must be those of the meshes. By
+        default the first mesh is the template, because a mean of poses is not a body.
+    align : bool
+        Whether the meshes are rotated and translated (never scaled) onto the template.
+    scale : {"template"} or None
+        With "template", a mesh more than eight times as large or as small as the first or the
+        template is refused, because it is evidently in another unit.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the files, converted to metres; by default coordinates are not scaled.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in the files, rotated to y; by default meshes are not rotated.
+    allow_missing : bool
+        Whether to leave out meshes without a row and rows without a mesh.
+    progress : bool
+        Whether to show a progress bar over files.
+
+    Returns
+    -------
+    bodies : Bodies
+        The meshes in the natural order of their names (body_2 before body_10), with subjects and
+        poses numbered in the natural order of their names.
+
+    Raises
+    ------
+    FileError
+        If the folder contains no meshes, the table does not exist, or a file cannot be read.
+    FileFormatError
+        If the table lacks a column or an entry or names a file twice, meshes have no row or rows no
+        mesh, or a mesh is damaged or differs from the first in its triangles or evidently in its
+        unit.
+    DegenerateSurfaceError
+        If a triangle of the template has no area.
+    ArgumentError
+        If the template has other triangles, another number of vertices or another unit than the
+        meshes.
+    ArgumentTypeError
+        If an argument has the wrong type.
+
+    Examples
+    --------
+    >>> import os
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> os.mkdir("scans")
+    >>> for name, f in zip(["anna_sits", "anna_stands"], bodies.points):
+    ...     rh.save_mesh(f"scans/{name}.ply", f, bodies.template.faces)
+    >>> with open("labels.csv", "w") as table:
+    ...     print("file,subject,pose", file=table)
+    ...     print("anna_sits.ply,anna,sits", "anna_stands.ply,anna,stands", sep="\n", file=table)
+    >>> rh.datasets.load_bodies("scans", labels="labels.csv").pose_names
+    ('sits', 'stands')
+    """
+    files = find_meshes(folder)
+    table = existing_folder(folder) / _LABELS if labels is None else file_path(labels, "labels")
+    if labels is None and not table.is_file():
+        raise FileError(
+            f"there is no table of labels {table}; write one with the columns "
+            f"{', '.join(_COLUMNS)}, or give its path"
+        )
+    matched = _matched(files, _read_rows(table), table, allow_missing)
+    files, rows = list(matched), list(matched.values())
+    units: dict[str, Any] = {"unit": unit, "up": up}
+    reference = read_template(template, files[0], **units)
+    points, faces = load_registered(files, scale=scale, progress=progress, **units)
+    check_template(reference, points, faces, scale)
+    if align:
+        points = procrustes(points, to=reference.vertices, scale=None)
+    subject, subject_names = _numbered([row.subject for row in rows])
+    pose, pose_names = _numbered([row.pose for row in rows])
+    return Bodies(
+        points=points,
+        subject=subject,
+        pose=pose,
+        template=reference,
+        subject_names=subject_names,
+        pose_names=pose_names,
+        ids=tuple(file.stem for file in files),
+    )
+
+
+def read_labels(
+    table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
+) -> tuple[list[int], dict[str, list[str]]]:
+    """Read the subjects and poses of files from a table, as for `load_bodies`."""
+    path = file_path(table, "labels")
+    found = _matched([Path(name) for name in names], _read_rows(path), path, allow_missing)
+    numbers = [number for number, name in enumerate(names) if Path(name) in found]
+    rows = found.values()
+    return numbers, {"subject": [row.subject for row in rows], "pose": [row.pose for row in rows]}
+
+
+class _Row(NamedTuple):
+    """One line of the table."""
+
+    line: int
+    file: str
+    subject: str
+    pose: str
+
+
+def _read_rows(table: Path) -> list[_Row]:
+    """Return the rows of a table; errors name the line."""
+    if table.is_dir():
+        raise FileError(f"{table} is a folder; a table of labels was expected")
+    if not table.exists():
+        raise FileError(f"there is no table of labels {table}")
+    text = read_text(table)
+    heading = re.split(r"[\r\n]", text, maxsplit=1)[0]
+    separator = max(_SEPARATORS, key=heading.count)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=separator, strict=True)
+    lines: list[tuple[int, list[str]]] = []
+    try:
+        for entries in reader:
+            if not lines or any(entries):
+                lines.append((reader.line_num, [entry.strip() for entry in entries]))
+    except csv.Error as error:
+        raise FileFormatError(f"{table}, line {reader.line_num}: {error}") from error
+
+    names = [name.lower() for name in lines[0][1]] if lines else []
+    missing = [name for name in _COLUMNS if name not in names]
+    if missing:
+        raise FileFormatError(
+            f"{table} lacks the columns {', '.join(missing)}; its first line must name "
+            f"{', '.join(_COLUMNS)}; found {heading.strip()[:60]!r}"
+        )
+    columns = [names.index(name) for name in _COLUMNS]
+    rows = []
+    for line, entries in lines[1:]:
+        if not any(entries):
+            continue
+        found = [entries[column] if column < len(entries) else "" for column in columns]
+        empty = [name for name, entry in zip(_COLUMNS, found, strict=True) if not entry]
+        if empty:
+            raise FileFormatError(f"{table}, line {line}: no {' and no '.join(empty)} given")
+        rows.append(_Row(line, *found))
+    return rows
+
+
+def _matched(
+    files: Sequence[Path], rows: Sequence[_Row], table: Path, allow_missing: bool = False
+) -> dict[Path, _Row]:
+    """Return the row of every file; refuse or leave out files and rows without the other."""
+    names = {file.name: file for file in files}
+    stems: dict[str, list[Path]] = {}
+    for file in files:
+        stems.setdefault(file.stem, []).append(file)
+    found: dict[Path, _Row] = {}
+    unknown = []
+    for row in rows:
+        candidates = [names[row.file]] if row.file in names else stems.get(row.file, [])
+        if len(candidates) > 1:
+            several = join_names([file.name for file in candidates], 5)
+            raise FileFormatError(
+                f"{table}, line {row.line}: {row.file[:60]} may be {several}; name one"
+            )
+        if not candidates:
+            unknown.append(row.file)
+            continue
+        file = candidates[0]
+        if file in found:
+            raise FileFormatError(
+                f"{table}, line {row.line}: {row.file[:60]} has a label already, on line "
+                f"{found[file].line}"
+            )
+        found[file] = row
+    unlabelled = [file.name for file in files if file not in found]
+    if not found or ((unknown or unlabelled) and not allow_missing):
+        problems = []
+        if unlabelled:
+            problems.append(f"meshes without a row: {join_names(unlabelled, 5)}")
+        if unknown:
+            problems.append(f"rows without a mesh: {join_names(unknown, 5)}")
+        raise FileFormatError(f"{table} does not match the meshes: {'; '.join(problems)}")
+    return {file: found[file] for file in files if file in found}
+
+
+def _numbered(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the number of each label, and the labels by number."""
+    names = sorted(set(labels), key=natural_key)
+    numbers = {name: number for number, name in enumerate(names)}
+    return np.array([numbers[label] for label in labels], dtype=np.int64), tuple(names)

@@ -185,31 +185,7 @@ def load_shrec14(
 
 
 def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
-    """Read a class file of the Princeton Shape Benchmark.
-
-    Its first words are ``PSB 1`` and the numbers of classes and of meshes. The classes follow, each
-    with its name, the name of its parent class or 0, the number of its meshes, and their ids. Line
-    breaks have no meaning.
-
-    Parameters
-    ----------
-    path : path_like
-        The class file.
-
-    Returns
-    -------
-    dict of str to tuple of str
-        Ids of the meshes by the name of their class; classes without meshes are left out.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If it is damaged; the message names the line.
-    """
+    """Read a class file of the Princeton Shape Benchmark."""
     file = file_path(path, "classes")
     words = _Words(file, read_text(file))
     if words.next("the word PSB").upper() != "PSB":

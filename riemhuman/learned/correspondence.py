@@ -9,7 +9,7 @@ from numpy import ndarray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
-from riemhuman.bodies.correspondence import combination_of_vertices
+from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.kernels.triangle_frames import (
@@ -58,7 +58,7 @@ class Correspondence:
         self.home, self.template = home, template
         if correspondence is None:
             correspondence = _same_vertices(home, template)
-        self._forth = combination_of_vertices(template, correspondence)
+        self._forth = correspondence_matrix(template, correspondence)
         if self._forth.shape[0] != home.n_vertices:
             raise ArgumentError(
                 f"correspondence must have a row for each of the {home.n_vertices} vertices of the "

@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.bodies import BodyModel
-from riemhuman.bodies.correspondence import combination_of_vertices
-from riemhuman.bodies.joint_tree import joints_between
+from riemhuman.bodies import BodyModel, correspondence_matrix, joints_between
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements.definitions import nearest_name
 from riemhuman.measurements.geodesics import Mesh, SurfacePoint
@@ -309,7 +307,7 @@ class MeasurementSet:
             If the correspondence does not fit the templates.
         """
         other = template.template if isinstance(template, BodyModel) else template
-        matrix = combination_of_vertices(other, correspondence)
+        matrix = correspondence_matrix(other, correspondence)
         if matrix.shape[0] != self.n_vertices:
             raise ArgumentError(
                 f"correspondence must say where {self.n_vertices} vertices lie; found "

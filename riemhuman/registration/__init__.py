@@ -1,13 +1,14 @@
 """Registration of raw scans by a body model, without landmarks, or by a template."""
 
 from riemhuman.registration.folders import ScanRecord, read_records, register_folder
-from riemhuman.registration.landmark_files import load_landmarks
-from riemhuman.registration.results import RegisteredScan
-from riemhuman.registration.scan_registration import ScanRegistration
-from riemhuman.registration.scans import Scan, load_scan
+from riemhuman.registration.scan_registration import (
+    RegisteredScan,
+    ScanRegistration,
+    TemplateRegistration,
+    transfer_model,
+)
+from riemhuman.registration.scans import Scan, load_landmarks, load_scan
 from riemhuman.registration.simulated_scans import SimulatedScan, simulated_scan
-from riemhuman.registration.template_registration import TemplateRegistration
-from riemhuman.registration.transferred_models import transfer_model
 
 __all__ = [
     "RegisteredScan",

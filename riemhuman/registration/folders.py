@@ -23,11 +23,9 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.meshes import save_mesh
 from riemhuman.progress import ProgressBar
-from riemhuman.registration.results import RegisteredScan
-from riemhuman.registration.scan_files import SUFFIXES, read_scan
-from riemhuman.registration.scan_registration import ScanRegistration
-from riemhuman.registration.scans import Scan, in_metres
-from riemhuman.registration.surface_points import thinned
+from riemhuman.registration._scan_points import thinned
+from riemhuman.registration.scan_registration import RegisteredScan, ScanRegistration
+from riemhuman.registration.scans import SUFFIXES, Scan, in_metres, read_scan
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"
 _VERSION = 1
@@ -146,18 +144,7 @@ def register_folder(
 
 
 def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
-    """Return the files of scans in a folder, in the natural order of their names.
-
-    Parameters
-    ----------
-    folder : path_like
-        The folder.
-
-    Raises
-    ------
-    FileError
-        If the folder does not exist or holds no scans, or two scans have the same name.
-    """
+    """Return the files of scans in a folder, in the natural order of their names."""
     place = existing_folder(folder)
     files = [each for each in place.iterdir() if each.suffix.lower() in SUFFIXES]
     files = sorted((each for each in files if each.is_file()), key=lambda f: natural_key(f.name))
@@ -204,13 +191,7 @@ def read_records(folder: str | os.PathLike[str]) -> list[ScanRecord]:
 
 
 def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
-    """Return records in the order in which to check them: untrusted ones, then the least close.
-
-    Parameters
-    ----------
-    records : list of ScanRecord
-        Records.
-    """
+    """Return records in the order in which to check them: untrusted ones, then the least close."""
     return sorted(
         records,
         key=lambda each: (
@@ -223,19 +204,7 @@ def worst_first(records: list[ScanRecord]) -> list[ScanRecord]:
 
 
 def record_of(name: str, scan: Scan, result: RegisteredScan, faces: np.ndarray) -> ScanRecord:
-    """Return the record of a registered scan.
-
-    Parameters
-    ----------
-    name : str
-        Name of the scan.
-    scan : Scan
-        The scan.
-    result : RegisteredScan
-        Its registration.
-    faces : array of int, shape (F, 3)
-        Triangles of the body.
-    """
+    """Return the record of a registered scan."""
     seen = np.flatnonzero(~result.background)
     shown = seen[thinned(scan.points[seen], _N_SHOWN, np.random.default_rng(0))]
     arrays: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Registration of scans by a body model, without landmarks."""
+"""Registration of scans by a body model without landmarks, or by a template."""
 
 from __future__ import annotations
 
@@ -12,22 +12,27 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, ModelFit
+from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix, joint_motions
 from riemhuman.checks import one_of, real_array
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import mapped, single_threaded_libraries
+from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.progress import ProgressBar
-from riemhuman.registration.arms import arms_of, turned_forearms
-from riemhuman.registration.closest_points import ScanTree, fit_closest, fit_elastic
-from riemhuman.registration.posing import Pose, posed
-from riemhuman.registration.results import RegisteredScan
-from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
-from riemhuman.registration.start_poses import joint_names
-from riemhuman.registration.starts import N_THREADS, Candidate, StartSearch
-from riemhuman.registration.trust import (
+from riemhuman.registration._closest_points import ScanTree, fit_closest, fit_elastic
+from riemhuman.registration._posed_body import Pose, posed
+from riemhuman.registration._start_search import (
+    N_THREADS,
+    Candidate,
+    StartSearch,
+    arms_of,
+    joint_names,
+    turned_forearms,
+)
+from riemhuman.registration._trust import (
     AREA,
     NEAR_METRES,
     RIVAL_METRES,
@@ -35,10 +40,79 @@ from riemhuman.registration.trust import (
     distance_apart,
     doubts,
 )
+from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
 from riemhuman.surfaces.distortion import triangle_areas
-from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.nearest_places import SurfacePlaces, nearest_places
+from riemhuman.surfaces.procrustes import procrustes
+from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.upright import AXES
 from riemhuman.units import UNITS
+
+
+@dataclass(frozen=True, eq=False)
+class RegisteredScan:
+    """A registered scan, and whether to trust it.
+
+    Attributes
+    ----------
+    points : array, shape (V, 3)
+        The registered surface at the place of the scan, metres.
+    trusted : bool
+        Whether the result passed all checks.
+    message : str
+        The checks that the result failed.
+    likelihood : float
+        Mean log-likelihood of the scan points under the fitted body, scaled to an area of 1.8
+        square metres; NaN without a body model.
+    fit : ModelFit or None
+        Betas, pose and trans of the model, and the distances of `points` from it; None without a
+        body model.
+    distances : array, shape (N,)
+        Distance of each point of the scan from the registered surface, metres.
+    matched : array of bool, shape (V,)
+        Which vertices match points of the scan within 2 cm; the positions of the others follow
+        from the model and the elastic metric.
+    correspondence : SurfacePlaces
+        Triangle and barycentric coordinates of the point on the surface nearest to each point of
+        the scan, by which data on the scan are carried over to the body.
+    background : array of bool, shape (N,)
+        Which points of the scan were classified as floor or strays.
+    up : array, shape (3,)
+        The direction up in the scan.
+    unit : str
+        The unit of the scan.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> registration = rh.registration.TemplateRegistration(bodies.template)
+    >>> result = registration.solve((bodies[0], bodies.template.faces), start=bodies[0])
+    >>> result.trusted, result.points.shape
+    (True, (1202, 3))
+    """
+
+    points: np.ndarray
+    trusted: bool
+    message: str
+    likelihood: float
+    fit: ModelFit | None
+    distances: np.ndarray
+    matched: np.ndarray
+    correspondence: SurfacePlaces
+    background: np.ndarray
+    up: np.ndarray
+    unit: str
+
+    def __repr__(self) -> str:
+        share = 100.0 * self.matched.mean()
+        body = self.distances[~self.background]
+        return (
+            f"<RegisteredScan: {'trusted' if self.trusted else 'not trusted'}, "
+            f"{1000.0 * np.median(body):.1f} mm median distance, {share:.0f} % of the vertices "
+            f"matched{'; ' + self.message if self.message else ''}>"
+        )
+
 
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
@@ -59,10 +133,9 @@ class ScanRegistration:
     """Registers scans by a body model: meshes or point clouds of any heading, with holes and noise.
 
     Many starts with different headings and poses are fitted by soft assignment, and the likeliest
-    is kept (`riemhuman.registration.starts`), each of its arms tried as all start poses hold it
-    (`riemhuman.registration.arms`). Closest points then determine its parameters, with forearms
-    turned where that is likelier, and finally the surface may leave the model as far as the
-    elastic metric (a, λ, c) = (1, 1, 1) allows.
+    is kept; each of its arms is then tried in the positions of all start poses. Closest points
+    then determine its parameters, with forearms rotated where that is likelier, and finally the
+    surface may leave the model as far as the elastic metric (a, λ, c) = (1, 1, 1) allows.
 
     Parameters
     ----------
@@ -341,3 +414,219 @@ class ScanRegistration:
 def _pose(fit: ModelFit) -> Pose:
     local = Rotation.from_rotvec(fit.pose).as_matrix()
     return Pose(np.ascontiguousarray(local), fit.betas, fit.trans)
+
+
+# Templates are scaled to the size of a body, for which all lengths below were chosen.
+_SIZE = 2.0
+_RIGID_SCALES = (0.4, 0.2, 0.2, 0.1, 0.1, 0.06, 0.06, 0.04)
+_FREE_SCALES = (0.1, 0.06, 0.03, 0.015)
+_STIFFNESSES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+_NEAR_METRES = 0.02
+# A registration is not trusted if a smaller share of the template, or of the scan, is matched.
+_LEAST_MATCHED, _LEAST_NEAR = 0.3, 0.8
+
+
+@dataclass(frozen=True)
+class TemplateRegistration:
+    """Registers scans by a template from a rough start: first rigidly, then elastically.
+
+    Minimises Σ_i w_i ((n_i·r_i)² + τ ‖r_i‖²) + α d²(f, f₀) over the surfaces f, with the gaps r to
+    the closest points of the scan, its normals n, and the elastic distance d with (a, λ, c) =
+    (1, 1, 1) from the rigidly aligned template f₀. The stiffness α falls.
+
+    Parameters
+    ----------
+    template : Template
+        The template, at the size of the scans.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `template` is not a `Template`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> registration = rh.registration.TemplateRegistration(bodies.template)
+    >>> scan = rh.registration.simulated_scan(bodies[0], bodies.template.faces, 0, turn=False)
+    >>> registration.solve(scan.points, start=bodies[1]).points.shape
+    (1202, 3)
+    """
+
+    template: Template
+
+    def __post_init__(self) -> None:
+        template: Any = self.template
+        if not isinstance(template, Template):
+            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
+
+    def solve(self, scan: Any, *, start: Any = None) -> RegisteredScan:
+        """Register a scan.
+
+        Parameters
+        ----------
+        scan : path, Scan, array_like or pair
+            A file; points, shape (N, 3), or (N, 6) with normals; or vertices and faces.
+        start : array_like, shape (V, 3), optional
+            The template roughly at the place of the scan, in the scan's unit; by default its own
+            vertices.
+
+        Returns
+        -------
+        result : RegisteredScan
+            Without likelihood and fit.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an argument does not hold numbers.
+        ArgumentError
+            If a shape is wrong, an entry is not finite or there are too few points.
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If the file is damaged.
+        """
+        template = self.template
+        whole = as_scan(scan, "metres")  # which leaves any unit as it is
+        if start is None:
+            points = template.vertices
+        else:
+            shape = (template.n_vertices, 3)
+            points = np.asarray(real_array(start, "start", shape, batched=False), dtype=float)
+        scaled = replace(whole, points=whole.points * self._factor)
+        ready = made_ready(scaled, surroundings=False)
+        with single_threaded_libraries():
+            return self._solved(whole, ready, points * self._factor)
+
+    @cached_property
+    def _factor(self) -> float:
+        """The factor that scales the template to the size of a body."""
+        return _SIZE / float(np.linalg.norm(np.ptp(self.template.vertices, axis=0)))
+
+    @cached_property
+    def _metric(self) -> ElasticMetric:
+        scaled = Template(self.template.vertices * self._factor, self.template.faces)
+        return ElasticMetric(AlignedSurfaces(scaled), a=1.0, lam=1.0, c=1.0)
+
+    def _solved(self, whole: Scan, ready: ReadyScan, points: np.ndarray) -> RegisteredScan:
+        faces = self.template.faces
+        tree = ScanTree(ready.points, ready.normals)
+        for scale in _RIGID_SCALES:
+            found = tree.matches(points, vertex_normals(points, faces), scale)
+            weights = found.weights * self.template.vertex_areas
+            if not weights.any():
+                raise ArgumentError("no part of start faces the same way as the scan near it")
+            points = procrustes(points, to=points + found.gaps, scale=None, weights=weights)
+        reference = points
+        for scale in _FREE_SCALES:
+            points, found = fit_elastic(self._metric, points, reference, tree, _STIFFNESSES, scale)
+        near = np.linalg.norm(found.gaps, axis=1) < _NEAR_METRES
+        matched = near & (found.weights > 0.1)
+        points = points / self._factor
+        places, distances = nearest_places(whole.points, points, faces)
+        close = float(np.mean(distances * self._factor < _NEAR_METRES))
+        reasons = []
+        if matched.mean() < _LEAST_MATCHED:
+            reasons.append(f"only {100 * matched.mean():.0f} % of the template have found scan")
+        if close < _LEAST_NEAR:
+            reasons.append(f"only {100 * close:.0f} % of the scan lies near the template")
+        return RegisteredScan(
+            points=points,
+            trusted=not reasons,
+            message="; ".join(reasons),
+            likelihood=np.nan,
+            fit=None,
+            distances=distances,
+            matched=matched,
+            correspondence=places,
+            background=np.zeros(len(whole), dtype=bool),
+            up=np.array([0.0, 1.0, 0.0]),
+            unit=whole.unit,
+        )
+
+
+def transfer_model(model: BodyModel, body: Template) -> BodyModel:
+    r"""Transfer a body model to another mesh, from one body that has this mesh.
+
+    The model is registered to the body. Each vertex of the body takes the skinning weights, shape
+    directions and pose directions of its nearest point on the registered surface. Each joint is the
+    combination of the points of the body nearest to the vertices that it combines in the model. The
+    mean body in the rest pose is the body itself, with the fitted pose and the fitted shape undone:
+
+    .. math:: v_i = \Big(\sum_j w_{ij} R_j\Big)^{-1} \Big(f_i - \sum_j w_{ij} t_j\Big)
+              - \text{shapedirs}_i\, \beta - \text{posedirs}_i\,(R - I)
+
+    with the rigid motions :math:`x \mapsto R_j x + t_j` of the joints (Loper et al. 2015,
+    equation 2). What the model cannot fit of the body stays in the mean body.
+
+    Parameters
+    ----------
+    model : BodyModel
+        The model, metres.
+    body : Template
+        A body with the other mesh, metres, in any pose without contacts.
+
+    Returns
+    -------
+    model : BodyModel
+        A model of the same joints and shape coefficients with the mesh of the body.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `model` is not a body model.
+    ArgumentError
+        If the registration of the model to the body is not trusted.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> body = rh.Template(bodies[0], bodies.template.faces)
+    >>> model = rh.registration.transfer_model(bodies.model, body)  # doctest: +SKIP
+    >>> model  # doctest: +SKIP
+    <BodyModel: 23 joints, 16 shape coefficients, 1,202 vertices>
+    """
+    vertices, faces = body.vertices, body.faces
+    registered = ScanRegistration(model, unit="metres").solve((vertices, faces))
+    fit = registered.fit
+    if fit is None or not registered.trusted:
+        raise ArgumentError(
+            "body must be a body to which the model can be registered; found that "
+            f"{registered.message}"
+        )
+    forth = correspondence_matrix(model, registered.correspondence)
+    back = correspondence_matrix(body, nearest_places(registered.points, vertices, faces)[0])
+    weights = forth @ model.weights
+    shapedirs = _combined(forth, model.shapedirs)
+    posedirs = None if model.posedirs is None else _combined(forth, model.posedirs)
+
+    rotations = rotation_matrix(fit.pose)
+    joints = model.joints(fit.betas)
+    turns, places = joint_motions(joints, rotations, model.parents, model.joint_order)
+    shifts = places - np.einsum("jxy,jy->jx", turns, joints)
+    blended = np.einsum("vj,jxy->vxy", weights, turns)
+    moved = vertices - fit.trans - weights @ shifts
+    rest = np.linalg.solve(blended, moved[..., None])[..., 0] - shapedirs @ fit.betas
+    if posedirs is not None:
+        limbs = model.parents >= 0
+        rest = rest - posedirs @ (rotations[limbs] - np.eye(3)).ravel()
+    return BodyModel(
+        rest,
+        faces,
+        shapedirs,
+        model.joint_regressor @ back,
+        weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        posedirs=posedirs,
+        joint_names=model.joint_names,
+        dtype=model.dtype,
+    )
+
+
+def _combined(combination: Any, directions: np.ndarray) -> np.ndarray:
+    """Return directions of points from those of vertices, shape (V, 3, B)."""
+    flat = combination @ directions.reshape(len(directions), -1)
+    return np.asarray(flat).reshape(-1, *directions.shape[1:])

@@ -1,26 +1,31 @@
-"""Preparation of raw scans: conversion to metres, normals, removal of floor and stray points."""
+"""Scans and their landmarks: files, units, and removal of floor and stray points."""
 
 from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io._ply import has_ply_faces, read_ply_points
+from riemhuman.io.arrays import load_array
+from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.io.meshes import load_mesh
+from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
-from riemhuman.registration.scan_files import read_scan
-from riemhuman.registration.scan_normals import (
+from riemhuman.registration._scan_points import (
     estimated_normals,
     has_one_side,
     outward,
     smoothed_normals,
+    thinned,
 )
-from riemhuman.registration.surface_points import thinned
 from riemhuman.units import UNITS
 
 FEWEST_POINTS = 200
@@ -75,19 +80,7 @@ class Scan:
 
 @dataclass(frozen=True, eq=False)
 class ReadyScan:
-    """Evenly spread points of a scan, ready for registration.
-
-    Attributes
-    ----------
-    points, normals : array, shape (n, 3)
-        Points of the body, metres, and unit normals.
-    background : array of bool, shape (N,)
-        Which points of the whole scan are floor or strays.
-    up : array, shape (3,), or None
-        Upward normal of the floor, if there is one.
-    estimated : bool
-        Whether the normals were estimated from the points alone, so that some may be flipped.
-    """
+    """Evenly spread points of a scan, ready for registration."""
 
     points: np.ndarray
     normals: np.ndarray
@@ -135,21 +128,7 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
 
 
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
-    """Return a scan in metres.
-
-    Parameters
-    ----------
-    scan : Scan, path, array_like or pair
-        A scan; a file; points, shape (N, 3), or with normals after them, shape (N, 6); or
-        vertices and faces.
-    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
-        Its unit; by default it is inferred from the size.
-
-    Raises
-    ------
-    RiemhumanError
-        As for `load_scan`, or if an array does not hold points.
-    """
+    """Return a scan in metres."""
     if isinstance(scan, Scan):
         return scan
     if isinstance(scan, (str, os.PathLike)):
@@ -174,26 +153,7 @@ def in_metres(
     unit: str | None,
     name: str = "scan",
 ) -> Scan:
-    """Return a scan in metres, whose unit is given or inferred from its size.
-
-    Parameters
-    ----------
-    points : array, shape (N, 3)
-        Points.
-    faces : array of int, shape (F, 3), or None
-        Triangles.
-    normals : array, shape (N, 3), or None
-        Normals.
-    unit : str or None
-        The unit, if it is known.
-    name : str
-        Name of the scan, for messages.
-
-    Raises
-    ------
-    ArgumentError
-        If there are too few points, or the size is not that of a body in any unit.
-    """
+    """Return a scan in metres, whose unit is given or inferred from its size."""
     if len(points) < FEWEST_POINTS:
         raise ArgumentError(f"{name} has {len(points)} points; at least {FEWEST_POINTS} are needed")
     # Percentiles, because a few strays may be far away.
@@ -216,20 +176,7 @@ def in_metres(
 
 
 def made_ready(scan: Scan, *, surroundings: bool = True) -> ReadyScan:
-    """Return the points of the body, spread evenly, with normals.
-
-    Parameters
-    ----------
-    scan : Scan
-        A scan.
-    surroundings : bool
-        Whether to remove a floor and strays.
-
-    Raises
-    ------
-    ArgumentError
-        If too few points are left.
-    """
+    """Return the points of the body, spread evenly, with normals."""
     rng = np.random.default_rng(0)
     numbers = np.arange(len(scan.points))
     if scan.faces is not None:
@@ -323,3 +270,125 @@ def _strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     is_stray[inside] = sizes[own] < _STRAY * len(chosen)
     strays[wanted] = is_stray
     return strays
+
+
+SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
+"""Suffixes of the files of scans."""
+
+_Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
+
+
+def read_scan(path: str | os.PathLike[str]) -> _Parts:
+    """Return the points, triangles and normals of a file, in its unit."""
+    file = file_path(path)
+    suffix = file.suffix.lower()
+    if suffix not in SUFFIXES:
+        found = repr(file.suffix) if file.suffix else "none"
+        raise FileFormatError(
+            f"{file}: the ending must be one of {', '.join(SUFFIXES)}; found {found}"
+        )
+    if file.is_dir():
+        raise FileError(f"{file} is a folder; a scan was expected")
+    if not file.exists():
+        raise FileError(f"there is no file {file}")
+    if suffix == ".npy":
+        return _columns(load_array(file), file)
+    if suffix == ".xyz":
+        return _columns(_text(file), file)
+    if suffix == ".ply":
+        try:
+            content = read_bytes(file)
+            if not has_ply_faces(content):
+                points, normals = read_ply_points(content)
+                return _checked(points.astype(np.float64), file), None, normals
+        except FileFormatError as error:
+            raise FileFormatError(f"{file}: {error}") from error
+    points, faces = load_mesh(file)
+    return points, faces, None
+
+
+def _columns(values: np.ndarray, file: Path) -> _Parts:
+    if values.ndim != 2 or values.shape[1] < 3 or values.dtype.kind not in "fiu":
+        raise FileFormatError(
+            f"{file}: an array of points has numbers in 3 columns, or 6 with normals; found "
+            f"shape {values.shape} of {values.dtype}"
+        )
+    points = _checked(np.asarray(values[:, :3], dtype=np.float64), file)
+    if values.shape[1] != 6:
+        return points, None, None
+    normals = np.asarray(values[:, 3:], dtype=np.float64)
+    # The last three of six columns are normals or colours.
+    lengths = np.linalg.norm(normals, axis=1)
+    return points, None, normals if np.all(np.abs(lengths - 1.0) < 0.01) else None
+
+
+def _text(file: Path) -> np.ndarray:
+    lines = read_bytes(file).decode("latin-1").splitlines()
+    rows, width = [], 0
+    for number, line in enumerate(lines, start=1):
+        words = line.replace(",", " ").split()
+        if not words or words[0].startswith(("#", "//")):
+            continue
+        width = width or len(words)
+        try:
+            row = [float(word) for word in words]
+        except ValueError:
+            row = []
+        if len(row) != width:
+            raise FileFormatError(
+                f"{file}: line {number} must hold {width} numbers, as the first; found "
+                f"{line.strip()[:60]!r}"
+            )
+        rows.append(row)
+    return np.array(rows)
+
+
+def _checked(points: np.ndarray, file: Path) -> np.ndarray:
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.all():
+        first = int(np.argmin(finite))
+        raise FileFormatError(
+            f"{file}: point {first} (and {int((~finite).sum()) - 1} more) is not finite: "
+            f"{points[first].tolist()}"
+        )
+    return points
+
+
+def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """Read landmarks of a scan for `ScanRegistration.solve`.
+
+    Parameters
+    ----------
+    path : path_like
+        A .csv file with a line ``name,x,y,z`` for each landmark: a joint of the body model, and its
+        place in the scan, in the unit of the scan. A first line that begins with ``name`` is a
+        header.
+
+    Returns
+    -------
+    dict of str to array, shape (3,)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If a name is missing or repeated, or a line has no three finite numbers.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> with open("landmarks.csv", "w") as file:
+    ...     print("left_wrist,0.62,1.31,0.05", file=file)
+    >>> rh.registration.load_landmarks("landmarks.csv")["left_wrist"].tolist()
+    [0.62, 1.31, 0.05]
+    """
+    file = file_path(path)
+    rows = read_named_rows(file, "name")
+    try:
+        places = real_array(list(rows.values()), "landmarks", (len(rows), 3), batched=False)
+    except ArgumentError as error:
+        raise FileFormatError(f"{file}: {error}") from error
+    return dict(zip(rows, places, strict=True))

@@ -163,27 +163,7 @@ def simulated_scan(
 def remeshed(
     points: np.ndarray, faces: np.ndarray, n_vertices: int, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the surface with about a given number of random vertices and new triangles.
-
-    Every point of a refined surface belongs to the region of the vertex nearest along the edges.
-    Three regions that meet form a triangle, as in a Delaunay triangulation.
-
-    Parameters
-    ----------
-    points : array, shape (V, 3)
-        The surface.
-    faces : array of int, shape (F, 3)
-        Its triangles.
-    n_vertices : int
-        Approximate number of vertices.
-    rng : numpy.random.Generator
-        Source of random numbers.
-
-    Returns
-    -------
-    vertices : array, shape (about n_vertices, 3)
-    triangles : array of int, shape (T, 3)
-    """
+    """Return the surface with about a given number of random vertices and new triangles."""
     fine, triangles = points, faces
     while len(fine) < 8 * n_vertices:
         fine, triangles = _refined(fine, triangles)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from riemhuman.bodies.correspondence import combination_of_vertices
+from riemhuman.bodies import correspondence_matrix
 from riemhuman.datasets import load_open_model
 
 
@@ -14,13 +14,13 @@ def model():
 
 
 def test_every_vertex_by_default(model):
-    matrix = combination_of_vertices(model, None)
+    matrix = correspondence_matrix(model, None)
     np.testing.assert_array_equal(matrix @ model(), model())
 
 
 @pytest.mark.parametrize("numbers", [[3, 7], [5, 5, 0, 1201], (9,), np.array([1, 0], np.uint16)])
 def test_vertices(model, numbers):
-    matrix = combination_of_vertices(model, numbers)
+    matrix = correspondence_matrix(model, numbers)
     np.testing.assert_array_equal(matrix @ model(), model()[np.asarray(numbers)])
 
 
@@ -33,8 +33,8 @@ def test_triangles(model):
         for t, some in zip(triangles, coordinates, strict=True)
     ]
     pair = (triangles, coordinates)
-    np.testing.assert_allclose(combination_of_vertices(model, pair) @ model(), expected, atol=1e-15)
-    corners = combination_of_vertices(model, (triangles, np.eye(3)[rng.integers(3, size=40)]))
+    np.testing.assert_allclose(correspondence_matrix(model, pair) @ model(), expected, atol=1e-15)
+    corners = correspondence_matrix(model, (triangles, np.eye(3)[rng.integers(3, size=40)]))
     assert corners.sum() == 40
 
 
@@ -42,6 +42,6 @@ def test_triangles(model):
 def test_matrices(model, layout):
     rows, columns = [0, 0, 1, 1], [4, 9, 2, 2]
     matrix = sparse.coo_array(([0.25, 0.75, 0.5, 0.5], (rows, columns)), shape=(2, 1202))
-    found = combination_of_vertices(model, matrix.asformat(layout)) @ model()
+    found = correspondence_matrix(model, matrix.asformat(layout)) @ model()
     expected = [0.25 * model()[4] + 0.75 * model()[9], model()[2]]
     np.testing.assert_allclose(found, expected, atol=1e-15)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riemhuman.bodies.joint_tree import joint_parents, root_first
+from riemhuman.bodies.skinning import joint_parents, parents_first
 from riemhuman.errors import ArgumentError
 
 
@@ -22,7 +22,7 @@ def trees(draw):
 
 @given(trees())
 def test_parents_come_before_children(parents):
-    order = root_first(parents)
+    order = parents_first(parents)
     assert sorted(order) == list(range(len(parents)))
     place = {joint: number for number, joint in enumerate(order)}
     assert all(place[parent] < place[joint] for joint, parent in enumerate(parents) if parent >= 0)
@@ -37,4 +37,4 @@ def test_tables_in_any_numbering(parents, root, shift):
 
 def test_cycles_are_named():
     with pytest.raises(ArgumentError, match=r"has a cycle: joints \[1, 3\] never reach the root"):
-        root_first(np.array([-1, 3, 0, 1]))
+        parents_first(np.array([-1, 3, 0, 1]))

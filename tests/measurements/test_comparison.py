@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from riemhuman.bodies import rotation_matrix
-from riemhuman.bodies.joint_tree import root_first
-from riemhuman.bodies.skinning import chained_motions, skinned
+from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
 from riemhuman.measurements import Measurements, compare_visits, noise_of_poses, open_measurements
@@ -31,13 +29,13 @@ def test_a_change_is_found_where_it_is(bodies):
     grown = model.template.vertices.copy()
     belly = np.exp(-(((grown - [0.0, 1.1, 0.1]) / 0.12) ** 2).sum(axis=1))
     shape = model(betas) + 0.03 * belly[:, None] * [0.0, 0.0, 1.0]
-    turns, places = chained_motions(
+    turns, places = joint_motions(
         model.joints(betas),
         rotation_matrix(bodies.pose_vectors[5]),
         model.parents,
-        root_first(model.parents),
+        model.joint_order,
     )
-    after = skinned(shape, model.weights, model.joints(betas), turns, places)
+    after = skin_surface(shape, model.weights, model.joints(betas), turns, places)
     result = compare_visits(own, bodies.points[9], after)
     assert result.seen.tolist() == [True, False, False, False]
     assert 0.02 < result.changes[0] < 0.09

@@ -6,11 +6,15 @@ from scanned_people import with_other_names, with_smpls_tree
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.registration.arms import arms_of, other_arms, turned_forearms
-from riemhuman.registration.model_samples import sample_model
-from riemhuman.registration.posing import Pose, joint_motions
-from riemhuman.registration.start_poses import joint_names, start_poses
-from riemhuman.registration.starts import StartSearch
+from riemhuman.registration._posed_body import Pose, joint_motions, sample_model
+from riemhuman.registration._start_search import (
+    StartSearch,
+    arms_of,
+    joint_names,
+    other_arms,
+    start_poses,
+    turned_forearms,
+)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +48,7 @@ def test_every_way_to_hold_an_arm_is_tried_once(model):
 
 def test_a_turned_forearm_leaves_the_joints_where_they_are(model):
     search = StartSearch(model)
-    body = sample_model(model, 250, search.skeleton)
+    body = sample_model(model, 250)
     pose = Pose(search.poses["hips"], np.zeros(model.n_betas), np.array([0.1, 0.2, 0.3]))
     for arm in arms_of(model):
         *_, elbow, wrist = arm

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import riemhuman as rh
-from riemhuman.registration import ScanRegistration, simulated_scan, starts
+from riemhuman.registration import ScanRegistration, _start_search, simulated_scan
 
 HANDS_ON_HIPS, HAND_ON_EAR = 4, 6
 FAR = 0.03
@@ -50,7 +50,7 @@ def test_a_hand_on_the_ear(registration, bodies):
 @pytest.mark.sampled(6, "scans that are refused")
 def test_an_arm_held_elsewhere_is_refused(registration, bodies, monkeypatch):
     """Where arms are held as in start poses alone, one is not found, and missed."""
-    monkeypatch.setattr(starts, "arms_of", lambda model: [])
+    monkeypatch.setattr(_start_search, "arms_of", lambda model: [])
     scan = scan_of(bodies, HAND_ON_EAR)
     result = registration.solve(scan.points)
     assert error(result, scan) > FAR
@@ -60,7 +60,7 @@ def test_an_arm_held_elsewhere_is_refused(registration, bodies, monkeypatch):
 
 @pytest.mark.sampled(3, "scans that are trusted")
 def test_landmarks_bring_the_arm_where_it_is(registration, bodies, monkeypatch):
-    monkeypatch.setattr(starts, "arms_of", lambda model: [])
+    monkeypatch.setattr(_start_search, "arms_of", lambda model: [])
     scan = scan_of(bodies, HAND_ON_EAR)
     joints = registration.model.joint_regressor @ scan.body
     names = list(registration.model.joint_names)

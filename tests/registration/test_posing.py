@@ -5,11 +5,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.bodies.joint_motions import Skeleton
-from riemhuman.registration.model_samples import sample_model
-from riemhuman.registration.posing import Pose, posed, rotation, rotation_vector
-from riemhuman.registration.posing_equations import add_normal_equations, stepped
-from riemhuman.registration.soft_assignment import KAPPA, OUTLIERS, assign
+from riemhuman.registration._fitting_steps import (
+    KAPPA,
+    OUTLIERS,
+    add_normal_equations,
+    assign,
+    stepped,
+)
+from riemhuman.registration._posed_body import Pose, posed, rotation, rotation_vector, sample_model
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +22,7 @@ def model():
 
 @pytest.fixture(scope="module")
 def body(model):
-    return sample_model(model, 60, Skeleton(model))
+    return sample_model(model, 60)
 
 
 @pytest.fixture
@@ -59,7 +62,7 @@ def test_points_are_those_of_a_model_with_pose_offsets(model, rng, parameters):
         np.stack([model.parents, np.arange(model.n_joints)]),
         posedirs=offsets,
     )
-    body = sample_model(with_offsets, 60, Skeleton(with_offsets))
+    body = sample_model(with_offsets, 60)
     points, _ = posed(body, as_pose(*parameters))
     skin = body.numbers >= 0
     expected = with_offsets(*parameters)[body.numbers[skin]]

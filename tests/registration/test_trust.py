@@ -7,7 +7,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
-from riemhuman.registration.trust import Evidence, doubts
+from riemhuman.registration._trust import Evidence, doubts
 
 GOOD = Evidence(
     likelihood=3.2,

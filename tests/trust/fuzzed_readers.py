@@ -20,8 +20,7 @@ from model_pickles import smpl_fields, smpl_pickle
 from trust.fuzzing import ARCHIVES, BYTES, HDF5, PICKLES, Mutation, archive, array_file
 
 import riemhuman as rh
-from riemhuman.bodies import BodyModel
-from riemhuman.bodies.conversion import convert_model
+from riemhuman.bodies import BodyModel, convert_model
 from riemhuman.datasets import load_amass, load_bodies, load_dfaust, load_faust
 from riemhuman.datasets.shrec import load_shrec14
 from riemhuman.descriptors.latent_vectors import LatentVectors

@@ -10,9 +10,8 @@ from scipy.spatial import cKDTree
 
 from riemhuman.geometry.elastic_metric import ElasticMetric
 from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
-from riemhuman.registration.model_samples import ModelSamples
-from riemhuman.registration.posing import Pose, posed
-from riemhuman.registration.posing_equations import Prior, add_normal_equations, add_prior, stepped
+from riemhuman.registration._fitting_steps import Prior, add_normal_equations, add_prior, stepped
+from riemhuman.registration._posed_body import ModelSamples, Pose, posed
 
 # Distance in metres that counts as much as a turn of the normal by a radian.
 _NORMAL_METRES = 0.05
@@ -32,17 +31,7 @@ _CONJUGATE_STEPS, _CONJUGATE_TOLERANCE = 60, 3e-2
 
 
 class Matches(NamedTuple):
-    """The points of a scan that match the points of a body.
-
-    Attributes
-    ----------
-    gaps : array, shape (n, 3)
-        Vectors from the points of the body to their matches, metres.
-    normals : array, shape (n, 3)
-        Normals of the scan at the matches.
-    weights : array, shape (n,)
-        Reliability of each match, between 0 and 1.
-    """
+    """The points of a scan that match the points of a body."""
 
     gaps: np.ndarray
     normals: np.ndarray
@@ -50,28 +39,14 @@ class Matches(NamedTuple):
 
 
 class ScanTree:
-    """A search tree for the points of a scan by position and normal.
-
-    Parameters
-    ----------
-    points, normals : array, shape (n, 3)
-        Points, metres, and unit normals.
-    """
+    """A search tree for the points of a scan by position and normal."""
 
     def __init__(self, points: np.ndarray, normals: np.ndarray) -> None:
         self.points, self.normals = points, normals
         self._tree = cKDTree(np.concatenate([points, _NORMAL_METRES * normals], axis=1))
 
     def matches(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
-        """Match the points of a body; far matches count less (Geman and McClure).
-
-        Parameters
-        ----------
-        points, normals : array, shape (n, 3)
-            Points of a body and unit normals.
-        scale : float
-            Distance at which a match counts a quarter, metres.
-        """
+        """Match the points of a body; far matches count less (Geman and McClure)."""
         places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
         count = min(_N_NEIGHBOURS, len(self.points))
         far, near = self._tree.query(places, k=count)
@@ -92,21 +67,7 @@ def fit_closest(
     scan: ScanTree,
     scales: tuple[float, ...] = _MODEL_SCALES,
 ) -> Pose:
-    """Return the parameters that bring a body's points to the closest points of a scan.
-
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Start of the fit.
-    prior : Prior
-        Prior of pose and shape.
-    scan : ScanTree
-        The scan.
-    scales : tuple of float
-        Distance in each step at which a match counts a quarter, metres.
-    """
+    """Return the parameters that bring a body's points to the closest points of a scan."""
     n_columns = 3 * len(body.parents) + len(pose.betas) + 3
     for scale in scales:
         points, normals = posed(body, pose)
@@ -129,33 +90,7 @@ def fit_elastic(
     stiffnesses: tuple[float, ...] = _STIFFNESSES,
     scale: float = _FREE_SCALE,
 ) -> tuple[np.ndarray, Matches]:
-    """Return a surface near a scan whose elastic distance from a reference is small.
-
-    Gauss–Newton steps minimise Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), with the gaps r to
-    the scan, its normals n and the elastic distance d. They use the matrix of the metric at the
-    reference, and conjugate gradients solve the equations.
-
-    Parameters
-    ----------
-    metric : ElasticMetric
-        The metric.
-    start : array, shape (V, 3)
-        Start of the fit, metres.
-    reference : array, shape (V, 3)
-        Surface f₀, whose shape is kept where the scan has no points.
-    scan : ScanTree
-        The scan.
-    stiffnesses : tuple of float
-        Weight α in each step.
-    scale : float
-        Distance at which a match counts a quarter, metres.
-
-    Returns
-    -------
-    points : array, shape (V, 3)
-    matches : Matches
-        The matches of the vertices in the end.
-    """
+    """Return a surface near a scan whose elastic distance from a reference is small."""
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
     elastic = metric.metric_matrix(reference)

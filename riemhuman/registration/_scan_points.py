@@ -1,4 +1,4 @@
-"""Normals of loose points, consistently outward."""
+"""Points of a scan: an evenly spread choice, and their outward normals."""
 
 from __future__ import annotations
 
@@ -17,21 +17,7 @@ _MIXED = 0.05
 
 
 def estimated_normals(points: np.ndarray) -> np.ndarray:
-    """Return outward normals of loose points on a surface.
-
-    A normal is the direction of least spread of a point's neighbours. Its sign follows from its
-    parent in the minimum spanning tree of turns (Hoppe et al. 1992), and each connected part is
-    oriented outward as a whole.
-
-    Parameters
-    ----------
-    points : array, shape (N, 3)
-        Points, metres.
-
-    Returns
-    -------
-    normals : array, shape (N, 3)
-    """
+    """Return outward normals of loose points on a surface."""
     n = len(points)
     neighbours = cKDTree(points).query(points, k=min(_N_NEIGHBOURS, n))[1]
     around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
@@ -63,30 +49,14 @@ def estimated_normals(points: np.ndarray) -> np.ndarray:
 
 
 def smoothed_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Return normals averaged over neighbours with similar normals.
-
-    Parameters
-    ----------
-    points, normals : array, shape (N, 3)
-        Points, metres, and unit normals.
-
-    Returns
-    -------
-    normals : array, shape (N, 3)
-    """
+    """Return normals averaged over neighbours with similar normals."""
     places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
     neighbours = cKDTree(places).query(places, k=min(_N_NEIGHBOURS, len(points)))[1]
     return unit_vectors(normals[neighbours].mean(axis=1))
 
 
 def has_one_side(faces: np.ndarray) -> bool:
-    """Tell whether neighbouring triangles are consistently oriented, with few exceptions.
-
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles.
-    """
+    """Tell whether neighbouring triangles are consistently oriented, with few exceptions."""
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     n_vertices = int(faces.max()) + 1
     forward = np.sort(edges[:, 0] * n_vertices + edges[:, 1])
@@ -96,11 +66,30 @@ def has_one_side(faces: np.ndarray) -> bool:
 
 
 def outward(points: np.ndarray, normals: np.ndarray) -> bool:
-    """Tell whether normals point away from the centre of their points, on the whole.
-
-    Parameters
-    ----------
-    points, normals : array, shape (N, 3)
-        Points spread evenly, and normals.
-    """
+    """Tell whether normals point away from the centre of their points, on the whole."""
     return bool(np.sum((points - points.mean(axis=0)) * normals) >= 0)
+
+
+def thinned(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the numbers of about a given number of points, spread evenly."""
+    if len(points) <= n_points:
+        return np.arange(len(points))
+    order = rng.permutation(len(points))
+    shuffled = points[order] - points.min(axis=0)
+    low, high = 0.0, float(shuffled.max())
+    # The first estimate assumes a surface, where the number of cubes grows as 1/width².
+    width = high / np.sqrt(n_points)
+    best: np.ndarray = order[:n_points]
+    for _ in range(12):
+        cubes = (shuffled / width).astype(np.int64)
+        extent = cubes.max(axis=0) + 1
+        keys = (cubes[:, 0] * extent[1] + cubes[:, 1]) * extent[2] + cubes[:, 2]
+        first = np.unique(keys, return_index=True)[1]
+        best = order[first]
+        if abs(len(first) - n_points) <= 0.03 * n_points:
+            break
+        low, high = (low, width) if len(first) < n_points else (width, high)
+        width = np.clip(width * np.sqrt(len(first) / n_points), 0.0, None)
+        if not low < width < high:
+            width = 0.5 * (low + high)
+    return np.sort(best)

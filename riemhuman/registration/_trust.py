@@ -24,27 +24,7 @@ _REMEDY = "landmarks decide: the argument of ScanRegistration.solve, or --landma
 
 @dataclass(frozen=True)
 class Evidence:
-    """The quantities by which a registration is checked.
-
-    Attributes
-    ----------
-    likelihood : float
-        Mean log-likelihood of the scan points, for a body of 1.8 square metres.
-    margin : float
-        Difference from the log-likelihood of the likeliest body at another place; infinite if there
-        is none.
-    near : float
-        Share of the scan within 5 cm of the body.
-    betas : float
-        Root mean square of the shape coefficients.
-    strain : float
-        Mean distance of the surface from the model, metres, which is large for a body that faces
-        the wrong way.
-    limb : str
-        The joint with the smallest share of matched vertices.
-    limb_matched : float
-        This share.
-    """
+    """The quantities by which a registration is checked."""
 
     likelihood: float
     margin: float
@@ -56,13 +36,7 @@ class Evidence:
 
 
 def doubts(evidence: Evidence) -> list[str]:
-    """Return the reasons to distrust a registration; none if it is trusted.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The quantities to check.
-    """
+    """Return the reasons to distrust a registration; none if it is trusted."""
     reasons = []
     if evidence.near < LEAST_NEAR:
         reasons.append(
@@ -104,16 +78,5 @@ def doubts(evidence: Evidence) -> list[str]:
 
 
 def distance_apart(points: np.ndarray, others: np.ndarray) -> float:
-    """Return the mean distance between two bodies' corresponding points.
-
-    Parameters
-    ----------
-    points, others : array, shape (n, 3)
-        Points, metres.
-
-    Returns
-    -------
-    float
-        Metres.
-    """
+    """Return the mean distance between two bodies' corresponding points."""
     return float(np.linalg.norm(points - others, axis=1).mean())

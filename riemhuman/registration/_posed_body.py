@@ -1,4 +1,9 @@
-"""Points and normals of a posed body, and rotations, compiled."""
+"""Evenly spread points of a body model's surface, and their positions in a pose, compiled.
+
+Registration follows a few hundred or a few thousand points of the surface instead of all its
+vertices. Each has its skinning weights, shape directions, normal and share of the area. No coarser
+mesh is needed, so that any `BodyModel` can be used.
+"""
 
 from __future__ import annotations
 
@@ -6,23 +11,75 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
+from riemhuman.bodies import BodyModel
 from riemhuman.kernels.compiled import compiled
-from riemhuman.registration.model_samples import ModelSamples
+from riemhuman.kernels.vertex_normals import vertex_normals
+from riemhuman.registration._scan_points import thinned
+
+
+class ModelSamples(NamedTuple):
+    """Points of a model's surface, in the rest pose and with zero betas."""
+
+    numbers: np.ndarray
+    rest: np.ndarray
+    normals: np.ndarray
+    areas: np.ndarray
+    shapedirs: np.ndarray
+    posedirs: np.ndarray
+    bones: np.ndarray
+    weights: np.ndarray
+    rest_joints: np.ndarray
+    joint_shapes: np.ndarray
+    parents: np.ndarray
+    order: np.ndarray
+
+
+def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
+    """Return points of the model's skin, followed by its joints."""
+    template = model.template
+    vertices, areas = template.vertices, template.vertex_areas
+    normals = vertex_normals(vertices, template.faces)
+    if n_samples is None or n_samples >= len(vertices):
+        numbers = np.arange(len(vertices))
+        shares = areas
+    else:
+        numbers = thinned(vertices, n_samples, np.random.default_rng(0))
+        # Neighbours are near in their normals too, so that the two sides of a thin part keep their
+        # own areas.
+        near = np.concatenate([vertices, 0.05 * normals], axis=1)
+        owners = cKDTree(near[numbers]).query(near)[1]
+        shares = np.bincount(owners, areas, len(numbers))
+    n_joints, n_betas = model.n_joints, model.n_betas
+    rest_joints = model.joint_regressor @ vertices
+    joint_shapes = np.einsum("jv,vxb->jxb", model.joint_regressor, model.shapedirs)
+    n_features = 0 if model.posedirs is None else model.posedirs.shape[-1]
+    posedirs = np.zeros((len(numbers), 3, 0)) if model.posedirs is None else model.posedirs[numbers]
+    n_bones = int((model.weights > 0).sum(axis=1).max())
+    bones = np.argsort(-model.weights[numbers], axis=1, kind="stable")[:, :n_bones]
+    weights = np.take_along_axis(model.weights[numbers], bones, axis=1)
+    own = np.zeros((n_joints, n_bones))
+    own[:, 0] = 1.0
+    of_joints = np.tile(np.arange(n_joints)[:, None], (1, n_bones))
+    return ModelSamples(
+        numbers=np.concatenate([numbers, np.full(n_joints, -1)]),
+        rest=np.concatenate([vertices[numbers], rest_joints]),
+        normals=np.concatenate([normals[numbers], np.zeros((n_joints, 3))]),
+        areas=np.concatenate([shares / shares.sum(), np.zeros(n_joints)]),
+        shapedirs=np.concatenate([model.shapedirs[numbers], joint_shapes]).reshape(-1, 3, n_betas),
+        posedirs=np.concatenate([posedirs, np.zeros((n_joints, 3, n_features))]),
+        bones=np.concatenate([bones, of_joints]).astype(np.int64),
+        weights=np.concatenate([weights, own]),
+        rest_joints=rest_joints,
+        joint_shapes=joint_shapes,
+        parents=np.array(model.parents),
+        order=np.array(model.joint_order),
+    )
 
 
 class Pose(NamedTuple):
-    """Parameters of a body.
-
-    Attributes
-    ----------
-    local : array, shape (J, 3, 3)
-        Rotation of each joint in the axes of the rest pose, which its parent turns.
-    betas : array, shape (B,)
-        Shape coefficients.
-    trans : array, shape (3,)
-        Translation, metres.
-    """
+    """Parameters of a body."""
 
     local: np.ndarray
     betas: np.ndarray
@@ -33,25 +90,9 @@ class Pose(NamedTuple):
 def joint_motions(
     body: ModelSamples, pose: Pose
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rigid motions of the joints, x ↦ turn x + shift, and their derivatives by betas.
+    """Return rotations in space, positions, shifts, their derivatives by betas, and axes.
 
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Parameters.
-
-    Returns
-    -------
-    turns : array, shape (J, 3, 3)
-        Rotations in space.
-    places, shifts : array, shape (J, 3)
-        Positions of the joints, and shifts, metres.
-    shift_shapes : array, shape (J, 3, B)
-        Derivatives of the shifts by the betas.
-    axes : array, shape (J, 3, 3)
-        The turn of each joint's parent.
+    Joint k moves x to rotation[k] x + shift[k]; axes[k] is the rotation of its parent.
     """
     n_joints, n_betas = body.joint_shapes.shape[0], body.joint_shapes.shape[2]
     joints = body.rest_joints.copy()
@@ -95,19 +136,7 @@ def joint_motions(
 
 @compiled
 def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
-    """Return the points of the body with its shape and pose offsets, before its joints turn.
-
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Parameters.
-
-    Returns
-    -------
-    array, shape (n, 3)
-    """
+    """Return the points of the body with its shape and pose offsets, before its joints turn."""
     n, n_betas = body.rest.shape[0], len(pose.betas)
     shaped = body.rest.copy().reshape(3 * n)
     if n_betas:
@@ -128,19 +157,7 @@ def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
 
 @compiled
 def posed(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a posed body and their normals.
-
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Parameters.
-
-    Returns
-    -------
-    points, normals : array, shape (n, 3)
-    """
+    """Return the points of a posed body and their normals."""
     turns, _, shifts, _, _ = joint_motions(body, pose)
     shaped = shaped_points(body, pose)
     n, n_bones = body.bones.shape
@@ -167,17 +184,7 @@ def posed(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
 
 @compiled
 def rotation(vector: np.ndarray) -> np.ndarray:
-    """Return the rotation matrix of an axis-angle vector.
-
-    Parameters
-    ----------
-    vector : array, shape (3,)
-        Radians.
-
-    Returns
-    -------
-    array, shape (3, 3)
-    """
+    """Return the rotation matrix of an axis-angle vector."""
     angle = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
     first, second = 1.0, 0.5
     if angle > 1e-6:
@@ -195,17 +202,7 @@ def rotation(vector: np.ndarray) -> np.ndarray:
 
 @compiled
 def rotation_vector(matrix: np.ndarray) -> np.ndarray:
-    """Return the axis-angle vector of a rotation by less than half a turn.
-
-    Parameters
-    ----------
-    matrix : array, shape (3, 3)
-        Rotation matrix.
-
-    Returns
-    -------
-    array, shape (3,)
-    """
+    """Return the axis-angle vector of a rotation by less than half a turn."""
     sines = np.array(
         [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
     )
@@ -219,15 +216,7 @@ def rotation_vector(matrix: np.ndarray) -> np.ndarray:
 # A loop, since numba takes seconds to compile products of arrays.
 @compiled
 def multiply(one: np.ndarray, other: np.ndarray, product: np.ndarray) -> None:
-    """Fill the product of two matrices.
-
-    Parameters
-    ----------
-    one, other : array, shape (3, 3)
-        The factors.
-    product : array, shape (3, 3)
-        The product, which is filled.
-    """
+    """Fill the product of two matrices."""
     for x in range(3):
         for y in range(3):
             total = 0.0

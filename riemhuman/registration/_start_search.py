@@ -1,22 +1,24 @@
-"""The search over headings, start poses and up directions, which drops unlikely starts."""
+"""The search over headings, start poses and up directions, which drops unlikely starts.
+
+Start poses hold both arms alike, which people do not; and a hand that touches the body matches the
+scan nearly as well when it and its forearm are rotated about themselves. So the arms of the best
+body are tried in other ways afterwards.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from riemhuman.bodies import BodyModel
-from riemhuman.bodies.joint_motions import Skeleton
+from riemhuman.bodies import BodyModel, rotation_matrix
+from riemhuman.datasets.open_poses import Angles, joint_turns, pose_vectors
 from riemhuman.kernels.threads import mapped
-from riemhuman.registration.annealing import annealed
-from riemhuman.registration.arms import arms_of, other_arms
-from riemhuman.registration.model_samples import ModelSamples, sample_model
-from riemhuman.registration.posing import Pose, posed, rotation
-from riemhuman.registration.posing_equations import Prior
-from riemhuman.registration.start_poses import FEW, joint_precisions, start_poses
-from riemhuman.registration.surface_points import thinned
+from riemhuman.registration._fitting_steps import Prior, annealed
+from riemhuman.registration._posed_body import ModelSamples, Pose, posed, rotation, sample_model
+from riemhuman.registration._scan_points import thinned
 
 _AXES = np.concatenate([np.eye(3), -np.eye(3)])
 _UP = np.array([0.0, 1.0, 0.0])
@@ -31,19 +33,7 @@ N_THREADS = 2
 
 @dataclass(frozen=True)
 class Round:
-    """One round of the search.
-
-    Attributes
-    ----------
-    n_model, n_scan : int
-        Number of points of the body and of the scan.
-    sigmas : tuple of float
-        First and last standard deviation, metres.
-    n_steps : int
-        Number of steps.
-    n_best : int
-        Number of candidates that are kept.
-    """
+    """One round of the search."""
 
     n_model: int
     n_scan: int
@@ -68,19 +58,7 @@ WARM_ROUNDS = (Round(500, 800, (0.08, 0.04), 5, 1), Round(1000, 1500, (0.03, 0.0
 
 @dataclass(frozen=True)
 class Candidate:
-    """A body fitted from one start.
-
-    Attributes
-    ----------
-    pose : Pose
-        Its parameters.
-    prior : Prior
-        The prior of the fit.
-    likelihood : float
-        Mean log-likelihood of the scan points in the last round.
-    up : array, shape (3,)
-        The direction up of its start.
-    """
+    """A body fitted from one start."""
 
     pose: Pose
     prior: Prior
@@ -89,29 +67,16 @@ class Candidate:
 
 
 class StartSearch:
-    """The search over starts for one body model.
-
-    Parameters
-    ----------
-    model : BodyModel
-        The model.
-    """
+    """The search over starts for one body model."""
 
     def __init__(self, model: BodyModel) -> None:
         self.model = model
-        self.skeleton = Skeleton(model)
         self._samples: dict[int | None, ModelSamples] = {}
 
     def samples(self, n_samples: int | None) -> ModelSamples:
-        """Return points of the model, which are computed once.
-
-        Parameters
-        ----------
-        n_samples : int or None
-            Approximate number of points; None for all.
-        """
+        """Return points of the model, which are computed once."""
         if n_samples not in self._samples:
-            self._samples[n_samples] = sample_model(self.model, n_samples, self.skeleton)
+            self._samples[n_samples] = sample_model(self.model, n_samples)
         return self._samples[n_samples]
 
     @cached_property
@@ -133,21 +98,7 @@ class StartSearch:
         signed: bool,
         landmarks: dict[int, np.ndarray],
     ) -> list[Candidate]:
-        """Return the bodies from the likeliest starts, the best first.
-
-        Each arm of the best has been tried as all start poses hold it.
-
-        Parameters
-        ----------
-        points, normals : array, shape (m, 3)
-            Evenly spread points of the scan, metres, and unit normals.
-        up : array, shape (3,), or None
-            The direction up; None to try all axes.
-        signed : bool
-            Whether the signs of the normals are known.
-        landmarks : dict of int to array, shape (3,)
-            Known positions of joints.
-        """
+        """Return the bodies from the likeliest starts, the best first."""
         centre = points.mean(axis=0)
         first, *others = ROUNDS
         ups = _AXES if up is None else up[np.newaxis]
@@ -178,32 +129,14 @@ class StartSearch:
         signed: bool,
         landmarks: dict[int, np.ndarray],
     ) -> Candidate:
-        """Return the body from one known start.
-
-        Parameters
-        ----------
-        pose : Pose
-            The start, the body a moment before.
-        up : array, shape (3,)
-            The direction up of the start.
-        points, normals, signed, landmarks
-            As for `run`.
-        """
+        """Return the body from one known start."""
         found = [Candidate(pose, Prior(pose.local, self.precisions, pose.betas, 4.0), -np.inf, up)]
         for each in WARM_ROUNDS:
             found = self._advanced(found, each, points, normals, signed, landmarks)
         return found[0]
 
     def likelihood(self, pose: Pose, points: np.ndarray, normals: np.ndarray) -> float:
-        """Return the mean log-likelihood of a scan with the last deviation of the last round.
-
-        Parameters
-        ----------
-        pose : Pose
-            Parameters of a body.
-        points, normals : array, shape (m, 3)
-            Evenly spread points of the scan, metres, and unit normals.
-        """
+        """Return the mean log-likelihood of a scan with the last deviation of the last round."""
         last = ROUNDS[-1]
         prior = Prior(pose.local, self.precisions, pose.betas, 1.0)
         each = Round(last.n_model, last.n_scan, (last.sigmas[1], last.sigmas[1]), 0, 1)
@@ -300,3 +233,200 @@ def _turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
         return np.eye(3) if cosine > 0 else np.diag([1.0, -1.0, -1.0])
     vector: np.ndarray = axis * (np.arctan2(sine, cosine) / sine)
     return rotation(vector)
+
+
+_DOWN: dict[str, Angles] = {"shoulder": ("xz", 10, -78), "elbow": ("y", -10), "hip": ("z", 3)}
+_A: dict[str, Angles] = {"shoulder": ("xz", 10, -50), "elbow": ("y", -18), "hip": ("z", 6)}
+_WALK: dict[str, Angles] = {
+    "left_hip": ("x", -32),
+    "left_knee": ("x", 15),
+    "right_hip": ("x", 22),
+    "right_knee": ("x", 28),
+    "left_shoulder": ("zx", -74, 28),
+    "right_shoulder": ("zx", 74, -28),
+    "left_elbow": ("y", -30),
+    "right_elbow": ("y", 30),
+}
+_KNEE: dict[str, Angles] = {**_A, "left_hip": ("x", -85), "left_knee": ("x", 85)}
+_ONE_ARM: dict[str, Angles] = {**_DOWN, "right_shoulder": ("z", -55), "right_elbow": ("y", 15)}
+
+_START_POSES: dict[str, dict[str, Angles]] = {
+    "a": _A,
+    "down": _DOWN,
+    "t": {"shoulder": ("z", -5), "hip": ("z", 6)},
+    "up": {"collar": ("z", 15), "shoulder": ("z", 55), "elbow": ("y", -15)},
+    "forward": {"collar": ("y", -8), "shoulder": ("y", -75), "elbow": ("y", -10)},
+    "elbows": {"shoulder": ("xz", 10, -70), "elbow": ("y", -95)},
+    "hips": {"shoulder": ("xyz", 45, 15, -45), "elbow": ("y", -95), "hip": ("z", 7)},
+    "head": {"shoulder": ("xz", -60, 25), "elbow": ("y", -115)},
+    "guard": {"shoulder": ("xzy", 0, -55, -35), "elbow": ("y", -130)},
+    "walk": _WALK,
+    "knee": _KNEE,
+    "one_arm": _ONE_ARM,
+    "squat": {
+        "pelvis": ("x", 20),
+        "hip": ("zx", 10, -85),
+        "knee": ("x", 90),
+        "shoulder": ("xzy", 0, -10, -60),
+    },
+    "bend": {
+        "pelvis": ("x", 35),
+        "lower_spine": ("x", 15),
+        "middle_spine": ("x", 12),
+        "hip": ("x", -40),
+        "shoulder": ("xzy", 0, -50, -40),
+    },
+    "sit": {"hip": ("x", -85), "knee": ("x", 85), **{k: _DOWN[k] for k in ("shoulder", "elbow")}},
+    "wide": {"shoulder": ("z", 20), "hip": ("z", 22)},
+    "lunge": {**_WALK, "left_hip": ("x", -75), "left_knee": ("x", 75), "right_knee": ("x", 20)},
+}
+_SIDED = ("walk", "knee", "one_arm", "lunge")
+
+FEW = ("a", "t", "up", "knee", "squat")
+"""The poses by which the direction up is found."""
+
+# The first joints of SMPL, SMPL-H and SMPL-X by the names of the open model, and their parents.
+_SMPL_TREE = {
+    "pelvis": -1,
+    "left_hip": 0,
+    "right_hip": 0,
+    "lower_spine": 0,
+    "left_knee": 1,
+    "right_knee": 2,
+    "middle_spine": 3,
+    "left_ankle": 4,
+    "right_ankle": 5,
+    "upper_spine": 6,
+    "left_toes": 7,
+    "right_toes": 8,
+    "neck": 9,
+    "left_collar": 9,
+    "right_collar": 9,
+    "head": 12,
+    "left_shoulder": 13,
+    "right_shoulder": 14,
+    "left_elbow": 16,
+    "right_elbow": 17,
+    "left_wrist": 18,
+    "right_wrist": 19,
+}
+
+# Standard deviations of joints from a start pose, degrees.
+_DEGREES = {
+    "spine": 10.0,
+    "chest": 8.0,
+    "neck": 12.0,
+    "head": 15.0,
+    "collar": 10.0,
+    "shoulder": 45.0,
+    "elbow": 45.0,
+    "wrist": 20.0,
+    "hip": 40.0,
+    "knee": 40.0,
+    "ankle": 15.0,
+    "toes": 12.0,
+}
+_OTHER_DEGREES = 15.0
+
+
+def joint_names(model: BodyModel) -> tuple[str, ...]:
+    """Return the names of a model's joints; those of SMPL's tree are named as in the open model."""
+    if "left_shoulder" in model.joint_names:
+        return model.joint_names
+    if model.parents[: len(_SMPL_TREE)].tolist() == list(_SMPL_TREE.values()):
+        return (*_SMPL_TREE, *model.joint_names[len(_SMPL_TREE) :])
+    return model.joint_names
+
+
+def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
+    """Return the poses to start from, as rotations of the joints."""
+    names = joint_names(model)
+    if "left_shoulder" not in names:
+        return {"rest": np.tile(np.eye(3), (model.n_joints, 1, 1))}
+    if names != model.joint_names:
+        model = _renamed(model, names)
+    written = dict(_START_POSES)
+    for name in _SIDED:
+        written[f"{name}_right"] = _mirrored(_START_POSES[name])
+    return {
+        name: np.ascontiguousarray(rotation_matrix(pose_vectors(joint_turns(known, model), model)))
+        for name, known in (
+            (name, {k: v for k, v in angles.items() if _has(names, k)})
+            for name, angles in written.items()
+        )
+    }
+
+
+def joint_precisions(model: BodyModel) -> np.ndarray:
+    """Return inverse variances of the joints' turns from a start pose, 0 for the root."""
+    degrees = [
+        _DEGREES.get(name.removeprefix("left_").removeprefix("right_").split("_")[-1])
+        for name in joint_names(model)
+    ]
+    deviations = np.radians([_OTHER_DEGREES if each is None else each for each in degrees])
+    return np.where(model.parents < 0, 0.0, deviations**-2.0)
+
+
+def _has(names: tuple[str, ...], joint: str) -> bool:
+    return joint in names or f"left_{joint}" in names
+
+
+def _mirrored(angles: dict[str, Angles]) -> dict[str, Angles]:
+    """Return angles with left and right exchanged."""
+    swapped: dict[str, Angles] = {}
+    for name, (axes, *degrees) in angles.items():
+        side, _, joint = name.partition("_")
+        if side in ("left", "right"):
+            other = f"{'right' if side == 'left' else 'left'}_{joint}"
+            turned = [a if axis == "x" else -a for axis, a in zip(axes, degrees, strict=True)]
+            swapped[other] = (axes, *turned)
+        else:
+            swapped[name] = (axes, *degrees)
+    return swapped
+
+
+def _renamed(model: BodyModel, names: tuple[str, ...]) -> BodyModel:
+    return BodyModel(
+        model.template.vertices,
+        model.faces,
+        model.shapedirs,
+        model.joint_regressor,
+        model.weights,
+        np.stack([model.parents, np.arange(model.n_joints)]),
+        joint_names=names,
+    )
+
+
+_JOINTS = ("collar", "shoulder", "elbow", "wrist")
+# Arms whose rotations differ by less are alike.
+_ALIKE = 0.05
+_TURNS = np.radians(60.0 * np.arange(6))
+
+
+def arms_of(model: BodyModel) -> list[np.ndarray]:
+    """Return the joints of each arm, from the collar to the wrist."""
+    names = joint_names(model)
+    arms = [[f"{side}_{joint}" for joint in _JOINTS] for side in ("left", "right")]
+    return [np.array([names.index(name) for name in arm]) for arm in arms if {*arm} <= {*names}]
+
+
+def other_arms(
+    arm: np.ndarray, own: np.ndarray, poses: dict[str, np.ndarray]
+) -> Iterator[np.ndarray]:
+    """Yield the rotations of an arm's joints in some poses, without those that are alike."""
+    seen = [own[arm]]
+    for pose in poses.values():
+        if all(np.abs(pose[arm] - other).max() > _ALIKE for other in seen):
+            seen.append(pose[arm])
+            yield pose[arm]
+
+
+def turned_forearms(pose: Pose, arm: np.ndarray, rest_joints: np.ndarray) -> Iterator[Pose]:
+    """Yield a pose with one hand straight, and its forearm turned by sixths of a circle."""
+    *_, elbow, wrist = arm
+    forearm = rest_joints[wrist] - rest_joints[elbow]
+    for angle in _TURNS:
+        local = pose.local.copy()
+        local[elbow] = local[elbow] @ rotation(angle * forearm / np.linalg.norm(forearm))
+        local[wrist] = np.eye(3)
+        yield pose._replace(local=local)

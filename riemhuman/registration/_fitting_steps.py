@@ -1,10 +1,15 @@
-"""Gauss–Newton equations and steps for the parameters of a posed body, compiled.
+"""Steps of the fit of a posed body to loose points, compiled: equations, assignment, annealing.
 
-The equations are those of `riemhuman.bodies.fitting_equations`, here in loops that release the
-interpreter lock, so that many starts run in parallel. Joints have rotation matrices, and a step
-turns a joint by a small δ in the axes of space: x moves by δ × a, with the arm
+The equations are those of `riemhuman.bodies.fit_model`, here in loops that release the interpreter
+lock, so that many starts run in parallel. Joints have rotation matrices, and a step rotates a joint
+by a small δ in the axes of space: x moves by δ × a, with the lever
 
     a = Σ_k w_k (G_k v + t_k − p_j)   over the joints k below j (j included).
+
+In the soft assignment, a scan point x with normal m belongs to the body's point v with normal n and
+share of area A with the probability P ∝ A exp(−|v − x|²/2σ² + κ (n·m − 1)); a uniform density
+models points that belong to none. This is the mixture of coherent point drift (Myronenko and Song
+2010, equations 2 to 4) with areas as weights and a von Mises–Fisher factor for the normals.
 """
 
 from __future__ import annotations
@@ -15,11 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from riemhuman.kernels.compiled import SUM, compiled
-from riemhuman.registration.model_samples import ModelSamples
-from riemhuman.registration.posing import (
+from riemhuman.registration._posed_body import (
+    ModelSamples,
     Pose,
     joint_motions,
     multiply,
+    posed,
     rotation,
     rotation_vector,
     shaped_points,
@@ -27,19 +33,7 @@ from riemhuman.registration.posing import (
 
 
 class Prior(NamedTuple):
-    """A normal prior of pose and shape.
-
-    Attributes
-    ----------
-    local : array, shape (J, 3, 3)
-        Mean rotations of the joints.
-    precisions : array, shape (J,)
-        Inverse variances of the joints, in inverse squared radians; 0 for the root.
-    betas : array, shape (B,)
-        Mean of the betas.
-    betas_precision : float
-        Inverse variance of the betas.
-    """
+    """A normal prior of pose and shape."""
 
     local: np.ndarray
     precisions: np.ndarray
@@ -58,27 +52,7 @@ def add_normal_equations(
     matrix: np.ndarray,
     right: np.ndarray,
 ) -> None:
-    """Add the equations of Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²) for small steps.
-
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Parameters.
-    shares : array, shape (n,)
-        Weights s; points of weight zero are left out.
-    gaps : array, shape (n, 3)
-        Vectors r from the points to their targets.
-    directions : array, shape (n, 3)
-        Unit vectors d.
-    along : float
-        Weight τ across the directions d.
-    matrix : array, shape (P, P)
-        Matrix for turns of the joints in space, betas and trans, P = 3 J + B + 3; added to.
-    right : array, shape (P,)
-        Right-hand side; added to.
-    """
+    """Add the equations of Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²) for small steps."""
     turns, places, shifts, shift_shapes, _ = joint_motions(body, pose)
     shaped = shaped_points(body, pose)
     n_joints, n_betas = len(body.parents), len(pose.betas)
@@ -150,23 +124,7 @@ def add_normal_equations(
 def add_prior(
     body: ModelSamples, pose: Pose, prior: Prior, size: float, matrix: np.ndarray, right: np.ndarray
 ) -> None:
-    """Add the equations of the prior, in the same coordinates.
-
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Parameters.
-    prior : Prior
-        The prior.
-    size : float
-        Its weight, square metres.
-    matrix : array, shape (P, P)
-        Added to.
-    right : array, shape (P,)
-        Added to.
-    """
+    """Add the equations of the prior, in the same coordinates."""
     axes = joint_motions(body, pose)[4]
     n_joints = len(body.parents)
     difference = np.empty((3, 3))
@@ -189,21 +147,7 @@ def add_prior(
 def stepped(
     body: ModelSamples, pose: Pose, matrix: np.ndarray, right: np.ndarray, longest: float
 ) -> Pose:
-    """Return the parameters after the step that solves the equations.
-
-    Parameters
-    ----------
-    body : ModelSamples
-        The model.
-    pose : Pose
-        Parameters.
-    matrix : array, shape (P, P)
-        Matrix of the normal equations, which is overwritten.
-    right : array, shape (P,)
-        Right-hand side.
-    longest : float
-        Largest turn of a joint, radians.
-    """
+    """Return the parameters after the step that solves the equations."""
     n_joints, n_betas = len(body.parents), len(pose.betas)
     for k in range(len(right)):
         matrix[k, k] += 1e-4 * matrix[k, k] + 1e-9
@@ -248,3 +192,127 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
             solution[i] -= matrix[k, i] * solution[k]
         solution[i] /= matrix[i, i]
     return solution
+
+
+KAPPA = 2.0
+"""Concentration κ of the normals."""
+
+OUTLIERS = 0.05
+"""Expected share of scan points that do not belong to the body, spread over a cubic metre."""
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def assign(
+    points: np.ndarray,
+    normals: np.ndarray,
+    areas: np.ndarray,
+    scan: np.ndarray,
+    scan_normals: np.ndarray,
+    sigma: float,
+    signed: bool,
+    masses: np.ndarray,
+    targets: np.ndarray,
+) -> float:
+    """Fill masses and targets of the body's points, and return the mean log-likelihood."""
+    n = points.shape[1]
+    share = np.empty(n, np.float32)
+    # exp(−t) as (1 − t/1024)^1024, which needs only multiplications.
+    scale = np.float32(0.5 / (sigma * sigma) / 1024.0)
+    angular = np.float32(KAPPA / 1024.0)
+    one, zero = np.float32(1.0), np.float32(0.0)
+    # The mean of exp(κ (n·m − 1)) over all directions.
+    turned = (1.0 - math.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
+    volume = (2.0 * math.pi * sigma * sigma) ** 1.5 * turned / (1.0 - OUTLIERS)
+    outliers = np.float32(OUTLIERS * volume)
+    place_x, place_y, place_z = points[0], points[1], points[2]
+    normal_x, normal_y, normal_z = normals[0], normals[1], normals[2]
+    target_x, target_y, target_z = targets[0], targets[1], targets[2]
+    masses[:] = zero
+    targets[:] = zero
+    likelihood = 0.0
+    for j in range(scan.shape[0]):
+        x, y, z = scan[j, 0], scan[j, 1], scan[j, 2]
+        p, q, r = scan_normals[j, 0], scan_normals[j, 1], scan_normals[j, 2]
+        total = zero
+        for i in range(n):
+            dx, dy, dz = place_x[i] - x, place_y[i] - y, place_z[i] - z
+            cosine = normal_x[i] * p + normal_y[i] * q + normal_z[i] * r
+            cosine = cosine if signed else abs(cosine)
+            t = one - (dx * dx + dy * dy + dz * dz) * scale - (one - cosine) * angular
+            t = t if t > zero else zero
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= t
+            t *= areas[i]
+            share[i] = t
+            total += t
+        likelihood += math.log(total + outliers)
+        factor = one / (total + outliers)
+        for i in range(n):
+            t = share[i] * factor
+            masses[i] += t
+            target_x[i] += t * x
+            target_y[i] += t * y
+            target_z[i] += t * z
+    return likelihood / scan.shape[0] - math.log(volume)
+
+
+# Number of independent points that the scan counts as, relative to the prior.
+_WORTH = 300.0
+_LONGEST_TURN = 0.6
+# Weight of a landmark, as a share of all scan points.
+_LANDMARK = 0.03
+
+
+@compiled
+def annealed(
+    body: ModelSamples,
+    start: Pose,
+    prior: Prior,
+    scan: np.ndarray,
+    scan_normals: np.ndarray,
+    sigmas: np.ndarray,
+    signed: bool,
+    landmarks: np.ndarray,
+) -> tuple[Pose, float]:
+    """Fit a body to a scan, and return it with the likelihood before the last step."""
+    n = len(body.areas)
+    n_columns = 3 * len(body.parents) + len(start.betas) + 3
+    areas = body.areas.astype(np.float32)
+    masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
+    shares, gaps = np.empty(n), np.empty((n, 3))
+    pose, likelihood = start, -np.inf
+    for sigma in sigmas:
+        points, normals = posed(body, pose)
+        likelihood = assign(
+            np.ascontiguousarray(points.T).astype(np.float32),
+            np.ascontiguousarray(normals.T).astype(np.float32),
+            areas,
+            scan,
+            scan_normals,
+            sigma,
+            signed,
+            masses,
+            targets,
+        )
+        for i in range(n):
+            shares[i] = masses[i] / len(scan)
+            for x in range(3):
+                mean = targets[x, i] / masses[i] if masses[i] > 0.0 else 0.0
+                gaps[i, x] = mean - points[i, x]
+            if not math.isnan(landmarks[i, 0]):
+                shares[i] = _LANDMARK
+                for x in range(3):
+                    gaps[i, x] = landmarks[i, x] - points[i, x]
+        matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
+        add_normal_equations(body, pose, shares, gaps, normals, 1.0, matrix, right)
+        add_prior(body, pose, prior, sigma * sigma / _WORTH, matrix, right)
+        pose = stepped(body, pose, matrix, right, _LONGEST_TURN)
+    return pose, likelihood

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from riemhuman.bodies import BodyModel, rotation_matrix
-from riemhuman.bodies.joint_tree import root_first
-from riemhuman.bodies.skinning import chained_motions, skinned
+from riemhuman.bodies import BodyModel, joint_motions, rotation_matrix, skin_surface
 from riemhuman.datasets.open_poses import NATURAL_POSES, TOUCHED, joint_turns, pose_vectors
-from riemhuman.datasets.surface_noise import surface_noise
 
 # Deviations of a person from a pose as written: standard deviations in degrees.
 _OFFSET_DEGREES = {
@@ -47,25 +44,7 @@ _BULGE_METRES, _BULGE_WIDTH, _BULGE_SHIFT = 0.02, 0.08, 0.03
 def natural_performances(
     model: BodyModel, betas: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """Return the natural poses as people hold them.
-
-    Every person deviates from every pose by a few degrees per joint, in part by the same habit in
-    all poses. Where hands touch the body, arms are moved until they do.
-
-    Parameters
-    ----------
-    model : BodyModel
-        The open model.
-    betas : array, shape (n_people, B)
-        Shape coefficients.
-    rng : numpy.random.Generator
-        Source of random offsets and places.
-
-    Returns
-    -------
-    poses : array, shape (n_people, n_poses, J, 3)
-        Pose vectors.
-    """
+    """Return the natural poses as people hold them."""
     turns = np.stack([joint_turns(angles, model) for angles in NATURAL_POSES.values()])
     degrees = [_OFFSET_DEGREES[name.split("_")[-1]] for name in model.joint_names]
     shape = (len(betas), len(turns), model.n_joints, 3)
@@ -89,26 +68,7 @@ def natural_surfaces(
     poses: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the surfaces of one person, with individual detail and soft tissue.
-
-    Parameters
-    ----------
-    model : BodyModel
-        The open model, at any resolution.
-    joints : array, shape (J, 3)
-        Joints of the mean body in the rest pose, around which soft tissue moves, metres.
-    betas : array, shape (B,)
-        Shape coefficients.
-    poses : array, shape (n_poses, J, 3)
-        Pose vectors.
-    rng : numpy.random.Generator
-        Source of random detail and tissue.
-
-    Returns
-    -------
-    points : array, shape (n_poses, V, 3)
-        Metres; with the pelvis as `model` places it.
-    """
+    """Return the surfaces of one person, with individual detail and soft tissue."""
     places = model.template.vertices
     detail = surface_noise(places, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
     centres = joints + rng.normal(0.0, _BULGE_SHIFT, joints.shape)
@@ -119,10 +79,10 @@ def natural_surfaces(
     rest = model(betas) + detail + np.tensordot(bent, bulges, axes=(1, 1))
 
     own_joints = model.joints(betas)
-    turns, shifts = chained_motions(
-        own_joints, rotation_matrix(poses), model.parents, root_first(model.parents)
+    turns, shifts = joint_motions(
+        own_joints, rotation_matrix(poses), model.parents, model.joint_order
     )
-    return skinned(rest, model.weights, own_joints, turns, shifts)
+    return skin_surface(rest, model.weights, own_joints, turns, shifts)
 
 
 def _reaching(
@@ -132,7 +92,7 @@ def _reaching(
     names, mirror = model.joint_names, np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
     arm = [names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow", "wrist")]
     targets, outward = _touched(model, betas, poses, places * mirror)
-    joints, order = model.joints(betas), root_first(model.parents)
+    joints, order = model.joints(betas), model.joint_order
     hand = model.weights[:, arm[-1]] > 0.9
     palm = model(betas)[:, hand].mean(axis=1) + _HALF_HAND_METRES * mirror * _PALM
     facing = mirror * _PALM / np.linalg.norm(_PALM)
@@ -143,7 +103,7 @@ def _reaching(
         rotations = np.repeat(written[:, None], turns.shape[1], axis=1)
         own = rotation_matrix(turns.reshape(*turns.shape[:-1], 3, 3))
         rotations[..., arm, :, :] = own @ rotations[..., arm, :, :]
-        frames, shifts = chained_motions(joints[:, None], rotations, model.parents, order)
+        frames, shifts = joint_motions(joints[:, None], rotations, model.parents, order)
         frame = frames[..., arm[-1], :, :]
         lever = (palm - joints[:, arm[-1]])[:, None, :, None]
         reached = shifts[..., arm[-1], :] + (frame @ lever)[..., 0]
@@ -184,3 +144,19 @@ def _touched(
     outward = np.sum(np.where(around[..., None], areas, 0.0), axis=1)
     people = np.arange(len(betas))
     return surfaces[people, found], outward / np.linalg.norm(outward, axis=-1, keepdims=True)
+
+
+_N_WAVES = 12
+
+
+def surface_noise(
+    points: np.ndarray, size: float, wavelengths: tuple[float, float], rng: np.random.Generator
+) -> np.ndarray:
+    """Return a sum of random plane waves at every point."""
+    directions, displacements = rng.standard_normal((2, _N_WAVES, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    displacements /= np.linalg.norm(displacements, axis=1, keepdims=True)
+    frequencies = 2 * np.pi / rng.uniform(*wavelengths, (_N_WAVES, 1)) * directions
+    phases = rng.uniform(0.0, 2 * np.pi, _N_WAVES)
+    waves = np.cos(points @ frequencies.T + phases)
+    return size * np.sqrt(2.0 / _N_WAVES) * (waves @ displacements)
