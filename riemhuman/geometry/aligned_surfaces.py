@@ -8,11 +8,9 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, one_of, real_array, values_of
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
-from riemhuman.geometry.template_surfaces import TemplateSurfaces
+from riemhuman.geometry.surface_metric import ElasticMetric
 from riemhuman.kernels import surface
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.tiles import of_one_kind
@@ -24,7 +22,7 @@ if TYPE_CHECKING:
     from riemhuman.surfaces.template import Template
 
 
-class AlignedSurfaces(TemplateSurfaces, Manifold):
+class AlignedSurfaces(Manifold):
     """Maps f: T → R³ that are linear on the triangles of a template T.
 
     A point holds the vertices of a surface in the template's order: an open subset of the vector
@@ -38,8 +36,8 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
     equip : bool
         Whether to equip the manifold with `ElasticMetric`.
     scale : {"template"} or None
-        "template" refuses surfaces more than eight times as large or as small as the template,
-        which are evidently in another unit; None accepts any size.
+        "template" raises an error for surfaces more than eight times as large or as small as the
+        template, which are evidently in another unit; None accepts any size.
 
     Examples
     --------
@@ -53,6 +51,8 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
     ((2400, 2, 2), (2400, 3))
     """
 
+    is_surface_space = True
+
     def __init__(
         self, template: Template, equip: bool = True, *, scale: str | None = "template"
     ) -> None:
@@ -62,41 +62,28 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
         super().__init__(3 * template.n_vertices, (template.n_vertices, 3), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `ElasticMetric`."""
         return ElasticMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Tell whether all vertices are finite and all triangles have area.
+        """Return whether all vertices are finite and all triangles have area.
 
-        Hardly any is none, since whoever rounds in another order may find none.
-
-        Parameters
-        ----------
-        atol : float
-            Not used: degenerate triangles are recognised by their angles.
+        Areas that are nearly zero count as zero: rounding in another order may make them zero.
         """
         point, finite = self._candidates(point, "point")
-        if point.ndim == 3 and len(point) > 2:
-            # A path: solvers ask for every step, and have the compiled loops loaded.
-            template = self.template
-            frames = template.frame_coefficients
-            degenerate = nearly_degenerate_triangles(of_one_kind(point), template.faces, frames)
-        else:
-            derivatives = self.partial_derivatives(point)
-            degenerate = self._is_degenerate(*derivatives, surface.NEARLY_DEGENERATE)
-        return finite & ~np.any(degenerate, axis=-1)
+        template, leading = self.template, point.shape[:-2]
+        degenerate = nearly_degenerate_triangles(
+            of_one_kind(point.reshape(-1, *self.shape)), template.faces, template.frame_coefficients
+        )
+        return finite & ~np.any(degenerate, axis=-1).reshape(leading)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Return the vector itself: every deformation is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw the template under random linear maps near the identity.
+        """Draw the template under random linear maps.
 
-        Parameters
-        ----------
-        bound : float
-            Entries of the maps differ from those of the identity by at most a fifth of it.
+        Their entries differ from those of the identity by at most a fifth of `bound`.
         """
         noise = generator(rng).uniform(-1.0, 1.0, (sample_count(n_samples), 3, 3))
         maps = np.eye(3) + 0.2 * sample_bound(bound) * noise
@@ -260,11 +247,7 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
     def check_point(self, point: Any, name: str = "point") -> ndarray:
         """Return surfaces as float64 arrays after checking them.
 
-        Parameters
-        ----------
-        point : array_like, shape (..., V, 3)
-            Surfaces, or rows of 3V numbers; triangles without area are legal, as in the
-            completion.
+        Triangles without area are legal, as in the completion.
 
         Raises
         ------
@@ -278,20 +261,51 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
         return point
 
     def check_tangent_vec(self, tangent_vec: Any, name: str = "tangent_vec") -> ndarray:
-        return real_array(tangent_vec, name, self.shape, lengths=True)
+        """Return deformations as float64 arrays after checking them.
 
-    def check_scale(self, point: ndarray, name: str = "point") -> None:
-        """Refuse surfaces that are evidently in another unit than the template; see `scale`.
+        Parameters
+        ----------
+        tangent_vec : array_like, shape (..., V, 3)
+            Deformations, of any size.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
 
         Raises
         ------
         ArgumentError
-            If one is more than eight times as large or as small as the template.
+            If the number of vertices is not the template's, an entry is not finite, or areas
+            would leave the range of double precision.
         """
+        return real_array(tangent_vec, name, self.shape, lengths=True)
+
+    def check_scale(self, point: ndarray, name: str = "point") -> None:
+        """Raise ArgumentError if surfaces are in another unit than the template; see `scale`."""
         if self.scale is not None:
             check_same_scale(values_of(point), self._reference, name, "the template")
 
     def check_immersed(self, f: Any, name: str = "f") -> ndarray:
+        """Return surfaces as float64 arrays if all their triangles have area.
+
+        Parameters
+        ----------
+        f : array_like, shape (..., V, 3)
+            Surfaces.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., V, 3)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle has no area, so that g is not invertible there and has no normal.
+        """
         f = self.check_tangent_vec(f, name)
         surface.refuse_degenerate(self._is_degenerate(*self.partial_derivatives(f)), name)
         return f
@@ -301,5 +315,5 @@ class AlignedSurfaces(TemplateSurfaces, Manifold):
         return surface.unit_normals(f_u, f_v)
 
     @staticmethod
-    def _is_degenerate(f_u: ndarray, f_v: ndarray, bound: float = surface.DEGENERATE) -> ndarray:
-        return surface.is_degenerate(values_of(f_u), values_of(f_v), bound)
+    def _is_degenerate(f_u: ndarray, f_v: ndarray) -> ndarray:
+        return surface.is_degenerate(values_of(f_u), values_of(f_v))

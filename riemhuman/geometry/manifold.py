@@ -1,33 +1,39 @@
-"""The abstract manifold: a space that comes with a metric."""
+"""Manifolds whose points and tangent vectors are arrays of one shape."""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from copy import copy
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-from riemhuman.errors import ArgumentTypeError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.space import Space
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import Rng, generator, real_array, real_number, values_of, whole_number
+from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text
 
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
 
-class Manifold(Space):
+
+class Manifold(ABC):
     r"""A manifold whose points and tangent vectors are arrays of one shape.
 
-    Subclasses say which arrays are points (`belongs`), project to the tangent spaces
-    (`to_tangent`) and make examples (`random_point`).
+    Subclasses define which arrays are points (`belongs`), projections to the tangent spaces
+    (`to_tangent`) and examples (`random_point`).
 
     Parameters
-    ----------
-    equip : bool
-        Whether to equip the manifold with its default metric.
-
-    Attributes
     ----------
     dim : int
         Dimension.
     shape : tuple of int
         Shape of one point.
+    equip : bool
+        Whether to equip the manifold with its default metric.
+
+    Attributes
+    ----------
     metric : RiemannianMetric
         The metric the manifold was equipped with last.
 
@@ -53,13 +59,33 @@ class Manifold(Space):
 
     metric: RiemannianMetric
 
+    is_surface_space: bool = False
+    """Whether points are surfaces over a `template`, with metric and normal fields."""
+
+    template: Any = None
+    """The template that points are surfaces over, or fields on, if there is one."""
+
+    factors: tuple[Manifold, ...] = ()
+    """The factors of a product, each equipped with a metric."""
+
     def __init__(self, dim: int, shape: tuple[int, ...], equip: bool = True) -> None:
-        super().__init__(dim, shape)
+        self.dim = dim
+        self.shape = shape
         if equip and self.default_metric() is not None:
             self.equip_with_metric()
 
     def __repr__(self) -> str:
         return constructor_text(self, leave_out=("equip",))
+
+    @property
+    def point_ndim(self) -> int:
+        """The number of axes of one point."""
+        return len(self.shape)
+
+    @property
+    def is_equipped(self) -> bool:
+        """Whether the manifold has a metric."""
+        return "metric" in vars(self)
 
     def default_metric(self) -> type[RiemannianMetric] | None:
         """Return the class of the metric the manifold comes with, if there is one."""
@@ -117,3 +143,212 @@ class Manifold(Space):
         if equip and other.default_metric() is not None:
             other.equip_with_metric()
         return other
+
+    @abstractmethod
+    def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
+        r"""Return whether arrays are points of the manifold.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Candidate points.
+        atol : float
+            Absolute tolerance.
+
+        Returns
+        -------
+        array of bool, shape (...)
+            Arrays of another shape are not points; there is one answer for each index of their
+            leading axes.
+        """
+
+    @abstractmethod
+    def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+        r"""Project arrays to the tangent space at a point.
+
+        Parameters
+        ----------
+        vector : array, shape (..., \*shape)
+            Arrays.
+        base_point : array, shape (..., \*shape), optional
+            Points; needed unless the tangent space is the same at all of them.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        ArgumentTypeError
+            If no point is given where one is needed.
+        """
+
+    @abstractmethod
+    def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
+        r"""Draw random points, from no distribution in particular.
+
+        Parameters
+        ----------
+        n_samples : int
+            Number of points.
+        bound : float
+            How far they spread, where the manifold is not compact.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
+
+        Returns
+        -------
+        array, shape (n_samples, \*shape), or (\*shape,) for one sample
+        """
+
+    def is_tangent(
+        self, vector: ndarray, base_point: ndarray | None = None, atol: float = 1e-9
+    ) -> ndarray:
+        r"""Return whether arrays are tangent vectors at a point.
+
+        Parameters
+        ----------
+        vector : array, shape (..., \*shape)
+            Candidate tangent vectors.
+        base_point : array, shape (..., \*shape), optional
+            Points; needed unless the tangent space is the same at all of them.
+        atol : float
+            Absolute tolerance.
+
+        Returns
+        -------
+        array of bool, shape (...)
+        """
+        vector, finite = self._candidates(vector, "vector")
+        if base_point is not None:
+            base_point = self.check_point(base_point, "base_point")
+            vector = vector + np.zeros_like(base_point)
+        error = np.abs(vector - self.to_tangent(vector, base_point))
+        return finite & np.all(error <= atol, axis=self._point_axes)
+
+    def random_tangent_vec(
+        self, base_point: ndarray | None = None, n_samples: int = 1, rng: Rng = None
+    ) -> ndarray:
+        r"""Draw random tangent vectors, one at each of several points or several at one.
+
+        Parameters
+        ----------
+        base_point : array, shape (\*shape,) or (n, \*shape), optional
+            Points; needed unless the tangent space is the same at all of them.
+        n_samples : int
+            Number of tangent vectors; for n > 1 points it may be 1 or n, with the same effect.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
+
+        Returns
+        -------
+        array, shape (n_samples, \*shape), or that of `base_point` for one sample
+
+        Raises
+        ------
+        ArgumentError
+            If there are several samples and another number of several points.
+        """
+        n_samples = whole_number(n_samples, "n_samples", minimum=1)
+        shape = self.shape
+        if base_point is not None:
+            base_point = self.check_point(base_point, "base_point")
+            shape = base_point.shape
+        if n_samples > 1 and len(shape) == self.point_ndim:
+            shape = (n_samples, *shape)
+        if n_samples > 1 and shape != (n_samples, *self.shape):
+            raise ArgumentError(
+                f"n_samples must be 1 or the number of base points; found {n_samples} with "
+                f"base_point of shape {shape}"
+            )
+        return self.to_tangent(generator(rng).standard_normal(shape), base_point)
+
+    def projection(self, point: ndarray) -> ndarray:
+        r"""Project arrays near the manifold to it, differentiably.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Arrays near the manifold.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        return point
+
+    def check_point(self, point: Any, name: str = "point") -> ndarray:
+        r"""Return points as float64 arrays after checking them.
+
+        Parameters
+        ----------
+        point : array_like, shape (..., \*shape)
+            Points, or rows of as many numbers as a point has, shape (..., n).
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or there are NaN or infinite entries.
+        """
+        return real_array(point, name, self.shape, rows=True)
+
+    def check_scale(self, point: ndarray, name: str = "point") -> None:
+        r"""Raise an error if points are measured in another unit of length, where there is one.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Points.
+        name : str
+            Name of the argument, for messages.
+        """
+
+    @property
+    def _point_axes(self) -> tuple[int, ...]:
+        return tuple(range(-self.point_ndim, 0))
+
+    def _needed_base_point(self, base_point: ndarray | None) -> ndarray:
+        """Return a base point; raise ArgumentTypeError if there is none."""
+        if base_point is None:
+            raise ArgumentTypeError(
+                "base_point must be given: tangent vectors and inner products of "
+                f"{type(self).__name__} depend on it"
+            )
+        return base_point
+
+    def _candidates(
+        self, array: ndarray, name: str, finite: bool = True
+    ) -> tuple[ndarray, ndarray]:
+        """Return arrays of the points' shape, and which of them are those that were given.
+
+        Arrays of another shape and, if `finite`, arrays with infinite entries become 0.
+        """
+        values = real_array(values_of(array, name), name, finite=False)
+        leading = values.shape[: max(values.ndim - self.point_ndim, 0)]
+        if values.shape != (*leading, *self.shape):
+            return np.zeros((*leading, *self.shape)), np.zeros(leading, dtype=bool)
+        if not finite:
+            return values, np.ones(leading, dtype=bool)
+        good = np.all(np.isfinite(values), axis=self._point_axes)
+        return np.where(np.expand_dims(good, self._point_axes), values, 0.0), good
+
+
+def sample_count(n_samples: int) -> int:
+    """Return the number of random samples, at least 1."""
+    return whole_number(n_samples, "n_samples", minimum=1)
+
+
+def sample_bound(bound: float) -> float:
+    """Return the spread of random points, at least 0."""
+    return real_number(bound, "bound", minimum=0.0)
+
+
+def stack_samples(samples: ndarray, n_samples: int) -> ndarray:
+    """Return samples without their first axis if there is only one."""
+    return samples[0] if n_samples == 1 else samples

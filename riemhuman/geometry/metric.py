@@ -2,50 +2,78 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from functools import wraps
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import autograd.numpy as np
-from autograd import elementwise_grad
+from autograd import elementwise_grad, value_and_grad
+from autograd.extend import defvjp_argnums, primitive
 from numpy import ndarray
 
-from riemhuman.checks import metric_weight
-from riemhuman.docstrings import InheritsDocstrings
-from riemhuman.errors import ArgumentTypeError, NotDefinedError
-from riemhuman.geometry.bulk import Bulk, SumOfFactors
-from riemhuman.geometry.derived_quantities import DerivedQuantities
-from riemhuman.geometry.geodesic_quantities import GeodesicQuantities
-from riemhuman.geometry.pairwise import ManyDistances
-from riemhuman.geometry.path_quantities import PathQuantities
-from riemhuman.geometry.space import Space
+from riemhuman.checks import Rng, check_shape, metric_weight, one_of, real_array, whole_number
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    NotDefinedError,
+    OutsideManifoldError,
+)
+from riemhuman.geometry.pairwise import (
+    MEMORY,
+    PRECISIONS,
+    Bulk,
+    Features,
+    PairByPair,
+    Points,
+    SumOfFactors,
+    features_in_threads,
+    table_of_distances,
+)
 from riemhuman.kernels.scalars import square_root
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 from riemhuman.representation import constructor_text
 
+if TYPE_CHECKING:
+    from riemhuman.geometry.manifold import Manifold
+    from riemhuman.geometry.strategies import (
+        ExpSolver,
+        GeodesicSolver,
+        LogSolver,
+        TransportSolver,
+    )
 
-class RiemannianMetric(
-    InheritsDocstrings, PathQuantities, GeodesicQuantities, DerivedQuantities, ManyDistances
-):
+
+class Solvers(TypedDict, total=False):
+    """Keyword arguments of all metrics: strategies for what has no closed form."""
+
+    geodesic_solver: GeodesicSolver | None
+    exp_solver: ExpSolver | None
+    log_solver: LogSolver | None
+    transport_solver: TransportSolver | None
+
+
+class RiemannianMetric:
     r"""A Riemannian metric on a manifold.
 
     A subclass defines `inner_product`, or `squared_dist` where there is a closed form, or both;
-    norm, distance, energy, length and their gradients by autograd follow. With
-    `squared_dist` alone the inner product is half its second derivative on the diagonal.
+    norm, distance, energy, length and their gradients by autograd follow. With `squared_dist`
+    alone the inner product is half its second derivative on the diagonal. Properties say what a
+    metric has and what leaves its distances unchanged; solvers read them.
 
     Parameters
     ----------
     space : Manifold
         The manifold.
-    geodesic_solver : object, optional
+    geodesic_solver : GeodesicSolver, optional
         Strategy with a method ``solve(metric, start, end)`` for geodesics and distances that have
         no closed form, see `riemhuman.solvers`.
-    exp_solver : object, optional
+    exp_solver : ExpSolver, optional
         Strategy with a method ``solve(metric, tangent_vec, base_point)`` for `exp` where it has
         no closed form.
-    log_solver : object, optional
+    log_solver : LogSolver, optional
         Strategy with a method ``solve(metric, point, base_point)`` for `log` where it has no
         closed form.
-    transport_solver : object, optional
+    transport_solver : TransportSolver, optional
         Strategy with a method ``solve(metric, tangent_vec, base_point, direction, end_point)`` for
         `parallel_transport` where it has no closed form.
 
@@ -65,9 +93,18 @@ class RiemannianMetric(
     10.0
     """
 
+    is_translation_invariant: bool = False
+    """Whether translating one of two surfaces leaves their distance unchanged."""
+
+    is_stretch_invariant: bool = False
+    """Whether longer or shorter edges leave the distance of two surfaces unchanged."""
+
+    is_reparametrization_invariant: bool = False
+    """Whether it costs nothing when a surface slides along itself."""
+
     def __init__(
         self,
-        space: Space,
+        space: Manifold,
         geodesic_solver: GeodesicSolver | None = None,
         *,
         exp_solver: ExpSolver | None = None,
@@ -79,7 +116,7 @@ class RiemannianMetric(
                 f"{type(self).__name__} takes a space of points, such as "
                 f"AlignedSurfaces(template); found {type(space).__name__}"
             )
-        self.space = space
+        self.space: Any = space
         self.geodesic_solver = geodesic_solver
         self.exp_solver = exp_solver
         self.log_solver = log_solver
@@ -92,6 +129,15 @@ class RiemannianMetric(
         return ScalarProductMetric(self, scale)
 
     __rmul__ = __mul__
+
+    # What a metric has.
+
+    @property
+    def solvers(self) -> Solvers:
+        """The strategies that it was given, by name."""
+        names = "geodesic_solver", "exp_solver", "log_solver", "transport_solver"
+        given = {name: getattr(self, name) for name in names}
+        return Solvers(**{name: solver for name, solver in given.items() if solver is not None})
 
     @property
     def has_closed_form_dist(self) -> bool:
@@ -112,6 +158,48 @@ class RiemannianMetric(
     def has_closed_form_transport(self) -> bool:
         """Whether the class defines `parallel_transport` itself."""
         return type(self).parallel_transport is not RiemannianMetric.parallel_transport
+
+    @property
+    def has_metric_matrix(self) -> bool:
+        """Whether the class defines `metric_matrix`, with which solvers precondition."""
+        return type(self).metric_matrix is not RiemannianMetric.metric_matrix
+
+    @property
+    def has_lower_bound_coordinates(self) -> bool:
+        """Whether the class defines `lower_bound_coordinates`, which speed up nearest neighbours."""
+        defined = type(self).lower_bound_coordinates
+        return defined is not RiemannianMetric.lower_bound_coordinates
+
+    @property
+    def has_target_metric(self) -> bool:
+        """Whether it is pulled back by `map` from a space where geodesics have a closed form."""
+        return False
+
+    @property
+    def target_metric(self) -> RiemannianMetric:
+        """The metric on the image of `map`, for metrics that are pulled back."""
+        raise self._not_defined_at_all("target_metric")
+
+    @property
+    def complementary_metric(self) -> RiemannianMetric | None:
+        """A metric of what this one does not measure, or None."""
+        return None
+
+    def with_stretching(self, weight: float) -> RiemannianMetric:
+        """Return a metric that measures lengths as well; by default the metric itself.
+
+        Parameters
+        ----------
+        weight : float
+            Weight above 0 of the metric of lengths, in units of the metric's own weights.
+
+        Returns
+        -------
+        RiemannianMetric
+        """
+        return self
+
+    # Inner products and distances.
 
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
@@ -198,6 +286,25 @@ class RiemannianMetric(
         gram = np.tensordot(covectors, vectors, (axes, axes))
         return 0.5 * (gram + gram.T)
 
+    def metric_matrix(self, base_point: ndarray) -> Any:
+        r"""Return the sparse matrix M of the metric: ⟨h, k⟩ = h·(M k), points flattened.
+
+        Parameters
+        ----------
+        base_point : array, shape (\*shape,) or (n, \*shape)
+            One base point, or several to average over.
+
+        Returns
+        -------
+        sparse array, shape (size of a point, size of a point)
+
+        Raises
+        ------
+        NotDefinedError
+            If the class does not define it, see `has_metric_matrix`.
+        """
+        raise self._not_defined_at_all("metric_matrix")
+
     def squared_norm(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         r"""Return the squared norm of tangent vectors.
 
@@ -229,6 +336,46 @@ class RiemannianMetric(
         array, shape (...)
         """
         return square_root(self.squared_norm(vector, base_point))
+
+    def normalize(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
+        r"""Return tangent vectors scaled to norm 1; zero vectors stay zero.
+
+        Parameters
+        ----------
+        vector : array, shape (..., \*shape)
+            Tangent vectors.
+        base_point : array, shape (..., \*shape), optional
+            Base point.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+        """
+        norm = self.norm(vector, base_point)
+        scale = 1.0 / np.where(norm == 0.0, 1.0, norm)
+        return np.expand_dims(scale, self.space._point_axes) * vector
+
+    def random_unit_tangent_vec(
+        self, base_point: ndarray | None = None, n_vectors: int = 1, rng: Rng = None
+    ) -> ndarray:
+        r"""Draw random tangent vectors of norm 1.
+
+        Parameters
+        ----------
+        base_point : array, shape (\*shape,) or (n, \*shape), optional
+            Points; needed unless tangent spaces and inner products are the same at all of them.
+        n_vectors : int
+            Number of vectors; at several points, one at each.
+        rng : int or numpy.random.Generator, optional
+            Seed, or the generator to draw from; by default every call draws anew.
+
+        Returns
+        -------
+        array, shape (n_vectors, \*shape), or that of `base_point` for one vector
+        """
+        n_vectors = whole_number(n_vectors, "n_vectors", minimum=1)
+        vector = self.space.random_tangent_vec(base_point, n_vectors, rng)
+        return self.normalize(vector, base_point)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         r"""Return the squared distance of points.
@@ -266,6 +413,631 @@ class RiemannianMetric(
         """
         return square_root(self.squared_dist(point_a, point_b))
 
+    # Distances of many pairs, see `riemhuman.geometry.pairwise`.
+
+    @property
+    def bulk(self) -> Bulk:
+        """How distances of many pairs are computed from features; by default one by one."""
+        return PairByPair(self.squared_dist)
+
+    def dist_pairwise(
+        self,
+        points: Points,
+        n_jobs: int | None = None,
+        *,
+        precision: str = "single",
+        memory: int = MEMORY,
+        progress: bool = False,
+    ) -> ndarray:
+        r"""Return all distances within a set of points.
+
+        Parameters
+        ----------
+        points : array or sequence, shape (n, \*shape)
+            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
+        n_jobs : int, optional
+            Number of threads, -1 for one per core; by default one. The result does not depend on
+            it.
+        precision : {"single", "double"}
+            Precision in which metrics with compiled loops compare features of the points: relative
+            errors stay below 1e-5 in single precision, and at rounding errors in double. Pairs too
+            close for single precision are detected and computed in double.
+        memory : int
+            Bytes of features in memory at once. If those of all points need more, they are
+            recomputed for every block of rows.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n, n)
+            Symmetric, with zero diagonal.
+
+        Raises
+        ------
+        ArgumentError
+            If a point has another shape or an entry that is not finite, or an option is not legal.
+        DegenerateSurfaceError
+            If the metric needs a normal of a triangle without area.
+        """
+        return table_of_distances(self, points, None, n_jobs, precision, memory, progress)
+
+    def cdist(
+        self,
+        points_a: Points,
+        points_b: Points,
+        n_jobs: int | None = None,
+        *,
+        precision: str = "single",
+        memory: int = MEMORY,
+        progress: bool = False,
+    ) -> ndarray:
+        r"""Return all distances between two sets of points, see `dist_pairwise`.
+
+        Parameters
+        ----------
+        points_a : array or sequence, shape (n_a, \*shape)
+            Points of the first set.
+        points_b : array or sequence, shape (n_b, \*shape)
+            Points of the second set.
+        n_jobs : int, optional
+            Number of threads, -1 for one per core; by default one.
+        precision : {"single", "double"}
+            Precision in which metrics with compiled loops work.
+        memory : int
+            Bytes of features in memory at once.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        array, shape (n_a, n_b)
+        """
+        return table_of_distances(self, points_a, points_b, n_jobs, precision, memory, progress)
+
+    def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
+        r"""Return the index of the nearest of some points; of several equally near, the first.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            Points.
+        neighbors : array, shape (n, \*shape)
+            Points to choose from, at least one.
+
+        Returns
+        -------
+        array of int, shape (...)
+            Indices into `neighbors`.
+
+        Raises
+        ------
+        ArgumentError
+            If there is no point to choose from.
+        """
+        point = self.space.check_point(point)
+        if len(neighbors) == 0:
+            raise ArgumentError("neighbors must hold at least one point; found none")
+        leading = point.shape[: -self.space.point_ndim]
+        to_neighbors = self.cdist(point.reshape(-1, *self.space.shape), neighbors)
+        return np.argmin(to_neighbors, axis=1).reshape(leading)
+
+    def diameter(self, points: Points) -> float:
+        r"""Return the largest distance between some points.
+
+        Parameters
+        ----------
+        points : array, shape (n, \*shape)
+            Points.
+
+        Returns
+        -------
+        float
+        """
+        return float(np.max(self.dist_pairwise(points, precision="double")))
+
+    def features(
+        self,
+        points: Points,
+        precision: str = "double",
+        n_jobs: int | None = None,
+        *,
+        name: str = "points",
+    ) -> Features:
+        r"""Return the features from which distances are computed, once for each point.
+
+        `bulk` computes distances from features. The first axis of every array is that of the
+        points, so features may be sliced, stored and memory-mapped.
+
+        Parameters
+        ----------
+        points : array or sequence, shape (n, \*shape)
+            Points.
+        precision : {"single", "double"}
+            Precision of the features, for metrics with compiled loops.
+        n_jobs : int, optional
+            Number of threads, -1 for one per core; by default one.
+        name : str
+            Name of the points, for messages.
+
+        Returns
+        -------
+        tuple of array, each of shape (n, ...)
+            C-contiguous.
+        """
+        one_of(precision, "precision", PRECISIONS)
+        if n_jobs is not None:
+            return features_in_threads(self, points, precision, n_jobs)
+        return self.bulk.features(self._check_members(points, name), precision)
+
+    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+        r"""Return coordinates whose Euclidean distances are at most those of the metric.
+
+        Parameters
+        ----------
+        points : array, shape (..., \*shape)
+            Points.
+        n_patches : int, optional
+            Number of patches of triangles to average over; by default there is no averaging, and
+            the bound is tightest.
+
+        Returns
+        -------
+        array, shape (..., m)
+
+        Raises
+        ------
+        NotDefinedError
+            If the class does not define it, see `has_lower_bound_coordinates`.
+        """
+        raise self._not_defined_at_all("lower_bound_coordinates")
+
+    def check_points(self, points: Points, name: str = "points") -> ndarray:
+        r"""Return a set of points as a float64 array after checking it.
+
+        Parameters
+        ----------
+        points : array_like, shape (n, \*shape)
+            Points.
+        name : str
+            Name of the argument, for messages.
+
+        Returns
+        -------
+        array, shape (n, \*shape)
+        """
+        checked: ndarray = real_array(points, name, self.space.shape, rows=True)
+        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
+        return checked
+
+    def _check_members(self, points: Points, name: str) -> ndarray:
+        """Return a set of points for `bulk`."""
+        return self.check_points(points, name)
+
+    # Energies and lengths of discrete paths.
+
+    def energy(self, path: ndarray) -> ndarray:
+        r"""Return the energy of discrete paths with n segments.
+
+        :math:`n \sum_i d^2(x_i, x_{i+1})` where `squared_dist` has a closed form, else the finite
+        differences :math:`n \sum_i \|x_{i+1} - x_i\|^2` at the midpoints of the segments
+        (equation 7 of the paper).
+
+        Parameters
+        ----------
+        path : array, shape (..., n_times, \*shape)
+            Paths.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        path = self._check_path(path)
+        n_segments = path.shape[-self.space.point_ndim - 1] - 1
+        return n_segments * np.sum(self._squared_segments(path), axis=-1)
+
+    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+        r"""Return the energy of one path and its gradient.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+            May be infinite at a path that leaves the manifold.
+        gradient : array, shape (n_times, \*shape)
+            Derivatives with respect to all entries of the path.
+        """
+        path = self.check_points(path, "path")
+        energy, gradient = value_and_grad(self.energy)(path)
+        return float(energy), gradient
+
+    def length(self, path: ndarray) -> ndarray:
+        r"""Return the length of discrete paths, the sum of the lengths of their segments.
+
+        Parameters
+        ----------
+        path : array, shape (..., n_times, \*shape)
+            Paths.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        path = self._check_path(path)
+        self.space.check_scale(path, "path")
+        return np.sum(square_root(self._squared_segments(path)), axis=-1)
+
+    def squared_dists_and_gradient(
+        self, point: ndarray, others: ndarray, weights: ndarray
+    ) -> tuple[ndarray, ndarray]:
+        r"""Return the squared distances of a point from others, and the gradient of their sum.
+
+        Distances are energies of paths of one segment.
+
+        Parameters
+        ----------
+        point : array, shape (\*shape,)
+            Point x.
+        others : array, shape (n, \*shape)
+            Points x_i.
+        weights : array, shape (n,)
+            Weights w_i > 0.
+
+        Returns
+        -------
+        squared : array, shape (n,)
+            d(x_i, x)², infinite where x or x_i leaves the manifold.
+        gradient : array, shape (\*shape,)
+            Gradient of Σ_i w_i d(x_i, x)² with respect to x.
+        """
+        squared, gradient = np.empty(len(others)), np.zeros(np.shape(point))
+        for i, (weight, other) in enumerate(zip(weights, others, strict=True)):
+            squared[i], slopes = self.energy_and_gradient(np.stack([other, point]))
+            gradient += weight * slopes[1]
+        return squared, gradient
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        r"""Move interior points of a path by motions that leave its energy unchanged, if any do.
+
+        Parameters
+        ----------
+        path : array, shape (n_times, \*shape)
+            Path.
+
+        Returns
+        -------
+        array, shape (n_times, \*shape)
+            A path of the same energy; by default the same path.
+        """
+        return path
+
+    def _squared_segments(self, path: ndarray) -> ndarray:
+        whole_point = (slice(None),) * self.space.point_ndim
+        start = path[(..., slice(None, -1), *whole_point)]
+        end = path[(..., slice(1, None), *whole_point)]
+        if self.has_closed_form_dist:
+            return self.squared_dist(start, end)
+        return self.squared_norm(end - start, self.space.projection(0.5 * (start + end)))
+
+    def _check_path(self, path: ndarray, batched: bool = True) -> ndarray:
+        path = real_array(path, "path", ("n_times", *self.space.shape), batched=batched)
+        n_times = path.shape[-self.space.point_ndim - 1]
+        if n_times < 2:
+            raise ArgumentError(f"path must have at least two times; found {n_times}")
+        return path
+
+    # Geodesics, exponentials, logarithms and transport, by solvers where there is no closed form.
+
+    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the end point of the geodesic with this initial velocity after unit time.
+
+        Where the class has no closed form, `exp_solver` computes the geodesics one by one; autograd
+        differentiates through solvers that have derivatives.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Initial velocities.
+        base_point : array, shape (..., \*shape)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        OutsideManifoldError
+            If the solver stops where the geodesic leaves the manifold.
+        """
+        solver = self.exp_solver
+        if solver is None:
+            raise self._not_defined("exp")
+        base_point = self.space.check_point(base_point, "base_point")
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        return self._one_by_one(
+            lambda point, velocity: solve_geodesic(velocity, point, self, solver)[-1],
+            base_point,
+            tangent_vec,
+        )
+
+    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
+        r"""Return the initial velocity of the minimal geodesic from `base_point` to `point`.
+
+        Where the class has no closed form, `log_solver` computes the logarithms one by one.
+
+        Parameters
+        ----------
+        point : array, shape (..., \*shape)
+            End points.
+        base_point : array, shape (..., \*shape)
+            Initial points.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        OutsideManifoldError
+            If no unique minimal geodesic inside the manifold exists.
+        """
+        solver = self.log_solver
+        if solver is None:
+            raise self._not_defined("log")
+        base_point = self.space.check_point(base_point, "base_point")
+        point = self.space.check_point(point, "point")
+        return self._one_by_one(
+            lambda start, end: uninterrupted(solver.solve(self, end, start)).tangent_vec,
+            base_point,
+            point,
+        )
+
+    def parallel_transport(
+        self,
+        tangent_vec: ndarray,
+        base_point: ndarray,
+        direction: ndarray | None = None,
+        end_point: ndarray | None = None,
+    ) -> ndarray:
+        r"""Transport tangent vectors in parallel along geodesics.
+
+        Where the class has no closed form, `transport_solver` transports the vectors one by one.
+
+        Parameters
+        ----------
+        tangent_vec : array, shape (..., \*shape)
+            Tangent vectors at `base_point`.
+        base_point : array, shape (..., \*shape)
+            Points.
+        direction : array, shape (..., \*shape), optional
+            Initial velocity of the geodesic, followed for unit time.
+        end_point : array, shape (..., \*shape), optional
+            End point of the geodesic; exactly one of the two is given.
+
+        Returns
+        -------
+        array, shape (..., \*shape)
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        """
+        solver = self.transport_solver
+        if solver is None:
+            raise self._not_defined("parallel_transport")
+        _check_one_is_given(direction, end_point)
+        name = "end_point" if direction is None else "direction"
+        goals = real_array(end_point if direction is None else direction, name, self.space.shape)
+        tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
+        base_point = self.space.check_point(base_point, "base_point")
+
+        def carry(vector: ndarray, start: ndarray, goal: ndarray) -> ndarray:
+            return solver.solve(self, vector, start, **{name: goal}).tangent_vec
+
+        return self._one_by_one(carry, tangent_vec, base_point, goals)
+
+    def geodesic(
+        self,
+        initial_point: ndarray,
+        end_point: ndarray | None = None,
+        initial_tangent_vec: ndarray | None = None,
+    ) -> Callable[[Any], ndarray]:
+        r"""Return the geodesic between two points, or with an initial velocity.
+
+        Between two points it is the path that `geodesic_solver` finds, interpolated linearly
+        between its times; with an initial velocity it is exp(t v).
+
+        Parameters
+        ----------
+        initial_point : array, shape (..., \*shape)
+            Initial point.
+        end_point : array, shape (..., \*shape), optional
+            End point.
+        initial_tangent_vec : array, shape (..., \*shape), optional
+            Initial velocity; exactly one of the two is given.
+
+        Returns
+        -------
+        callable
+            Maps times in [0, 1], shape (n_times,) or a number, to points, shape (..., n_times,
+            \*shape).
+
+        Raises
+        ------
+        NotDefinedError
+            If there is neither a closed form nor a solver.
+        """
+        initial_point = self.space.check_point(initial_point, "initial_point")
+        if (end_point is None) == (initial_tangent_vec is None):
+            raise ArgumentError("geodesic needs end_point or initial_tangent_vec, and not both")
+        if end_point is not None:
+            end_point = self.space.check_point(end_point, "end_point")
+            return self._geodesic_between(initial_point, end_point)
+        velocity = real_array(initial_tangent_vec, "initial_tangent_vec", self.space.shape)
+
+        def follow(t: Any) -> ndarray:
+            times = self._times(t)
+            return self.exp(
+                times * self._with_time_axis(velocity), self._with_time_axis(initial_point)
+            )
+
+        return follow
+
+    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
+        path = np.asarray(self._solve("geodesic", start, end).path)
+
+        def follow(t: Any) -> ndarray:
+            position = self._times(t).ravel() * (len(path) - 1)
+            index = np.clip(position.astype(int), 0, len(path) - 2)
+            weight = np.expand_dims(position - index, self.space._point_axes)
+            return (1 - weight) * path[index] + weight * path[index + 1]
+
+        return follow
+
+    def _solve(self, name: str, start: ndarray, end: ndarray) -> Any:
+        """Return the result of `geodesic_solver` for one pair of points."""
+        if self.geodesic_solver is None:
+            raise self._not_defined(name)
+        start, end = (
+            real_array(point, "point", self.space.shape, rows=True) for point in (start, end)
+        )
+        if np.shape(start) != self.space.shape or np.shape(end) != self.space.shape:
+            raise ArgumentError(
+                f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
+                f"found {np.shape(start)} and {np.shape(end)}"
+            )
+        return uninterrupted(self.geodesic_solver.solve(self, start, end))
+
+    def _velocity(
+        self, base_point: ndarray, direction: ndarray | None, end_point: ndarray | None
+    ) -> ndarray:
+        """Return the initial velocity of the geodesic that vectors are transported along."""
+        _check_one_is_given(direction, end_point)
+        if end_point is not None:
+            return self.log(end_point, base_point)
+        return real_array(direction, "direction", self.space.shape)
+
+    def _one_by_one(self, solve: Callable[..., ndarray], *arrays: ndarray) -> ndarray:
+        """Return the results for broadcast arrays of points or vectors."""
+        shape = np.broadcast_shapes(*(np.shape(array) for array in arrays))
+        # autograd's `broadcast_to` adds no axes.
+        arrays = tuple(array + np.zeros(shape) for array in arrays)
+        leading = shape[: len(shape) - self.space.point_ndim]
+        results = [solve(*(array[index] for array in arrays)) for index in np.ndindex(leading)]
+        return np.reshape(np.array(results), shape)
+
+    def _with_time_axis(self, point: ndarray) -> ndarray:
+        return np.expand_dims(point, -self.space.point_ndim - 1)
+
+    def _times(self, t: Any) -> ndarray:
+        """Return times followed by the axes of a point."""
+        times = np.atleast_1d(real_array(t, "t"))
+        if times.ndim != 1:
+            raise ArgumentError(f"t must be a number or have shape (n_times,); found {times.shape}")
+        return np.expand_dims(times, self.space._point_axes)
+
+    # Curvature; subclasses that know it define `curvature_form` and `injectivity_radius`.
+
+    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
+        r"""Return the radius of the largest ball in which `exp` is one to one.
+
+        Parameters
+        ----------
+        base_point : array, shape (..., \*shape), optional
+            Points.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        NotDefinedError
+            If the class does not know it.
+        """
+        raise NotDefinedError(f"{type(self).__name__} has no closed form for injectivity_radius")
+
+    def curvature_form(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
+    ) -> ndarray:
+        r"""Return ⟨R(a, b) b, a⟩, R the curvature tensor.
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+            Tangent vectors a and b.
+        base_point : array, shape (..., \*shape)
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+
+        Raises
+        ------
+        NotDefinedError
+            If the class does not know it.
+        """
+        raise NotDefinedError(f"{type(self).__name__} has no closed form for curvature")
+
+    def sectional_curvature(
+        self,
+        tangent_vec_a: ndarray,
+        tangent_vec_b: ndarray,
+        base_point: ndarray | None = None,
+    ) -> ndarray:
+        r"""Return the sectional curvature of the planes spanned by two tangent vectors.
+
+        .. math:: K = \frac{\langle R(a, b) b, a\rangle}{\|a\|^2\|b\|^2 - \langle a, b\rangle^2}
+
+        Parameters
+        ----------
+        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
+            Tangent vectors a and b.
+        base_point : array, shape (..., \*shape), optional
+            Base point.
+
+        Returns
+        -------
+        array, shape (...)
+            NaN where the vectors span no plane.
+
+        Raises
+        ------
+        NotDefinedError
+            If the class does not know its curvature.
+        """
+        form = self.curvature_form(tangent_vec_a, tangent_vec_b, base_point)
+        product = self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
+        squares = self.squared_norm(tangent_vec_a, base_point) * self.squared_norm(
+            tangent_vec_b, base_point
+        )
+        area = squares - product**2
+        flat = area <= 1e-14 * squares
+        return np.where(flat, np.nan, form / np.where(flat, 1.0, area))
+
+    def _not_defined(self, name: str) -> NotDefinedError:
+        return NotDefinedError(
+            f"{type(self).__name__} has no closed form for {name}; for geodesics pass a strategy "
+            "such as geodesic_solver=riemhuman.solvers.BasisPath(basis), for exp and log "
+            "exp_solver=riemhuman.solvers.DiscreteExponential(basis) and "
+            "log_solver=riemhuman.solvers.DiscreteLogarithm(basis), for parallel transport "
+            "transport_solver=riemhuman.solvers.PoleLadder(basis=basis)"
+        )
+
+    def _not_defined_at_all(self, name: str) -> NotDefinedError:
+        return NotDefinedError(f"{type(self).__name__} does not define {name}")
+
 
 class ScalarProductMetric(RiemannianMetric):
     """A metric times a number: ``2.0 * metric``.
@@ -282,13 +1054,7 @@ class ScalarProductMetric(RiemannianMetric):
     """
 
     def __init__(self, metric: RiemannianMetric, scale: float) -> None:
-        super().__init__(
-            metric.space,
-            metric.geodesic_solver,
-            exp_solver=metric.exp_solver,
-            log_solver=metric.log_solver,
-            transport_solver=metric.transport_solver,
-        )
+        super().__init__(metric.space, **metric.solvers)
         self.underlying_metric = metric
         self._scale = metric_weight(scale, "scale", strict=True)
 
@@ -298,96 +1064,84 @@ class ScalarProductMetric(RiemannianMetric):
         return self._scale
 
     @property
-    def has_closed_form_dist(self) -> bool:
-        """Whether the metric has distances in closed form."""
-        return self.underlying_metric.has_closed_form_dist
-
-    @property
-    def has_inner_product(self) -> bool:
-        """Whether the metric defines an inner product."""
-        return self.underlying_metric.has_inner_product
-
-    @property
-    def has_closed_form_geodesic(self) -> bool:
-        """Whether the metric has geodesics in closed form."""
-        return self.underlying_metric.has_closed_form_geodesic
-
-    @property
-    def has_closed_form_transport(self) -> bool:
-        """Whether the metric has parallel transport in closed form."""
-        return self.underlying_metric.has_closed_form_transport
-
-    def inner_product(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
-    ) -> ndarray:
-        """Return the inner product of the metric, multiplied."""
-        product = self.underlying_metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
-        return self.scale * product
-
-    def covector(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return the covectors of the metric, multiplied."""
-        return self.scale * self.underlying_metric.covector(tangent_vec, base_point)
-
-    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return the squared distance of the metric, multiplied."""
-        return self.scale * self.underlying_metric.squared_dist(point_a, point_b)
-
-    @property
     def bulk(self) -> Bulk:
-        """The bulk work of the metric, multiplied."""
         return SumOfFactors([(lambda points: points, self.scale, self.underlying_metric.bulk)])
 
-    def energy(self, path: ndarray) -> ndarray:
-        """Return the energy of the metric, multiplied."""
-        return self.scale * self.underlying_metric.energy(path)
+    @property
+    def complementary_metric(self) -> RiemannianMetric | None:
+        complement = self.underlying_metric.complementary_metric
+        return None if complement is None else self.scale * complement
+
+    def with_stretching(self, weight: float) -> RiemannianMetric:
+        return self.scale * self.underlying_metric.with_stretching(weight / self.scale)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy of one path and its gradient, multiplied."""
         energy, gradient = self.underlying_metric.energy_and_gradient(path)
         return self.scale * energy, self.scale * gradient
 
-    def length(self, path: ndarray) -> ndarray:
-        """Return the length of the metric, times the square root of the number."""
-        return np.sqrt(self.scale) * self.underlying_metric.length(path)
 
-    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
-        """Return the Gram matrix of the metric, multiplied."""
-        return self.scale * self.underlying_metric.gram_matrix(vectors, base_point)
+def _scaled(name: str, power: float) -> Callable[..., Any]:
+    @wraps(getattr(RiemannianMetric, name))
+    def method(self: ScalarProductMetric, *arguments: Any, **keywords: Any) -> Any:
+        result = getattr(self.underlying_metric, name)(*arguments, **keywords)
+        return result if power == 0 else self.scale**power * result
 
-    def remove_drift(self, path: ndarray) -> ndarray:
-        """Remove drift as the metric does."""
-        return self.underlying_metric.remove_drift(path)
+    return method
 
-    def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        """Return the exponential of the metric."""
-        return self.underlying_metric.exp(tangent_vec, base_point)
 
-    def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        """Return the logarithm of the metric."""
-        return self.underlying_metric.log(point, base_point)
+# By which power of the number the results of each method grow.
+for _power, _names in {
+    1.0: "inner_product covector gram_matrix metric_matrix squared_dist energy curvature_form",
+    0.5: "length injectivity_radius lower_bound_coordinates",
+    0.0: "exp log parallel_transport remove_drift _geodesic_between",
+}.items():
+    for _name in _names.split():
+        setattr(ScalarProductMetric, _name, _scaled(_name, _power))
+for _name in (
+    "has_closed_form_dist has_inner_product has_closed_form_geodesic has_closed_form_transport "
+    "has_metric_matrix has_lower_bound_coordinates is_translation_invariant is_stretch_invariant "
+    "is_reparametrization_invariant"
+).split():
+    setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
 
-    def parallel_transport(
-        self,
-        tangent_vec: ndarray,
-        base_point: ndarray,
-        direction: ndarray | None = None,
-        end_point: ndarray | None = None,
-    ) -> ndarray:
-        """Transport vectors as the metric does."""
-        return self.underlying_metric.parallel_transport(
-            tangent_vec, base_point, direction, end_point
+
+def _check_one_is_given(direction: ndarray | None, end_point: ndarray | None) -> None:
+    if (direction is None) == (end_point is None):
+        raise ArgumentError("parallel_transport needs direction or end_point, and not both")
+
+
+@primitive
+def solve_geodesic(
+    tangent_vec: ndarray, base_point: ndarray, metric: RiemannianMetric, solver: ExpSolver
+) -> ndarray:
+    """Return the path of the geodesic that a solver finds if it has derivatives, else its end."""
+    result: Any = solver.solve(metric, tangent_vec, base_point)
+    if not getattr(result, "complete", True):
+        where = getattr(result, "message", "a point on the way")
+        raise OutsideManifoldError(
+            f"tangent_vec must be the velocity of a geodesic that {type(solver).__name__} "
+            f"can follow for unit time; it stopped at {where}"
         )
+    if hasattr(solver, "derivatives"):
+        return np.asarray(result.path)
+    return np.asarray(result.end)[None]
 
-    def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        """Return the radius of the metric, times the square root of the number."""
-        return np.sqrt(self.scale) * self.underlying_metric.injectivity_radius(base_point)
 
-    def curvature_form(
-        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray
-    ) -> ndarray:
-        """Return ⟨R(a, b) b, a⟩ of the metric, multiplied."""
-        form = self.underlying_metric.curvature_form(tangent_vec_a, tangent_vec_b, base_point)
-        return self.scale * form
+def _derivatives(
+    argnums: Sequence[int], path: ndarray, args: tuple[Any, ...], kwargs: dict[str, Any]
+) -> Callable[[ndarray], tuple[ndarray, ...]]:
+    tangent_vec, _, metric, solver = args
 
-    def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
-        return self.underlying_metric._geodesic_between(start, end)
+    def pull_back(covectors: ndarray) -> tuple[ndarray, ...]:
+        if not hasattr(solver, "derivatives"):
+            raise NotDefinedError(
+                f"{type(solver).__name__} has no derivatives of exp; "
+                "riemhuman.solvers.DiscreteExponential() has"
+            )
+        both = solver.derivatives(metric, path, tangent_vec, covectors)
+        return tuple(both[number] for number in argnums)
+
+    return pull_back
+
+
+defvjp_argnums(solve_geodesic, _derivatives)

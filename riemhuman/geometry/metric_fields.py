@@ -10,12 +10,10 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.pairwise import Bulk
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
 from riemhuman.kernels.surface import refuse_triangles
-from riemhuman.protocols import GeodesicSolver
 from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
 from riemhuman.terms.sum import TermOfFields
 
@@ -30,6 +28,8 @@ class MetricFields(Manifold):
     ----------
     template : Template
         The template T.
+    equip : bool
+        Whether to equip the manifold with `EbinMetric`.
 
     Examples
     --------
@@ -47,30 +47,17 @@ class MetricFields(Manifold):
         super().__init__(3 * template.n_faces, (template.n_faces, 2, 2), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `EbinMetric`."""
         return EbinMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Tell whether fields are symmetric and positive definite.
-
-        Parameters
-        ----------
-        atol : float
-            Absolute tolerance for symmetry.
-        """
+        """Return whether fields are symmetric and positive definite."""
         point, finite = self._candidates(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
         positive = (point[..., 0, 0] > 0) & ~ebin_matrices.is_degenerate(point)
         return finite & np.all(symmetric & positive, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        """Return the symmetric part.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., F, 2, 2), optional
-            Metric fields; the tangent space is the same at all of them.
-        """
+        """Return the symmetric part."""
         return ebin_tangent.symmetric_part(vector)
 
     def projection(self, point: ndarray) -> ndarray:
@@ -78,13 +65,7 @@ class MetricFields(Manifold):
         return ebin_tangent.symmetric_part(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw fields exp(S) of symmetric normal matrices S, independent between triangles.
-
-        Parameters
-        ----------
-        bound : float
-            Twice the standard deviation of the diagonal entries of S.
-        """
+        """Draw fields exp(S) of symmetric normal matrices S, independent between triangles."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         logarithm = 0.5 * sample_bound(bound) * ebin_tangent.symmetric_part(noise)
         size = np.exp(0.5 * ebin_tangent.trace(logarithm))[..., None, None]
@@ -95,12 +76,7 @@ class MetricFields(Manifold):
     def check_point(self, point: Any, name: str = "point", *, completion: bool = False) -> ndarray:
         """Return metric fields as float64 arrays after checking them.
 
-        Parameters
-        ----------
-        point : array_like, shape (..., F, 2, 2)
-            Metric fields.
-        completion : bool
-            Whether degenerate matrices are legal, as in the completion of Met(T).
+        With `completion`, degenerate matrices are legal, as in the completion of Met(T).
 
         Raises
         ------
@@ -143,8 +119,6 @@ class EbinMetric(RiemannianMetric):
         The manifold.
     lam : float
         λ > 0. The default ½ is the metric :math:`\int\operatorname{tr}((g^{-1}\delta g)^2)\mu_g`.
-    geodesic_solver : object, optional
-        Not needed: geodesics have a closed form.
 
     Raises
     ------
@@ -163,12 +137,8 @@ class EbinMetric(RiemannianMetric):
     1.0
     """
 
-    space: MetricFields
-
-    def __init__(
-        self, space: MetricFields, lam: float = 0.5, geodesic_solver: GeodesicSolver | None = None
-    ) -> None:
-        super().__init__(space, geodesic_solver)
+    def __init__(self, space: MetricFields, lam: float = 0.5) -> None:
+        super().__init__(space)
         self._term = ebin.EbinTerm(lam=lam)
 
     @property
@@ -187,13 +157,7 @@ class EbinMetric(RiemannianMetric):
         return np.sum(values * self.space.template.face_areas, axis=-1)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        """Return the squared distance in the completion of Met(T) (Theorem 1, corrected).
-
-        Parameters
-        ----------
-        point_a, point_b : array, shape (..., F, 2, 2)
-            Metric fields; degenerate matrices are legal.
-        """
+        """Return the squared distance in the completion of Met(T) (Theorem 1, corrected)."""
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
         values = self._term.squared_dist(
@@ -329,11 +293,6 @@ class EbinMetric(RiemannianMetric):
         """Return the geodesic; between two points, the minimal path of the completion.
 
         If θ ≥ π, or an end point is degenerate, that path runs straight through g = 0.
-
-        Parameters
-        ----------
-        end_point : array, shape (..., F, 2, 2), optional
-            End point; degenerate matrices are legal at both ends.
         """
         if end_point is None or initial_tangent_vec is not None:
             return super().geodesic(initial_point, end_point, initial_tangent_vec)

@@ -10,10 +10,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.pairwise import Bulk
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_count, stack_samples
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms.normals import NormalTerm
@@ -30,6 +29,8 @@ class NormalFields(Manifold):
     ----------
     template : Template
         The template T.
+    equip : bool
+        Whether to equip the manifold with `NormalFieldMetric`.
 
     Examples
     --------
@@ -45,36 +46,23 @@ class NormalFields(Manifold):
         super().__init__(2 * template.n_faces, (template.n_faces, 3), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `NormalFieldMetric`."""
         return NormalFieldMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Tell whether all vectors have unit length.
-
-        Parameters
-        ----------
-        atol : float
-            Absolute tolerance for the lengths.
-        """
+        """Return whether all vectors have unit length."""
         point, finite = self._candidates(point, "point")
         return finite & np.all(np.abs(np.sqrt(dot(point, point)) - 1.0) <= atol, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Remove the components along the normals."""
-        return sphere.to_tangent(vector, self.needed_base_point(base_point))
+        return sphere.to_tangent(vector, self._needed_base_point(base_point))
 
     def projection(self, point: ndarray) -> ndarray:
         """Scale all vectors to unit length."""
         return point / np.sqrt(dot(point, point))[..., None]
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw independent uniform unit vectors.
-
-        Parameters
-        ----------
-        bound : float
-            Not used: spheres are compact.
-        """
+        """Draw independent uniform unit vectors."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
@@ -103,6 +91,11 @@ class NormalFieldMetric(RiemannianMetric):
     The second term of equation 3 of the paper. Exponential, logarithm, geodesics and parallel
     transport are those of the sphere on every triangle.
 
+    Parameters
+    ----------
+    space : NormalFields
+        The manifold.
+
     Examples
     --------
     >>> import riemhuman as rh
@@ -115,20 +108,10 @@ class NormalFieldMetric(RiemannianMetric):
     0.5
     """
 
-    space: NormalFields
-
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return the inner product of tangent vectors.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3)
-            Tangent fields.
-        base_point : array, shape (..., F, 3)
-            Normal field; the inner product is the same at all of them.
-        """
+        """Return the inner product of tangent vectors."""
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         base_point = self.space.check_point(base_point, "base_point")
@@ -177,13 +160,7 @@ class NormalFieldMetric(RiemannianMetric):
         return sphere.log(base_point, point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return half the shortest great circle, :math:`\pi\sqrt{\min_t w_t}`.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., F, 3), optional
-            Normal fields; it is the same at all of them.
-        """
+        r"""Return half the shortest great circle, :math:`\pi\sqrt{\min_t w_t}`."""
         leading = np.shape(base_point)[:-2] if base_point is not None else ()
         return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
 

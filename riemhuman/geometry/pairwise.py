@@ -1,241 +1,148 @@
-"""Distances of all pairs of points, block by block: memory is bounded by a budget, not by n."""
+"""Distances of many pairs of points from their features, in memory bounded by a budget."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import check_shape, one_of, real_array, unflatten, whole_number
+from riemhuman.checks import check_shape, one_of, unflatten, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.bulk import Bulk, PairByPair
-from riemhuman.geometry.space import Space
-from riemhuman.kernels.threads import mapped, thread_count
+from riemhuman.kernels.threads import for_each, mapped, thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
-from riemhuman.terms.sum import Features
+
+if TYPE_CHECKING:
+    from riemhuman.geometry.metric import RiemannianMetric
 
 Points = Sequence[Any] | ndarray
+Features = tuple[ndarray, ...]
 
 PRECISIONS = ("single", "double")
-"""What features are kept in."""
 
 MEMORY = 2**29
-"""Bytes of features held at once, unless told otherwise."""
+"""Bytes of features in memory at once, by default."""
 
-ROUNDING_SHARE = 5e-6
-"""A distance is settled when rounding of its features is at most this share of it."""
-
-# Bodies of one block: progress is told after each block of rows and columns.
+# A distance is exact enough when rounding of its features is at most this share of it.
+_ROUNDING_SHARE = 5e-6
+# Points of one block: the progress bar advances after each block of rows and columns.
 _BLOCK = 256
-# Bodies of one block of pairs too close for single precision.
+# Points of one block of pairs too close for single precision.
 _CLOSE_BLOCK = 16
 
 
-class ManyDistances:
-    """Distances of many pairs of points.
+class Bulk(Protocol):
+    """Features of points, and distances computed from them; a metric's `bulk` is one."""
 
-    A part of `RiemannianMetric`, whose `squared_dist` it uses.
-    """
+    n_arrays: int
 
-    space: Space
+    def features(self, points: ndarray, precision: str) -> Features:
+        """Return the features of n points, arrays whose first axis is that of the points."""
 
-    @property
-    def bulk(self) -> Bulk:
-        """How distances of many pairs are computed; by default one by one."""
-        metric: Any = self
-        return PairByPair(metric.squared_dist)
+    def rounding(self, features: Features) -> ndarray:
+        """Return bounds on the rounding errors of each point's features, as distances."""
 
-    def dist_pairwise(
-        self,
-        points: Points,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> ndarray:
-        r"""Return all distances within a set of points.
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        """Return the table of squared distances; the same features twice for those within a set."""
 
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points; a memory-mapped array, or any sequence, is sliced as it is needed.
-        n_jobs : int, optional
-            Number of threads, -1 for one per core; by default one. The result does not depend on
-            it.
-        precision : {"single", "double"}
-            Precision in which metrics with compiled loops compare features of the points: relative
-            errors stay below 1e-5 in single precision, and at rounding errors in double. Pairs too
-            close for single precision are detected and computed in double.
-        memory : int
-            Bytes of features held at once. If those of all points need more, they are recomputed
-            for every block of rows.
-        progress : bool
-            Whether to show a progress bar.
 
-        Returns
-        -------
-        array, shape (n, n)
-            Symmetric, with zero diagonal.
+class PairByPair(Bulk):
+    """Distances computed one by one: the points are their own features."""
 
-        Raises
-        ------
-        ArgumentError
-            If a point has another shape or an entry that is not finite, or an option is not legal.
-        DegenerateSurfaceError
-            If the metric needs a normal of a triangle without area.
-        """
-        return _distances(self, points, None, n_jobs, precision, memory, progress)
+    n_arrays = 1
 
-    def cdist(
-        self,
-        points_a: Points,
-        points_b: Points,
-        n_jobs: int | None = None,
-        *,
-        precision: str = "single",
-        memory: int = MEMORY,
-        progress: bool = False,
-    ) -> ndarray:
-        r"""Return all distances between two sets of points, see `dist_pairwise`.
+    def __init__(self, squared_dist: Callable[..., ndarray]) -> None:
+        self._squared_dist = squared_dist
 
-        Parameters
-        ----------
-        points_a : array or sequence, shape (n_a, \*shape)
-            Points of the first set.
-        points_b : array or sequence, shape (n_b, \*shape)
-            Points of the second set.
-        n_jobs : int, optional
-            Number of threads, -1 for one a core; by default one.
-        precision : {"single", "double"}
-            Precision in which metrics with compiled loops work.
-        memory : int
-            Bytes of features held at once.
-        progress : bool
-            Whether to show a progress bar.
+    def features(self, points: ndarray, precision: str) -> Features:
+        return (np.ascontiguousarray(points),)
 
-        Returns
-        -------
-        array, shape (n_a, n_b)
-        """
-        return _distances(self, points_a, points_b, n_jobs, precision, memory, progress)
+    def rounding(self, features: Features) -> ndarray:
+        return np.zeros(len(features[0]))
 
-    def closest_neighbor_index(self, point: ndarray, neighbors: ndarray) -> ndarray:
-        r"""Return the index of the nearest of some points; of several equally near, the first.
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        squared = np.zeros((len(a[0]), len(b[0])))
 
-        Parameters
-        ----------
-        point : array, shape (..., \*shape)
-            Points.
-        neighbors : array, shape (n, \*shape)
-            Points to choose from, at least one.
+        def fill_row(i: int) -> None:
+            for j in range(i + 1 if a is b else 0, len(b[0])):
+                squared[i, j] = self._squared_dist(a[0][i], b[0][j])
+                if a is b:
+                    squared[j, i] = squared[i, j]
 
-        Returns
-        -------
-        array of int, shape (...)
-            Indices into `neighbors`.
+        for_each(fill_row, range(len(squared)), n_threads)
+        return squared
 
-        Raises
-        ------
-        ArgumentError
-            If there is no point to choose from.
-        """
-        point = self.space.check_point(point)
-        if len(neighbors) == 0:
-            raise ArgumentError("neighbors must hold at least one point; found none")
-        leading = point.shape[: -self.space.point_ndim]
-        to_neighbors = self.cdist(point.reshape(-1, *self.space.shape), neighbors)
-        return np.argmin(to_neighbors, axis=1).reshape(leading)
 
-    def features(
-        self, points: Points, precision: str = "double", name: str = "points"
-    ) -> tuple[ndarray, ...]:
-        r"""Return the features from which distances are computed, once for each point.
+class SumOfFactors(Bulk):
+    """Distances of a product: of each factor the map to its component, its weight and its bulk."""
 
-        `bulk` computes distances from features. The first axis of every array is that of the
-        points, so features may be sliced, stored and memory-mapped.
+    def __init__(self, parts: Sequence[tuple[Callable[[ndarray], ndarray], float, Bulk]]) -> None:
+        self._parts = tuple(parts)
+        self.n_arrays = sum(bulk.n_arrays for _, _, bulk in parts)
 
-        Parameters
-        ----------
-        points : array or sequence, shape (n, \*shape)
-            Points.
-        precision : {"single", "double"}
-            Precision of the features, for metrics with compiled loops.
-        name : str
-            Name of the points, for messages.
+    def features(self, points: ndarray, precision: str) -> Features:
+        return tuple(
+            feature
+            for component, _, bulk in self._parts
+            for feature in bulk.features(component(points), precision)
+        )
 
-        Returns
-        -------
-        tuple of array, each of shape (n, ...)
-            C-contiguous.
-        """
-        one_of(precision, "precision", PRECISIONS)
-        return self.bulk.features(self._members(points, name), precision)
+    def rounding(self, features: Features) -> ndarray:
+        return np.sqrt(sum(w * bulk.rounding(part) ** 2 for w, bulk, part in self._split(features)))
 
-    def _members(self, points: Points, name: str) -> ndarray:
-        """Return a set of points that `bulk` takes."""
-        return self.check_points(points, name)
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        parts_a = list(self._split(a))
+        parts_b = parts_a if b is a else list(self._split(b))
+        return sum(
+            w * bulk.squared_distances(part_a, part_b, n_threads)
+            for (w, bulk, part_a), (_, _, part_b) in zip(parts_a, parts_b, strict=True)
+        )
 
-    def check_points(self, points: Points, name: str = "points") -> ndarray:
-        r"""Return a set of points as a float64 array after checking it.
+    def _split(self, features: Features) -> Iterator[tuple[float, Bulk, Features]]:
+        start = 0
+        for _, weight, bulk in self._parts:
+            yield weight, bulk, features[start : start + bulk.n_arrays]
+            start += bulk.n_arrays
 
-        Parameters
-        ----------
-        points : array_like, shape (n, \*shape)
-            Points.
-        name : str
-            Name of the argument, for messages.
 
-        Returns
-        -------
-        array, shape (n, \*shape)
-        """
-        checked: ndarray = real_array(points, name, self.space.shape, rows=True)
-        check_shape(checked, name, ("n_points", *self.space.shape), batched=False)
-        return checked
+class OfImages(Bulk):
+    """Distances of another metric between the images of points under a map."""
+
+    def __init__(self, bulk: Bulk, map: Callable[[ndarray], ndarray]) -> None:
+        self._bulk, self._map, self.n_arrays = bulk, map, bulk.n_arrays
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        return self._bulk.features(self._map(points), precision)
+
+    def rounding(self, features: Features) -> ndarray:
+        return self._bulk.rounding(features)
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        return self._bulk.squared_distances(a, b, n_threads)
 
 
 def features_in_threads(
-    metric: ManyDistances, points: ndarray, precision: str, n_jobs: int | None
+    metric: RiemannianMetric, points: ndarray, precision: str, n_jobs: int
 ) -> Features:
-    r"""Return the features of points, see `RiemannianMetric.features`, computed in threads.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    points : array, shape (n, \*shape)
-        Points.
-    precision : {"single", "double"}
-        Precision of the features.
-    n_jobs : int or None
-        Number of threads, -1 for one a core.
-
-    Returns
-    -------
-    tuple of array, each of shape (n, ...)
-    """
+    """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
     parts = list(slices(len(points), max(1, math.ceil(len(points) / n_threads))))
     if len(parts) < 2:
         return metric.features(points, precision)
     try:
-        found = list(
-            mapped(lambda part: metric.features(points[part], precision), parts, n_threads)
-        )
+        features = mapped(lambda part: metric.features(points[part], precision), parts, n_threads)
+        return tuple(np.concatenate(arrays) for arrays in zip(*features, strict=True))
     except ArgumentError:
         # Its message counts from the first point of a part, that of all points from their first.
         return metric.features(points, precision)
-    return tuple(np.concatenate(arrays) for arrays in zip(*found, strict=True))
 
 
 def squared_dist_rectangle(
-    metric: ManyDistances,
+    metric: RiemannianMetric,
     features_a: Features,
     features_b: Features,
     points_a: Points,
@@ -257,7 +164,7 @@ def squared_dist_rectangle(
     points_a, points_b : sequence
         The points of the features, used only for pairs too close for features in single precision.
     n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
+        Number of threads, -1 for one per core; by default one.
 
     Returns
     -------
@@ -266,30 +173,35 @@ def squared_dist_rectangle(
     bulk, n_threads = metric.bulk, thread_count(n_jobs)
     squared = bulk.squared_distances(features_a, features_b, n_threads)
     rounding = bulk.rounding(features_a)[:, None] + bulk.rounding(features_b)
-    # Written so that NaN, from an overflow in single precision, counts as not settled.
-    close = ~((ROUNDING_SHARE * np.sqrt(squared) >= rounding) & np.isfinite(squared))
+    # Written so that NaN, from an overflow in single precision, counts as close.
+    close = ~((_ROUNDING_SHARE * np.sqrt(squared) >= rounding) & np.isfinite(squared))
     within = features_a is features_b
     if within:
         close = np.triu(close, 1)
-    for rows, columns in _blocks_of(close):
-        exact_a = metric.features([points_a[i] for i in rows], "double")
-        exact_b = metric.features([points_b[j] for j in columns], "double")
-        exact = bulk.squared_distances(exact_a, exact_b, n_threads)
-        window = np.ix_(rows, columns)
-        squared[window] = np.where(close[window], exact, squared[window])
-        if not np.isfinite(exact).all():
-            raise ArgumentError(
-                "a distance is too large for double precision: the points, or the weights of the "
-                "metric, must be given in a larger unit"
-            )
+    marked = np.flatnonzero(close.any(axis=1))
+    for row in range(0, len(marked), _CLOSE_BLOCK):
+        rows = marked[row : row + _CLOSE_BLOCK]
+        marked_columns = np.flatnonzero(close[rows].any(axis=0))
+        for column in range(0, len(marked_columns), _CLOSE_BLOCK):
+            columns = marked_columns[column : column + _CLOSE_BLOCK]
+            exact_a = metric.features([points_a[i] for i in rows], "double")
+            exact_b = metric.features([points_b[j] for j in columns], "double")
+            exact = bulk.squared_distances(exact_a, exact_b, n_threads)
+            window = np.ix_(rows, columns)
+            squared[window] = np.where(close[window], exact, squared[window])
+            if not np.isfinite(exact).all():
+                raise ArgumentError(
+                    "a distance is too large for double precision: the points, or the weights of "
+                    "the metric, must be given in a larger unit"
+                )
     if within:
         squared = np.triu(squared, 1)
         squared += squared.T
     return squared
 
 
-def _distances(
-    metric: ManyDistances,
+def table_of_distances(
+    metric: RiemannianMetric,
     points_a: Points,
     points_b: Points | None,
     n_jobs: int | None,
@@ -312,37 +224,42 @@ def _distances(
     features_of_rows = partial(_features, metric, rows, names[0], precision, n_jobs)
     features_of_columns = partial(_features, metric, columns, names[1], precision, n_jobs)
     n_points = len(result) if within else sum(result.shape)
-    _, of_one = features_of_rows(0, 1)[0]
-    a_point = sum(array.nbytes for array in of_one)
+    _, features_of_one = features_of_rows(0, 1)[0]
+    bytes_per_point = sum(array.nbytes for array in features_of_one)
     # Without room for the features of all, there is for those of as many rows as columns.
-    n_held = n_points if n_points * a_point <= memory else max(1, memory // (2 * a_point))
+    n_at_once = n_points
+    if n_points * bytes_per_point > memory:
+        n_at_once = max(1, memory // (2 * bytes_per_point))
     n_pairs = len(result) * (len(result) - 1) // 2 if within else result.size
     with ProgressBar(total=n_pairs, desc="Distances", disable=not progress, unit=" pairs") as bar:
-        for first in range(0, len(rows), n_held):
-            kept_rows = features_of_rows(first, first + n_held)
-            for start in range(first if within else 0, len(columns), n_held):
+        for first in range(0, len(rows), n_at_once):
+            row_blocks = features_of_rows(first, first + n_at_once)
+            for start in range(first if within else 0, len(columns), n_at_once):
                 same = within and start == first
-                kept_columns = kept_rows if same else features_of_columns(start, start + n_held)
-                for i, one in kept_rows:
-                    for j, other in kept_columns:
+                column_blocks = row_blocks if same else features_of_columns(start, start + n_at_once)
+                for i, features_a in row_blocks:
+                    for j, features_b in column_blocks:
                         if same and j.start < i.start:
                             continue
                         block = np.sqrt(
-                            squared_dist_rectangle(metric, one, other, rows[i], columns[j], n_jobs)
+                            squared_dist_rectangle(
+                                metric, features_a, features_b, rows[i], columns[j], n_jobs
+                            )
                         )
                         result[i, j] = block
                         if within:
                             result[j, i] = block.T
-                        diagonal = one is other
-                        bar.update(len(block) * (len(block) - 1) // 2 if diagonal else block.size)
-                # The next features take the place of these.
-                del kept_columns, other
-            del kept_rows, one
+                        on_diagonal = features_a is features_b
+                        n = len(block)
+                        bar.update(n * (n - 1) // 2 if on_diagonal else block.size)
+                # The next features take the memory of these.
+                del column_blocks, features_b
+            del row_blocks, features_a
     return result
 
 
-def _sliceable(metric: ManyDistances, points: Any, name: str) -> Any:
-    """Return points whose parts can be looked at one by one, by `RiemannianMetric.features`."""
+def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
+    """Return points whose parts `RiemannianMetric.features` can check one by one."""
     if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
         points = metric.check_points(points, name)
     if isinstance(points, np.ndarray):
@@ -352,7 +269,7 @@ def _sliceable(metric: ManyDistances, points: Any, name: str) -> Any:
 
 
 def _features(
-    metric: ManyDistances,
+    metric: RiemannianMetric,
     points: Any,
     name: str,
     precision: str,
@@ -363,30 +280,20 @@ def _features(
     """Return the features of the points from `first` to `last`, block by block, in threads."""
     last = min(last, len(points))
     if not isinstance(points, np.ndarray):
-        # Whether other objects may be read from in several threads is not known.
+        # Other sequences may not be safe to read in several threads.
         n_threads = 1
     size = min(_BLOCK, math.ceil((last - first) / n_threads))
     parts = [slice(k, min(k + size, last)) for k in range(first, last, size)]
 
     def of_part(part: slice) -> tuple[slice, Features]:
-        whole = part == slice(0, len(points))
-        # Errors count from the start of what was looked at together.
-        where = name if whole else f"{name}[{part.start}:{part.stop}]"
+        is_whole = part == slice(0, len(points))
+        # Messages count from the start of the part.
+        where = name if is_whole else f"{name}[{part.start}:{part.stop}]"
         try:
-            return part, metric.features(points[part], precision, where)
+            return part, metric.features(points[part], precision, name=where)
         except ArgumentError as error:
-            if whole or where in str(error):
+            if is_whole or where in str(error):
                 raise
             raise type(error)(f"{where}: {error}") from error
 
     return list(mapped(of_part, parts, min(n_threads, len(parts))))
-
-
-def _blocks_of(close: ndarray) -> Iterator[tuple[ndarray, ndarray]]:
-    """Yield small blocks of rows and columns that hold all the pairs marked."""
-    marked = np.flatnonzero(close.any(axis=1))
-    for first in range(0, len(marked), _CLOSE_BLOCK):
-        rows = marked[first : first + _CLOSE_BLOCK]
-        in_columns = np.flatnonzero(close[rows].any(axis=0))
-        for start in range(0, len(in_columns), _CLOSE_BLOCK):
-            yield rows, in_columns[start : start + _CLOSE_BLOCK]

@@ -5,19 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, Unpack
 
 import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
-from riemhuman.geometry.bulk import Bulk, SumOfFactors
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_count, stack_samples
+from riemhuman.geometry.pairwise import Bulk, SumOfFactors
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.kernels.linear import entry
-from riemhuman.protocols import GeodesicSolver
 
 
 class ProductManifold(Manifold):
@@ -27,6 +25,8 @@ class ProductManifold(Manifold):
     ----------
     factors : sequence of Manifold
         Manifolds, each equipped with a metric.
+    equip : bool
+        Whether to equip the product with `ProductMetric`.
 
     Examples
     --------
@@ -48,7 +48,6 @@ class ProductManifold(Manifold):
         super().__init__(sum(factor.dim for factor in self.factors), (sum(self._sizes),), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `ProductMetric`."""
         return ProductMetric
 
     def embed_to_product(self, points: Sequence[ndarray]) -> ndarray:
@@ -112,13 +111,7 @@ class ProductManifold(Manifold):
         return np.reshape(flat, flat.shape[:-1] + self.factors[index].shape)
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Tell whether every component belongs to its factor.
-
-        Parameters
-        ----------
-        atol : float
-            Absolute tolerance.
-        """
+        """Return whether every component belongs to its factor."""
         point, right_shape = self._candidates(point, "point", finite=False)
         components = self.project_from_product(point)
         verdicts = [
@@ -138,13 +131,7 @@ class ProductManifold(Manifold):
         return self._each("projection", point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw random points of all factors.
-
-        Parameters
-        ----------
-        bound : float
-            Bound for the factors' own points.
-        """
+        """Draw random points of all factors."""
         rng, n_samples = generator(rng), sample_count(n_samples)
         samples = [
             factor.random_point(n_samples, bound, rng).reshape(n_samples, *factor.shape)
@@ -173,6 +160,8 @@ class ProductMetric(RiemannianMetric):
         The product of equipped manifolds.
     weights : sequence of float, optional
         A weight w_k ≥ 0 for each factor, not all 0; by default all are 1.
+    **solvers
+        Strategies for what has no closed form, see `RiemannianMetric`.
 
     Examples
     --------
@@ -184,18 +173,16 @@ class ProductMetric(RiemannianMetric):
     5.0
     """
 
-    space: ProductManifold
-
     def __init__(
         self,
         space: ProductManifold,
         weights: Sequence[float] | None = None,
-        geodesic_solver: GeodesicSolver | None = None,
+        **solvers: Unpack[Solvers],
     ) -> None:
-        super().__init__(space, geodesic_solver)
+        super().__init__(space, **solvers)
         count = len(space.factors)
         for k, factor in enumerate(space.factors):
-            if not hasattr(factor, "metric"):
+            if not factor.is_equipped:
                 raise ArgumentError(
                     f"factors[{k}] must be equipped with a metric; found {type(factor).__name__} "
                     "without one"
@@ -216,17 +203,14 @@ class ProductMetric(RiemannianMetric):
 
     @property
     def has_closed_form_dist(self) -> bool:
-        """Whether the metrics of all factors have a closed form."""
         return all(factor.metric.has_closed_form_dist for _, factor, _ in self._weighted_factors())
 
     @property
     def has_closed_form_geodesic(self) -> bool:
-        """Whether the metrics of all factors have closed-form geodesics."""
         return all(factor.metric.has_closed_form_geodesic for factor in self.space.factors)
 
     @property
     def has_closed_form_transport(self) -> bool:
-        """Whether the metrics of all factors have parallel transport in closed form."""
         return all(factor.metric.has_closed_form_transport for factor in self.space.factors)
 
     def inner_product(

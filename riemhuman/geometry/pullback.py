@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Unpack
 
 import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
-from riemhuman.geometry.bulk import Bulk, OfImages
+from riemhuman.geometry.pairwise import Bulk, OfImages
 from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.kernels import linear
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
 
 
 class PullbackMetric(RiemannianMetric):
@@ -33,10 +33,8 @@ class PullbackMetric(RiemannianMetric):
     map : callable
         φ, from arrays (..., \*space.shape) to (..., \*target_metric.space.shape), acting on each
         point of a batch by itself, written with `autograd.numpy`.
-    geodesic_solver : object, optional
-        Strategy for geodesics, which have no closed form.
-    exp_solver, log_solver, transport_solver : object, optional
-        Strategies for `exp`, `log` and `parallel_transport`, which have no closed form either.
+    **solvers
+        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
 
     Examples
     --------
@@ -54,25 +52,23 @@ class PullbackMetric(RiemannianMetric):
         space: Manifold,
         target_metric: RiemannianMetric,
         map: Callable[[ndarray], ndarray],
-        geodesic_solver: GeodesicSolver | None = None,
-        *,
-        exp_solver: ExpSolver | None = None,
-        log_solver: LogSolver | None = None,
-        transport_solver: TransportSolver | None = None,
+        **solvers: Unpack[Solvers],
     ) -> None:
-        super().__init__(
-            space,
-            geodesic_solver,
-            exp_solver=exp_solver,
-            log_solver=log_solver,
-            transport_solver=transport_solver,
-        )
-        self.target_metric = target_metric
+        super().__init__(space, **solvers)
+        self._target_metric = target_metric
         self.map = map
 
     @property
+    def has_target_metric(self) -> bool:
+        return True
+
+    @property
+    def target_metric(self) -> RiemannianMetric:
+        """The metric on the image."""
+        return self._target_metric
+
+    @property
     def has_closed_form_dist(self) -> bool:
-        """Whether the target metric has a closed form."""
         return self.target_metric.has_closed_form_dist
 
     def differential(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:

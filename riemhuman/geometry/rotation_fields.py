@@ -1,28 +1,43 @@
-"""Fields of rotations on a template, with the metric of a product of rotation groups."""
+"""Fields of rotations on a template with their metric, and its pull-back to surfaces."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import autograd.numpy as np
 from numpy import ndarray
 
-from riemhuman.checks import Rng, generator, real_array, values_of
+from riemhuman.checks import Rng, generator, real_array, real_number, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_count, stack_samples
+from riemhuman.geometry.pairwise import Bulk
+from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
+from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels import special_orthogonal
 from riemhuman.kernels.rotations import cross_product_matrix
+from riemhuman.kernels.drift import still_path
+from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
-from riemhuman.kernels.surface import dot, refuse_triangles
+from riemhuman.kernels.surface import (
+    apply_operator,
+    dot,
+    is_degenerate,
+    refuse_degenerate,
+    refuse_triangles,
+)
+from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.surfaces.template import Template
+
+# √(4 time) is then 10 cm on an adult body, whose skin has 1.8 m²: the thickness of a limb.
+_SHARE_OF_AREA = 0.0025 / 1.8
+# Deformations whose images are computed together, for the sake of memory.
+_AT_A_TIME = 8
 
 
 class RotationFields(Manifold):
@@ -34,6 +49,8 @@ class RotationFields(Manifold):
     ----------
     template : Template
         The template T.
+    equip : bool
+        Whether to equip the manifold with `RotationFieldMetric`.
 
     Examples
     --------
@@ -49,23 +66,16 @@ class RotationFields(Manifold):
         super().__init__(3 * template.n_faces, (template.n_faces, 3, 3), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `RotationFieldMetric`."""
         return RotationFieldMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Tell whether all matrices are rotations.
-
-        Parameters
-        ----------
-        atol : float
-            Absolute tolerance for the entries of RᵀR − I.
-        """
+        """Return whether all matrices are rotations."""
         point, finite = self._candidates(point, "point")
         return finite & np.all(_is_rotation(point, atol), axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Keep the skew part of Rᵀ V."""
-        base_point = self.needed_base_point(base_point)
+        base_point = self._needed_base_point(base_point)
         return _tangent_vec(_angular_velocity(vector, base_point), base_point)
 
     def projection(self, point: ndarray) -> ndarray:
@@ -73,13 +83,7 @@ class RotationFields(Manifold):
         return nearest_rotations(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw independent uniform rotations.
-
-        Parameters
-        ----------
-        bound : float
-            Not used: the rotations are compact.
-        """
+        """Draw independent uniform rotations."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
         return stack_samples(self.projection(noise), n_samples)
 
@@ -106,6 +110,11 @@ class RotationFieldMetric(RiemannianMetric):
     its two-sided invariant metric. The cut locus of a rotation is that of half turns from it,
     θ = π: there are two shortest geodesics to them, and no logarithm.
 
+    Parameters
+    ----------
+    space : RotationFields
+        The manifold.
+
     Examples
     --------
     >>> import riemhuman as rh
@@ -118,20 +127,10 @@ class RotationFieldMetric(RiemannianMetric):
     1.0
     """
 
-    space: RotationFields
-
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        """Return the inner product of tangent vectors.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3, 3)
-            Tangent fields.
-        base_point : array, shape (..., F, 3, 3)
-            Field of rotations; the inner product is the same at all of them.
-        """
+        """Return the inner product of tangent vectors."""
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         base_point = self.space.check_point(base_point, "base_point")
@@ -182,13 +181,7 @@ class RotationFieldMetric(RiemannianMetric):
         return _tangent_vec(omega, base_point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the length of a half turn of the smallest triangle, :math:`\pi\sqrt{\min_t w_t}`.
-
-        Parameters
-        ----------
-        base_point : array, shape (..., F, 3, 3), optional
-            Fields of rotations; it is the same at all of them.
-        """
+        r"""Return the length of a half turn of the smallest triangle, :math:`\pi\sqrt{\min_t w_t}`."""
         leading = np.shape(base_point)[:-3] if base_point is not None else ()
         return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
 
@@ -199,13 +192,6 @@ class RotationFieldMetric(RiemannianMetric):
 
         On a group with a two-sided invariant metric ⟨R(a, b) b, a⟩ is a quarter of the squared
         length of [a, b]: every plane of the rotations of a triangle has curvature ¼ / w_t.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., F, 3, 3)
-            Tangent fields a and b.
-        base_point : array, shape (..., F, 3, 3)
-            Field of rotations.
         """
         base_point = self.space.check_point(base_point, "base_point")
         a, b = (
@@ -234,6 +220,135 @@ class RotationFieldMetric(RiemannianMetric):
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         return self.geodesic(start, initial_tangent_vec=self.log(end, start))
+
+
+class RotationMetric(PullbackMetric):
+    r"""The pull-back of `RotationFieldMetric` by the rotations of triangles, diffused.
+
+    The differential of a surface f on a triangle is :math:`df = R \sqrt g` with R an isometry of
+    the template's plane into R³ (polar decomposition); R takes the template's normal to the
+    surface's as well and so is a rotation. Heat flows between the rotations of all triangles for
+    `time`, as between matrices, and the nearest rotations are compared. Together, g and R before
+    diffusion determine the surface up to a translation, which g and the normals do not.
+
+    Like normals, it tells how people stand, and more reliably: a person's build turns normals back
+    and forth within the thickness of a limb, and diffusion averages over that length. Translation
+    and scale of one of two surfaces leave the distance unchanged; rotation does not.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        The space of surfaces.
+    time : float, optional
+        Duration of the heat flow, in squared units of the template, such as m²: heat spreads by √(4
+        time). By default a 720th of the template's area. On an adult, √(4 time) is then the
+        thickness of a limb, 10 cm. At 0 there is no diffusion.
+    **solvers
+        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> pose = rh.RotationMetric(space)
+    >>> same_pose, same_person = bodies[13], bodies[4]
+    >>> bool(pose.dist(bodies[3], same_pose) < pose.dist(bodies[3], same_person))
+    True
+    """
+
+    is_translation_invariant = True
+    is_stretch_invariant = True
+
+    def __init__(
+        self,
+        space: AlignedSurfaces,
+        time: float | None = None,
+        **solvers: Unpack[Solvers],
+    ) -> None:
+        template = space.template
+        if time is None:
+            time = _SHARE_OF_AREA * template.face_areas.sum()
+        self.time = real_number(time, "time", minimum=0.0)
+        self._axes = polar_frames(*space.partial_derivatives(template.vertices))
+        super().__init__(space, RotationFields(template).metric, self.rotations, **solvers)
+
+    def rotations(self, f: ndarray) -> ndarray:
+        """Return the rotations of all triangles from the template, diffused.
+
+        Parameters
+        ----------
+        f : array, shape (..., V, 3)
+            Surfaces.
+
+        Returns
+        -------
+        array, shape (..., F, 3, 3)
+
+        Raises
+        ------
+        DegenerateSurfaceError
+            If a triangle has no area, so that it has no normal.
+        """
+        f_u, f_v = self.space.partial_derivatives(f)
+        refuse_degenerate(is_degenerate(values_of(f_u), values_of(f_v)))
+        rotations = np.matmul(polar_frames(f_u, f_v), transpose(self._axes))
+        if self.time == 0:
+            return rotations
+        flat = np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
+        diffused = apply_operator(self.space.template.heat.step(self.time), flat)
+        return nearest_rotations(np.reshape(diffused, np.shape(rotations)))
+
+    @property
+    def bulk(self) -> Bulk:
+        """Features are the components of quaternions, one surface after the other."""
+
+        def fields(points: ndarray) -> tuple[ndarray]:
+            surfaces = self.space.check_point(points, "points")
+            components = np.empty((len(surfaces), self.space.template.n_faces, 4))
+            for i, f in enumerate(surfaces):
+                components[i] = quaternions(self.rotations(f))
+            return (components,)
+
+        return TermOfFields(RotationTerm(), self.space.template, fields)
+
+    def lower_bound_coordinates(self, points: ndarray, n_patches: int | None = None) -> ndarray:
+        """Return coordinates whose Euclidean distances are at most those of the metric.
+
+        See `riemhuman.kernels.sketches`: ‖R₁ − R₂‖² = 8 sin²(θ/2) ≤ 2 θ².
+        """
+        template, patches = self.space.template, None
+        if n_patches is not None:
+            patches = triangle_patches(template.vertices, template.faces, n_patches)
+        rotations = self.rotations(points)
+        flat = np.sqrt(0.5) * np.reshape(rotations, (*np.shape(rotations)[:-2], 9))
+        return patch_coordinates(flat, template.face_areas, patches)
+
+    def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
+        """Return the closed-form energy of one path, infinite without area, and its gradient."""
+        path = self.check_points(path, "path")
+        if is_degenerate(*self.space.partial_derivatives(path)).any():
+            return np.inf, np.zeros(path.shape)
+        return super().energy_and_gradient(path)
+
+    def gram_matrix(self, vectors: ndarray, base_point: ndarray) -> ndarray:
+        vectors = self.check_points(vectors, "vectors")
+        surfaces = self.space.check_point(base_point, "base_point").reshape(-1, *self.space.shape)
+        roots = np.sqrt(0.5 * self.space.template.face_areas)[:, None, None]
+        images = np.empty((len(vectors), roots.size * 9))
+        gram = np.zeros((len(vectors), len(vectors)))
+        for f in surfaces:
+            for first in range(0, len(vectors), _AT_A_TIME):
+                some = slice(first, first + _AT_A_TIME)
+                changes = roots * self.differential(vectors[some], f)
+                images[some] = changes.reshape(len(changes), -1)
+            gram += images @ images.T
+        return gram / len(surfaces)
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        """Remove translations, under which the metric is invariant, from a path."""
+        path = self.check_points(path, "path")
+        return still_path(path, self.space.template.vertex_areas, rotations=False)
 
 
 def _angular_velocity(tangent_vec: ndarray, base_point: ndarray) -> ndarray:

@@ -1,20 +1,62 @@
-"""Sobolev metrics of first and second order on surfaces."""
+"""Metrics on aligned surfaces given by their inner product alone: Sobolev and gauge-invariant ones."""
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Unpack
+
 import numpy as np
+from numpy import ndarray
 
 from riemhuman.checks import metric_weight
-from riemhuman.errors import ArgumentError
-from riemhuman.geometry.midpoint_metric import MidpointMetric
-from riemhuman.geometry.template_surfaces import TemplateSurfaces
-from riemhuman.protocols import ExpSolver, GeodesicSolver, LogSolver, TransportSolver
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.metric import Solvers
+from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
+from riemhuman.kernels.drift import still_path
+from riemhuman.kernels.surface import derivatives
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
-from riemhuman.terms.quadratic import QuadraticTerm
+from riemhuman.terms.normal_projection import NormalPartTerm
+from riemhuman.terms.quadratic import QuadraticTerm, SumOfQuadraticTerms
 from riemhuman.terms.second_order import SecondOrderTerm
 from riemhuman.terms.zeroth_order import ZerothOrderTerm
 
-_KEPT = {"a1": "keep all angles", "b1": "keep all areas", "c1": "keep all normals"}
+if TYPE_CHECKING:
+    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+
+class MidpointMetric(MetricOfTerms):
+    r"""A sum of terms given by their inner products, without a closed-form distance.
+
+    The energy of a path is :math:`n \sum_i G_{(f_i + f_{i+1})/2}(f_{i+1} - f_i, f_{i+1} - f_i)`, of
+    second order in the time step.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        Surfaces over a template.
+    terms : sequence of QuadraticTerm
+        The terms, see `riemhuman.terms.quadratic`.
+    **solvers
+        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+    """
+
+    driver = SumOfQuadraticTerms
+
+    @property
+    def is_translation_invariant(self) -> bool:  # type: ignore[override]
+        return all(term.is_translation_invariant for term in self.terms)
+
+    @property
+    def is_reparametrization_invariant(self) -> bool:  # type: ignore[override]
+        return all(term.is_reparametrization_invariant for term in self.terms)
+
+    def remove_drift(self, path: ndarray) -> ndarray:
+        """Remove translations from a path if all terms are invariant under them."""
+        path = self.check_points(path, "path")
+        if not self.is_translation_invariant:
+            return path
+        return still_path(path, self.space.template.vertex_areas, rotations=False)
+
+
+_PRESERVED = {"a1": "keep all angles", "b1": "keep all areas", "c1": "keep all normals"}
 
 
 class SobolevMetric(MidpointMetric):
@@ -23,8 +65,8 @@ class SobolevMetric(MidpointMetric):
     .. math:: G_f(h, h) = \int a_0 |h|^2 + a_1 |dh_m|^2 + b_1 |dh_+|^2 + c_1 |dh_\perp|^2
               + d_1 |dh_0|^2 + a_2 |\Delta h|^2 \, dA
 
-    The first-order parts are the change of angles, of area, of the normal, and the turn within the
-    tangent plane, see `riemhuman.terms.first_order`; Δ is the cotangent Laplacian, see
+    The first-order parts are the change of angles, of area, of the normal, and the rotation within
+    the tangent plane, see `riemhuman.terms.first_order`; Δ is the cotangent Laplacian, see
     `riemhuman.terms.second_order`. The weights are those of Hartman, Sukurdeep, Klassen, Charon and
     Bauer, "Elastic shape analysis of surfaces with second-order Sobolev metrics", International
     Journal of Computer Vision 131, 2023. There is no closed-form distance: squared distances are
@@ -37,6 +79,8 @@ class SobolevMetric(MidpointMetric):
     a0, a1, b1, c1, d1, a2 : float
         Weights, at least 0. Where a body and its deformation grow s times larger, the cost by a0
         grows s⁴ times, that of the first order s² times, that of a2 not at all.
+    **solvers
+        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
 
     Raises
     ------
@@ -46,13 +90,12 @@ class SobolevMetric(MidpointMetric):
 
     Notes
     -----
-    Only a0 sees translations: with a0 = 0 they cost nothing. The metric must not be blind to any
-    other family of deformations: a0 > 0, or two of a1, b1 and c1, or a2 > 0 on a mesh without
-    border. On an open mesh the Laplacian is computed at interior vertices only, so that a2 does not
-    see harmonic deformations.
+    With a0 = 0 translations cost nothing. All other deformations must cost something: a0 > 0, or
+    two of a1, b1 and c1, or a2 > 0 on a mesh without border. On an open mesh the Laplacian is
+    computed at interior vertices only, so that harmonic deformations cost nothing by a2.
 
-    The midpoint of two surfaces is thinner where triangles turn. The steps of a path should
-    therefore turn them only a little, and its energy is neither an upper nor a lower bound of a
+    The midpoint of two surfaces is thinner where triangles rotate. The steps of a path should
+    therefore rotate them only a little, and its energy is neither an upper nor a lower bound of a
     distance.
 
     With a0 = d1 = a2 = 0 the metric is that of `GeneralElasticMetric` with a = a1/4, b = b1/8 and
@@ -71,18 +114,14 @@ class SobolevMetric(MidpointMetric):
 
     def __init__(
         self,
-        space: TemplateSurfaces,
+        space: AlignedSurfaces,
         a0: float = 0.0,
         a1: float = 1.0,
         b1: float = 1.0,
         c1: float = 1.0,
         d1: float = 0.0,
         a2: float = 0.0,
-        geodesic_solver: GeodesicSolver | None = None,
-        *,
-        exp_solver: ExpSolver | None = None,
-        log_solver: LogSolver | None = None,
-        transport_solver: TransportSolver | None = None,
+        **solvers: Unpack[Solvers],
     ) -> None:
         given = {"a0": a0, "a1": a1, "b1": b1, "c1": c1, "d1": d1, "a2": a2}
         self._weights = {name: metric_weight(value, name) for name, value in given.items()}
@@ -98,27 +137,20 @@ class SobolevMetric(MidpointMetric):
             used = np.unique(space.template.faces)
             closed = bool(second.surrounded[used].all())
             terms.append(second)
-        seen = [name for name in _KEPT if self._weights[name] > 0]
-        if self.a0 == 0 and len(seen) < 2 and not closed:
-            raise ArgumentError(self._degenerate(seen))
-        super().__init__(
-            space,
-            terms,
-            geodesic_solver,
-            exp_solver=exp_solver,
-            log_solver=log_solver,
-            transport_solver=transport_solver,
-        )
+        measured = [name for name in _PRESERVED if self._weights[name] > 0]
+        if self.a0 == 0 and len(measured) < 2 and not closed:
+            raise ArgumentError(self._degenerate(measured))
+        super().__init__(space, terms, **solvers)
 
-    def _degenerate(self, seen: list[str]) -> str:
-        """Return why the metric would be degenerate, with what it would not see."""
-        kept = [_KEPT[name] for name in seen]
-        kept += ["do not turn within the tangent plane"] if self.d1 > 0 else []
-        kept += ["are harmonic inside"] if self.a2 > 0 else []
-        blind = f"deformations that {' and '.join(kept)}" if kept else "all deformations"
-        found = ", ".join(f"{name} = {value:g}" for name, value in self._weights.items())
+    def _degenerate(self, measured: list[str]) -> str:
+        """Return the message that names the deformations that would cost nothing."""
+        conditions = [_PRESERVED[name] for name in measured]
+        conditions += ["do not rotate within the tangent plane"] if self.d1 > 0 else []
+        conditions += ["are harmonic inside"] if self.a2 > 0 else []
+        free = f"deformations that {' and '.join(conditions)}" if conditions else "all deformations"
+        weights = ", ".join(f"{name} = {value:g}" for name, value in self._weights.items())
         return (
-            f"the metric would be degenerate: {blind} would cost nothing (found {found}); let a0, "
+            f"the metric would be degenerate: {free} would cost nothing (found {weights}); let a0, "
             "or two of a1, b1 and c1, or on a mesh without border a2, be above 0"
         )
 
@@ -144,10 +176,111 @@ class SobolevMetric(MidpointMetric):
 
     @property
     def d1(self) -> float:
-        """The weight of turns within the tangent plane."""
+        """The weight of rotations within the tangent plane."""
         return self._weights["d1"]
 
     @property
     def a2(self) -> float:
         """The weight of ‖Δh‖²."""
         return self._weights["a2"]
+
+
+class GaugeInvariantMetric(MidpointMetric):
+    r"""A first-order metric, applied to the normal part of deformations.
+
+    .. math:: ((h, k))_f = G_f(P_f h, P_f k), \qquad P_f = n n^\top
+
+    with normals at the vertices, see `riemhuman.terms.normal_projection`. For φ = ⟨h, n⟩ and the
+    principal curvatures κ, the metric :math:`\int a\operatorname{tr}A_0^2
+    + b(\operatorname{tr}A)^2 + c|\delta n|^2\, dA` becomes
+
+    .. math:: \int 2a\varphi^2(\kappa_1 - \kappa_2)^2 + 4b\varphi^2(\kappa_1 + \kappa_2)^2
+              + c|\nabla\varphi|^2\, dA
+
+    (Tumpach, Drira, Daoudi, Srivastava, "Gauge invariant framework for shape analysis of surfaces",
+    IEEE Transactions on Pattern Analysis and Machine Intelligence 38(1), 2016), with no estimate of
+    curvatures. The energy of a path stays the same, up to discretisation, when its surfaces are
+    registered anew along themselves.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        A first-order metric G on surfaces: `ElasticMetric`, `SRNFMetric`, `GeneralElasticMetric`,
+        `SobolevMetric` with a0 = a2 = 0, or any sum of isotropic terms.
+    **solvers
+        Strategies for geodesics, `exp`, `log` and transport, see `RiemannianMetric`.
+
+    Raises
+    ------
+    ArgumentError
+        If the triangles of the template are not consistently oriented.
+    ArgumentTypeError
+        If the metric is not a first-order metric on surfaces.
+
+    Notes
+    -----
+    Motions along the surface cost nothing: there is no closed-form distance, the Gram matrix is
+    semidefinite, and the surfaces of a path of least energy are free to slide along themselves.
+    Unlike G, the metric sees translations.
+
+    Search for paths over smooth deformations, as in the example, and compare energies found over
+    the same ones only: the more of them, the lower the energy. Over all vertices a mesh crumples,
+    because creases that slide cost little, the energy falls on and on, and a warning says so.
+
+    A motion without stretching, even a translation, costs φ² times the squared curvatures, and
+    fingers that move far cost most: the path of least energy swells them as they travel. The metric
+    is for surfaces that are near each other, such as bodies in one pose.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.GaugeInvariantMetric(rh.ElasticMetric(space, a=1.0, lam=1.0, c=1.0))
+    >>> velocity = bodies[10] - bodies[0]
+    >>> bool(metric.norm(velocity, bodies[0]) > 0)
+    True
+    >>> harmonics = rh.DeformationBasis.from_laplacian(bodies.template, n_components=20)
+    >>> solver = rh.solvers.BasisPath(harmonics, n_nodes=4)
+    >>> solver.solve(metric, bodies[0], bodies[10]).converged
+    True
+    """
+
+    def __init__(
+        self,
+        metric: SurfaceMetric | SobolevMetric,
+        **solvers: Unpack[Solvers],
+    ) -> None:
+        weights = _first_order_weights(metric)
+        if weights is None:
+            raise ArgumentTypeError(
+                "metric must be a first-order metric on surfaces: ElasticMetric, SRNFMetric, "
+                "GeneralElasticMetric, SobolevMetric with a0 = a2 = 0, or a sum of isotropic "
+                f"terms; found {type(metric).__name__}"
+            )
+        template = metric.space.template
+        super().__init__(metric.space, [NormalPartTerm(template, FirstOrderTerm(template, weights))], **solvers)
+        self._metric = metric
+
+    @property
+    def metric(self) -> SurfaceMetric | SobolevMetric:
+        """The metric G of the normal parts."""
+        return self._metric
+
+
+def _first_order_weights(metric: object) -> FirstOrderWeights | None:
+    """Return the weights of a metric's first-order parts, or None if it has others."""
+    if isinstance(metric, SobolevMetric):
+        first, *others = metric.terms
+        return first.weights if isinstance(first, FirstOrderTerm) and not others else None
+    if not isinstance(metric, SurfaceMetric):
+        return None
+    template = metric.space.template
+    at_rest = derivatives(template.vertices, template.differential_operator)
+    forms = {1.0: np.zeros((6, 6)), 0.0: np.zeros((6, 6))}
+    for term in metric.terms:
+        form = term.form(at_rest)
+        if form.ndim > 2 or term.area_power not in forms:
+            return None
+        forms[term.area_power] += term.weight * form
+    return FirstOrderWeights.from_forms(forms[1.0], forms[0.0])

@@ -9,13 +9,11 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
-from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_bound, sample_count, stack_samples
+from riemhuman.geometry.pairwise import Bulk, Features
 from riemhuman.kernels.tiles import in_tiles
 from riemhuman.terms.flat import flat_distances, vector_features
-from riemhuman.terms.sum import Features
 
 
 class VectorSpace(Manifold):
@@ -25,6 +23,8 @@ class VectorSpace(Manifold):
     ----------
     shape : tuple of int
         Shape of the arrays.
+    equip : bool
+        Whether to equip the space with `FlatMetric`.
 
     Examples
     --------
@@ -38,31 +38,18 @@ class VectorSpace(Manifold):
         super().__init__(int(np.prod(shape)), tuple(shape), equip)
 
     def default_metric(self) -> type[RiemannianMetric]:
-        """Return `FlatMetric`."""
         return FlatMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        r"""Tell whether all entries are finite.
-
-        Parameters
-        ----------
-        atol : float
-            Not used.
-        """
+        """Return whether all entries are finite."""
         return self._candidates(point, "point")[1]
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the array itself: every array is tangent."""
+        """Return the array itself: every array is tangent."""
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        r"""Draw arrays of independent uniform numbers.
-
-        Parameters
-        ----------
-        bound : float
-            Entries lie between −bound and bound.
-        """
+        """Draw arrays of independent uniform numbers between −bound and bound."""
         n_samples, bound = sample_count(n_samples), sample_bound(bound)
         points = generator(rng).uniform(-bound, bound, (n_samples, *self.shape))
         return stack_samples(points, n_samples)
@@ -103,15 +90,7 @@ class FlatMetric(RiemannianMetric):
     def inner_product(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return Σ_t w_t ⟨a_t, b_t⟩.
-
-        Parameters
-        ----------
-        tangent_vec_a, tangent_vec_b : array, shape (..., \*shape)
-            Arrays.
-        base_point : array, shape (..., \*shape), optional
-            Base point; the inner product is the same at all of them.
-        """
+        """Return Σ_t w_t ⟨a_t, b_t⟩, the same at every base point."""
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
         product = tangent_vec_a * tangent_vec_b
@@ -121,19 +100,19 @@ class FlatMetric(RiemannianMetric):
         return np.sum(self._weights * product, axis=self.space._point_axes)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
-        r"""Return Σ_t w_t ‖a_t − b_t‖²."""
+        """Return Σ_t w_t ‖a_t − b_t‖²."""
         point_a = self.space.check_point(point_a, "point_a")
         point_b = self.space.check_point(point_b, "point_b")
         difference = point_a - point_b
         return np.sum(self._weights * difference * difference, axis=self.space._point_axes)
 
     def exp(self, tangent_vec: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return base_point + tangent_vec."""
+        """Return base_point + tangent_vec."""
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         return self.space.check_point(base_point, "base_point") + tangent_vec
 
     def log(self, point: ndarray, base_point: ndarray) -> ndarray:
-        r"""Return point − base_point."""
+        """Return point − base_point."""
         base_point = self.space.check_point(base_point, "base_point")
         return self.space.check_point(point, "point") - base_point
 
@@ -144,33 +123,23 @@ class FlatMetric(RiemannianMetric):
         direction: ndarray | None = None,
         end_point: ndarray | None = None,
     ) -> ndarray:
-        r"""Return the tangent vectors themselves: vector spaces are flat.
-
-        Parameters
-        ----------
-        base_point, direction, end_point : array, shape (..., \*shape), optional
-            Base point, and initial velocity or end of the geodesic; they take part in broadcasting
-            alone.
-        """
+        """Return the tangent vectors themselves; all other arguments only broadcast."""
         carried = real_array(tangent_vec, "tangent_vec", self.space.shape)
-        for name, way in (
-            ("base_point", base_point),
-            ("direction", direction),
-            ("end_point", end_point),
-        ):
-            if way is not None:
-                carried = carried + np.zeros_like(real_array(way, name, self.space.shape))
+        others = {"base_point": base_point, "direction": direction, "end_point": end_point}
+        for name, array in others.items():
+            if array is not None:
+                carried = carried + np.zeros_like(real_array(array, name, self.space.shape))
         return carried
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return infinity: straight lines never meet twice."""
+        """Return infinity: straight lines never meet twice."""
         leading = np.shape(base_point)[: -self.space.point_ndim] if base_point is not None else ()
         return np.full(leading, np.inf)
 
     def curvature_form(
         self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
     ) -> ndarray:
-        r"""Return 0: vector spaces are flat."""
+        """Return 0: vector spaces are flat."""
         return 0.0 * self.inner_product(tangent_vec_a, tangent_vec_b, base_point)
 
     @property
@@ -183,8 +152,6 @@ class FlatMetric(RiemannianMetric):
 
 
 class _Vectors(Bulk):
-    """Bulk work of vectors with a weighted sum of squares for squared norm."""
-
     n_arrays = 2
 
     def __init__(self, weights: ndarray, shape: tuple[int, ...]) -> None:
