@@ -27,6 +27,9 @@ def constructor_text(value: object, leave_out: Sequence[str] = ()) -> str:
         kept = getattr(value, name, getattr(value, f"_{name}", _MISSING))
         if name in leave_out or kept is _MISSING:
             continue
+        if parameter.kind is parameter.VAR_KEYWORD:
+            shown += [f"{key}={_brief(item)}" for key, item in kept.items()]
+            continue
         # Texts are compared by value, since pickling copies them; other values by identity.
         is_default = kept is parameter.default or (
             isinstance(kept, str) and kept == parameter.default

@@ -13,21 +13,26 @@ import autograd.numpy as anp
 import numpy as np
 import trimesh
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
-from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.geometry.rotation_fields import RotationFields
-from riemhuman.geometry.rotation_metric import RotationMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    EbinMetric,
+    ElasticMetric,
+    FlatMetric,
+    GaugeInvariantMetric,
+    GeneralElasticMetric,
+    Manifold,
+    MetricFields,
+    NormalFields,
+    ProductManifold,
+    ProductMetric,
+    PullbackMetric,
+    RiemannianMetric,
+    RotationFields,
+    RotationMetric,
+    SobolevMetric,
+    SRNFMetric,
+    VectorSpace,
+)
 from riemhuman.kernels.scalars import square_root
 from riemhuman.surfaces.template import Template
 

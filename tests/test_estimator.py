@@ -9,10 +9,7 @@ from sklearn.base import clone
 from sklearn.model_selection import cross_val_score
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, NormalFields, VectorSpace
 from riemhuman.motions import MotionComponents, MotionMean, MotionSpace
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers import BasisMean, GradientDescentMean

@@ -11,8 +11,7 @@ import pytest
 from riemhuman import retrieval
 from riemhuman.__main__ import main
 from riemhuman.datasets import Bodies, load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import save_mesh
 
 
@@ -173,8 +172,7 @@ def test_usage_errors(arguments):
 
 
 def test_matrices_are_those_of_dist():
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 
     bodies = load_open_bodies("coarse")
     metric = ElasticMetric(AlignedSurfaces(bodies.template))

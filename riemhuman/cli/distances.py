@@ -30,7 +30,7 @@ from riemhuman.io.outputs import check_output_file
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.geometry.surface_metric import SurfaceMetric
+    from riemhuman.geometry import SurfaceMetric
     from riemhuman.solvers import PathDistances
 
 _N_NODES = 11  # surfaces of a path

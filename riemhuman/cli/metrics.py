@@ -9,7 +9,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.extensions import extension
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
+    from riemhuman.geometry import RiemannianMetric
     from riemhuman.surfaces.template import Template
 
 # Triples of a, λ and c.
@@ -124,9 +124,7 @@ def chosen_metric(options: argparse.Namespace, template: Template) -> Any:
     ArgumentError
         If the options contradict each other, or the weights do not define a metric.
     """
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.elastic_metric import ElasticMetric
-    from riemhuman.geometry.srnf import SRNFMetric
+    from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 
     check_metric_options(options)
     # Surfaces share a unit: this is checked when they are read.
@@ -156,8 +154,7 @@ def metric_record(metric: RiemannianMetric) -> dict[str, Any]:
     dict
         The name, and the weights of a metric of the paper's family.
     """
-    from riemhuman.geometry.elastic_metric import ElasticMetric
-    from riemhuman.geometry.srnf import SRNFMetric
+    from riemhuman.geometry import ElasticMetric, SRNFMetric
 
     if type(metric) is ElasticMetric:
         return {"name": "elastic", "a": metric.a, "lam": metric.lam, "c": metric.c}

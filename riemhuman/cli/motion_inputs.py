@@ -150,8 +150,7 @@ def motion_space(options: argparse.Namespace, motion: Any, n_times: int = 40) ->
         If the template has other triangles than the motion.
     """
     from riemhuman.datasets.registered_meshes import RegisteredMeshes
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.geometry import AlignedSurfaces, ElasticMetric
     from riemhuman.motions import MotionSpace
     from riemhuman.surfaces.template import Template
 

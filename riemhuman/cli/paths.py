@@ -34,7 +34,7 @@ from riemhuman.io.outputs import atomic_folder
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.geometry.surface_metric import SurfaceMetric
+    from riemhuman.geometry import SurfaceMetric
     from riemhuman.solvers import PathResult
 
 _SUMMARY = "summary.json"

@@ -101,7 +101,7 @@ def add_verbs(verbs: Verbs) -> None:
 
 
 def _transfer(options: argparse.Namespace) -> None:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry import AlignedSurfaces
     from riemhuman.progress import ProgressBar
     from riemhuman.solvers import MotionTransfer
 
@@ -128,8 +128,7 @@ def _transfer(options: argparse.Namespace) -> None:
 
 
 def _disentangle(options: argparse.Namespace) -> None:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.geometry import AlignedSurfaces, ElasticMetric
     from riemhuman.io.meshes import save_mesh
     from riemhuman.protocols import uninterrupted
     from riemhuman.solvers import Disentangling

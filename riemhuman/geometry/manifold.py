@@ -308,6 +308,7 @@ class Manifold(ABC):
         name : str
             Name of the argument, for messages.
         """
+        return
 
     @property
     def _point_axes(self) -> tuple[int, ...]:

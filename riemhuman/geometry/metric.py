@@ -31,6 +31,7 @@ from riemhuman.geometry.pairwise import (
     table_of_distances,
 )
 from riemhuman.kernels.scalars import square_root
+from riemhuman.protocols import uninterrupted
 from riemhuman.representation import constructor_text
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ class RiemannianMetric:
 
     @property
     def has_lower_bound_coordinates(self) -> bool:
-        """Whether the class defines `lower_bound_coordinates`, which speed up nearest neighbours."""
+        """Whether the class defines `lower_bound_coordinates`, for nearest neighbours."""
         defined = type(self).lower_bound_coordinates
         return defined is not RiemannianMetric.lower_bound_coordinates
 
@@ -1097,11 +1098,17 @@ for _power, _names in {
 }.items():
     for _name in _names.split():
         setattr(ScalarProductMetric, _name, _scaled(_name, _power))
-for _name in (
-    "has_closed_form_dist has_inner_product has_closed_form_geodesic has_closed_form_transport "
-    "has_metric_matrix has_lower_bound_coordinates is_translation_invariant is_stretch_invariant "
-    "is_reparametrization_invariant"
-).split():
+for _name in [
+    "has_closed_form_dist",
+    "has_inner_product",
+    "has_closed_form_geodesic",
+    "has_closed_form_transport",
+    "has_metric_matrix",
+    "has_lower_bound_coordinates",
+    "is_translation_invariant",
+    "is_stretch_invariant",
+    "is_reparametrization_invariant",
+]:
     setattr(ScalarProductMetric, _name, property(attrgetter(f"underlying_metric.{_name}")))
 
 

@@ -10,9 +10,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
-from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels.surface import refuse_triangles
 from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
 from riemhuman.terms.sum import TermOfFields

@@ -10,9 +10,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels import sphere
 from riemhuman.kernels.surface import dot, refuse_triangles
 from riemhuman.terms.normals import NormalTerm

@@ -236,7 +236,9 @@ def table_of_distances(
             row_blocks = features_of_rows(first, first + n_at_once)
             for start in range(first if within else 0, len(columns), n_at_once):
                 same = within and start == first
-                column_blocks = row_blocks if same else features_of_columns(start, start + n_at_once)
+                column_blocks = (
+                    row_blocks if same else features_of_columns(start, start + n_at_once)
+                )
                 for i, features_a in row_blocks:
                     for j, features_b in column_blocks:
                         if same and j.start < i.start:

@@ -12,9 +12,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, metric_weight, real_array
 from riemhuman.errors import ArgumentError, NotDefinedError
-from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.pairwise import Bulk, SumOfFactors
 from riemhuman.kernels.linear import entry
 
 

@@ -9,9 +9,9 @@ import autograd.numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
-from riemhuman.geometry.pairwise import Bulk, OfImages
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.pairwise import Bulk, OfImages
 from riemhuman.kernels import linear
 
 

@@ -10,13 +10,13 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, real_number, values_of
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.manifold import Manifold, sample_count, stack_samples
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
+from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.pullback import PullbackMetric
 from riemhuman.kernels import special_orthogonal
-from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.drift import still_path
+from riemhuman.kernels.rotations import cross_product_matrix
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.kernels.special_orthogonal import axial, nearest_rotations, quaternions, transpose
 from riemhuman.kernels.surface import (
@@ -181,7 +181,7 @@ class RotationFieldMetric(RiemannianMetric):
         return _tangent_vec(omega, base_point)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
-        r"""Return the length of a half turn of the smallest triangle, :math:`\pi\sqrt{\min_t w_t}`."""
+        r"""Return that of the smallest triangle, a rotation by π: :math:`\pi\sqrt{\min_t w_t}`."""
         leading = np.shape(base_point)[:-3] if base_point is not None else ()
         return np.full(leading, np.pi * np.sqrt(self.space.template.face_areas.min()))
 

@@ -1,4 +1,4 @@
-"""Metrics on aligned surfaces given by their inner product alone: Sobolev and gauge-invariant ones."""
+"""Metrics given by their inner product alone: Sobolev metrics and gauge-invariant ones."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from riemhuman.terms.zeroth_order import ZerothOrderTerm
 
 if TYPE_CHECKING:
     from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+
 
 class MidpointMetric(MetricOfTerms):
     r"""A sum of terms given by their inner products, without a closed-form distance.
@@ -259,7 +260,9 @@ class GaugeInvariantMetric(MidpointMetric):
                 f"terms; found {type(metric).__name__}"
             )
         template = metric.space.template
-        super().__init__(metric.space, [NormalPartTerm(template, FirstOrderTerm(template, weights))], **solvers)
+        super().__init__(
+            metric.space, [NormalPartTerm(template, FirstOrderTerm(template, weights))], **solvers
+        )
         self._metric = metric
 
     @property

@@ -292,7 +292,7 @@ class SurfaceMetric(MetricOfTerms):
         values = term.squared_dist(fields_a, fields_b) * self._sum.areas
         return term.weight * np.sum(values, axis=-1)
 
-    def _members(self, points: Points, name: str) -> ndarray:
+    def _check_members(self, points: Points, name: str) -> ndarray:
         points = self.space.check_point(points, name)
         check_shape(points, name, ("n_points", *self.space.shape), batched=False)
         return points

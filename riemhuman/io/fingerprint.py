@@ -17,7 +17,6 @@ import numpy as np
 
 from riemhuman.errors import ArgumentTypeError
 from riemhuman.io._code import is_own, library_of, reached_by
-from riemhuman.protocols import SpaceOfFactors
 
 # Parameters on which no distance depends; nor on the solver, if distances have a closed form.
 _WITHOUT_EFFECT = frozenset({"equip", "exp_solver", "log_solver", "transport_solver"})
@@ -232,8 +231,8 @@ class _Description:
         if library is None and hasattr(value, "__dict__"):
             described |= self._by_name("attributes", _public_attributes(value))
         # The factors of a product bring the metrics that make up its own.
-        if isinstance(value, SpaceOfFactors):
-            described["metrics"] = [self.of(factor.metric) for factor in value.factors]
+        if factors := getattr(value, "factors", ()):
+            described["metrics"] = [self.of(f.metric) for f in factors if hasattr(f, "metric")]
         return described
 
     def _state(self, value: Any) -> dict[str, Any]:
@@ -270,11 +269,13 @@ def _parameters(value: Any) -> dict[str, Any]:
     """Return the arguments that an object was constructed with."""
     kind = type(value)
     try:
-        names = set(inspect.signature(kind).parameters) - _without_effect(value)
+        names = set(inspect.signature(kind).parameters)
     except ValueError as error:
         raise _cannot(value) from error
+    if "solvers" in names:  # the metrics' **solvers
+        names = names - {"solvers"} | {_SOLVER}
     kept = {}
-    for name in sorted(names):
+    for name in sorted(names - _without_effect(value)):
         key = next((key for key in (name, f"_{name}") if hasattr(value, key)), None)
         if key is None:
             raise ArgumentTypeError(

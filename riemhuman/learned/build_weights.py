@@ -21,8 +21,7 @@ from typing import Any
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import FileError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.learned.codes import FOLDER, Codes
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.metric_codes import MetricCodes

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.learned.correspondence import Correspondence
 from riemhuman.learned.networks import initial_network, network_shapes

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
     stacked_derivatives,

@@ -20,8 +20,7 @@ from scipy.spatial.distance import pdist
 from scipy.stats import spearmanr
 
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.learned.build_weights import WEIGHTS
 from riemhuman.learned.codes import PairedCodes
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes

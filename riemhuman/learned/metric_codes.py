@@ -12,7 +12,7 @@ from numpy import ndarray
 from numpy.typing import ArrayLike
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.learned.codes import Codes
 from riemhuman.learned.networks import in_single_precision, network
 from riemhuman.learned.part_features import part_arrays, read_parts

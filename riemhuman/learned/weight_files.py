@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError, RiemhumanError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.surfaces.template import Template
 

@@ -21,7 +21,7 @@ from numpy import ndarray
 
 from riemhuman.datasets import Bodies, load_open_bodies, load_open_model
 from riemhuman.errors import FileError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.measurements.length_measurements import Height
 from riemhuman.measurements.measurement import Measurement
 from riemhuman.measurements.measurement_set import MeasurementSet

@@ -11,7 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_array
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.measurements.measuring import Measurements

@@ -18,7 +18,6 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.measurements.measuring import Measurements, as_mapping
-from riemhuman.protocols import MetricWithMatrix
 from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
 
 _MOST_HALVINGS = 12
@@ -128,7 +127,7 @@ def nearest_body(
     """
     real_number(tolerance, "tolerance", minimum=0.0, strict=True)
     whole_number(max_iter, "max_iter", minimum=1)
-    if not isinstance(metric, MetricWithMatrix):
+    if not metric.has_metric_matrix:
         raise ArgumentError(f"metric must have a metric_matrix; found {metric!r}")
     measured_energy: Any = metric
     start = real_array(point, "point", measured_energy.space.shape, batched=False)

@@ -7,7 +7,7 @@ from numpy import ndarray
 
 from riemhuman.bodies import BodyModel, ModelFit
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.measurements.measurement_set import MeasurementSet
 from riemhuman.solvers import ShapeTransfer
 

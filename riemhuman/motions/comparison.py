@@ -11,9 +11,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator
 from riemhuman.datasets.open_motions import OpenMotion, load_open_motions
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.motions.dynamic_time_warping import DynamicTimeWarping
 from riemhuman.motions.gram_hankel import GramHankel
 from riemhuman.motions.joint_angles import JointAngles

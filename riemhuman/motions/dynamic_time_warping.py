@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.motions.dtw_kernels import accumulate, lower_bound, trace
 from riemhuman.motions.frame_tables import (
     ExactTables,

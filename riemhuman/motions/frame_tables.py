@@ -20,7 +20,7 @@ from scipy.interpolate import CubicSpline
 
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import Projection
 from riemhuman.motions.dtw_kernels import between_frames
 from riemhuman.motions.frames import Motion, frame_runs, n_frames_of, sampled_frames
@@ -128,7 +128,7 @@ class ProjectedTables(Tables):
     def __init__(
         self, metric: RiemannianMetric, motions: Sequence[Motion], n_components: int
     ) -> None:
-        if not hasattr(metric, "lower_bound_coordinates"):
+        if not metric.has_lower_bound_coordinates:
             raise ArgumentError(
                 f"n_components needs a metric with lower_bound_coordinates, such as ElasticMetric; "
                 f"found {type(metric).__name__}"

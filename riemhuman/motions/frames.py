@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.space import Space
+from riemhuman.geometry import Manifold
 
 Motion = Any
 """An array (n_frames, V, 3), or anything with a length whose slices are such arrays."""
@@ -19,7 +19,7 @@ RUN = 16
 """Frames looked at together."""
 
 
-def frame_runs(space: Space, motion: Motion, name: str = "motion") -> Iterator[ndarray]:
+def frame_runs(space: Manifold, motion: Motion, name: str = "motion") -> Iterator[ndarray]:
     """Yield the frames of a motion in runs, each checked.
 
     Parameters
@@ -48,7 +48,7 @@ def frame_runs(space: Space, motion: Motion, name: str = "motion") -> Iterator[n
         yield _checked(space, motion[first:last], first, f"frames {first} to {last - 1} of {name}")
 
 
-def sampled_frames(space: Space, motion: Motion, name: str, step: int) -> Iterator[ndarray]:
+def sampled_frames(space: Manifold, motion: Motion, name: str, step: int) -> Iterator[ndarray]:
     """Yield every `step`-th frame of a motion, each checked.
 
     Parameters
@@ -71,7 +71,9 @@ def sampled_frames(space: Space, motion: Motion, name: str, step: int) -> Iterat
         yield _checked(space, motion[number : number + 1], number, frame)[0]
 
 
-def whole_motion(space: Space, motion: Motion, name: str = "motion", minimum: int = 1) -> ndarray:
+def whole_motion(
+    space: Manifold, motion: Motion, name: str = "motion", minimum: int = 1
+) -> ndarray:
     """Return all frames of a motion, checked.
 
     Parameters
@@ -202,7 +204,7 @@ def rising_times(times: Any, name: str, n_times: int | None = None) -> ndarray:
     return np.asarray(values)
 
 
-def _checked(space: Space, run: Any, first: int, name: str) -> ndarray:
+def _checked(space: Manifold, run: Any, first: int, name: str) -> ndarray:
     values = values_of(run, name)
     if values.ndim != 3:
         raise ArgumentError(f"{name} must have shape (n_frames, V, 3); found {values.shape}")

@@ -27,7 +27,7 @@ from riemhuman.errors import ArgumentError
 from riemhuman.motions.frames import Motion, frame_runs, several_motions
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry import AlignedSurfaces
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import FlatMetric, VectorSpace
 from riemhuman.motions.frames import Motion, frame_runs
 
 

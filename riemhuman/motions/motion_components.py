@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry import ProductManifold, ProductMetric
 from riemhuman.motions.frames import Motion
 from riemhuman.motions.motion_mean import MotionMean, elastic_metric
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import ElasticMetric
 from riemhuman.motions.alignment import Alignment, at_times, default_alignment, even_times
 from riemhuman.motions.frames import Motion, several_motions
 from riemhuman.motions.motion_space import MotionSpace
@@ -33,7 +33,7 @@ class MotionMean(Estimator):
     ----------
     space : MotionSpace
         Space of motions; the mean has its number of times.
-    metric : PulledBackMetric, optional
+    metric : RiemannianMetric, optional
         Metric of the means of surfaces. By default ``ElasticMetric(a=1, lam=1, c=1)``, which sees
         shape and pose.
     alignment : Alignment, optional

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.motions.dtw_kernels import follow
 from riemhuman.motions.frame_tables import ExactTables
 from riemhuman.motions.frames import Motion, frame_runs, n_frames_of

@@ -9,9 +9,9 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.samples import sample_count, stack_samples
+from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.geometry.manifold import sample_count, stack_samples
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.motions.frames import (
     Motion,
     frame_runs,
@@ -20,10 +20,10 @@ from riemhuman.motions.frames import (
     whole_motion,
 )
 from riemhuman.motions.rate_dependent_metric import RateDependentMetric
-from riemhuman.protocols import GeodesicSolver, uninterrupted
+from riemhuman.protocols import uninterrupted
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry import AlignedSurfaces
 
 
 class MotionSpace(Manifold):

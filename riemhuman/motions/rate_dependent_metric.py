@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.pairwise import Bulk
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.terms.sum import Features
 
 

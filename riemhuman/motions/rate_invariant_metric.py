@@ -11,9 +11,8 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight, real_array, real_number, whole_number
-from riemhuman.geometry.bulk import Bulk
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import MEMORY, Points
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.pairwise import MEMORY, Bulk, Points
 from riemhuman.kernels.projections import Projection
 from riemhuman.kernels.threads import for_each
 from riemhuman.motions.even_segments import even_segments
@@ -73,7 +72,7 @@ class RateInvariantMetric(RiemannianMetric):
     ----------
     space : MotionSpace
         Space of motions.
-    metric : PulledBackMetric, optional
+    metric : RiemannianMetric, optional
         Metric on frames, such as `ElasticMetric`, `RotationMetric` or `SRNFMetric`; by default that
         of their space.
     reference : array, shape (V, 3), optional

@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.docstrings import InheritsDocstrings
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.motions.frame_tables import Tables, tables_of
 from riemhuman.motions.frames import Motion, several_motions

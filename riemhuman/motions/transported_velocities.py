@@ -15,13 +15,9 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import NotDefinedError
-from riemhuman.geometry.metric_fields import EbinMetric
-from riemhuman.geometry.normal_fields import NormalFieldMetric
-from riemhuman.geometry.rotation_fields import RotationFieldMetric
-from riemhuman.geometry.vector_space import FlatMetric
+from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric
 from riemhuman.kernels.special_orthogonal import axial, transpose
 from riemhuman.motions.frames import Motion, frame_runs
-from riemhuman.protocols import PulledBackMetric, SpaceOfFactors
 from riemhuman.terms import ebin_tangent
 
 
@@ -30,7 +26,7 @@ class TransportedVelocities:
 
     Parameters
     ----------
-    metric : PulledBackMetric
+    metric : RiemannianMetric
         Metric on surfaces, pulled back from one with exp, log and parallel transport.
     reference : array, shape (V, 3)
         The reference surface.
@@ -42,7 +38,7 @@ class TransportedVelocities:
     """
 
     def __init__(self, metric: Any, reference: ndarray) -> None:
-        if not isinstance(metric, PulledBackMetric):
+        if not metric.has_target_metric:
             raise NotDefinedError(
                 f"rate-invariant distances need a metric of fields with log and transport, such as "
                 f"ElasticMetric, RotationMetric or SRNFMetric; found {type(metric).__name__}"
@@ -92,7 +88,7 @@ class TransportedVelocities:
 
     def _coordinates(self, vectors: ndarray) -> ndarray:
         parts: Any = [vectors]
-        if isinstance(self._fields.space, SpaceOfFactors):
+        if self._fields.space.factors:
             parts = self._fields.space.project_from_product(vectors)
         return np.concatenate(
             [chart(part) for chart, part in zip(self._charts, parts, strict=True)],
@@ -102,7 +98,7 @@ class TransportedVelocities:
 
 def _charts(metric: Any, base: ndarray) -> Any:
     """Yield what takes tangent vectors at a point, factor by factor, to orthonormal coordinates."""
-    if not isinstance(metric.space, SpaceOfFactors):
+    if not metric.space.factors:
         yield _chart(metric, base, 1.0)
         return
     bases = metric.space.project_from_product(base)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import whole_number
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.motions.chord_kernels import match_chords
 from riemhuman.motions.frame_tables import ExactTables, Tables
 from riemhuman.motions.frames import Motion, n_frames_of

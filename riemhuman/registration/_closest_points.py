@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial import cKDTree
 
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import ElasticMetric
 from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
 from riemhuman.registration._fitting_steps import Prior, add_normal_equations, add_prior, stepped
 from riemhuman.registration._posed_body import ModelSamples, Pose, posed

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.files import write_text
 from riemhuman.optional import import_optional
 from riemhuman.plots._figures import figure_style

@@ -11,11 +11,8 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.contributions import contributions
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SRNFMetric
+from riemhuman.geometry.surface_metric import contributions
 from riemhuman.protocols import uninterrupted
 from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.choices import Pair

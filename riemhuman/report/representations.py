@@ -13,10 +13,7 @@ from riemhuman.descriptors import (
     WaveKernelSignature,
 )
 from riemhuman.extensions import extensions
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, GaugeInvariantMetric, SobolevMetric, SRNFMetric
 from riemhuman.report.code_descriptors import shipped_descriptors
 from riemhuman.report.retrieval_benchmark import table_metrics
 from riemhuman.solvers.simple_paths import LinearPath

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from riemhuman.datasets import load_open_model, load_open_motions
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.choices import group_of, pair_across, pair_within
 from riemhuman.report.experiments import distance_steps, map_step, sweep_step

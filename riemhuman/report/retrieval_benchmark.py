@@ -12,11 +12,13 @@ import numpy as np
 
 from riemhuman.descriptors.descriptor import meshes_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
-from riemhuman.geometry.rotation_metric import RotationMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    GeneralElasticMetric,
+    RotationMetric,
+    SRNFMetric,
+)
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval.scores import RetrievalScores, scores
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentTypeError, ClusterError, MissingDependencyError, RiemhumanError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.files import short_message
 from riemhuman.optional import import_optional
 

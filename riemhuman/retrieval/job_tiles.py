@@ -12,7 +12,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import FileError, FileFormatError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.pairwise import squared_dist_rectangle
 from riemhuman.io.arrays import load_array
 from riemhuman.kernels.tiles import slices

@@ -9,12 +9,10 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import features_in_threads
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.projections import GrowingRows, Projection
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
-from riemhuman.protocols import MetricWithLowerBound
 
 # Number of points that are added at a time.
 _BLOCK = 64
@@ -84,7 +82,7 @@ class NeighborIndex:
         NeighborIndex
         """
         index = cls(metric, n_patches, n_jobs)
-        if isinstance(metric, MetricWithLowerBound):
+        if metric.has_lower_bound_coordinates:
             first = index._full_coordinates(index.checked(X, 0, 1))
             n_sample = min(_SAMPLE, max(1, _SAMPLE_SIZE // first.size), len(X))
             sample = np.linspace(0, len(X) - 1, n_sample).astype(int).tolist()
@@ -169,7 +167,7 @@ class NeighborIndex:
         try:
             for part in slices(len(X), _BLOCK):
                 points = self.checked(X, part.start, part.stop)
-                features = features_in_threads(self.metric, points, "single", self.n_jobs)
+                features = self.metric.features(points, "single", self.n_jobs)
                 self._points.append(points)
                 for rows, feature in zip(self._features, features, strict=True):
                     rows.append(feature)
@@ -206,7 +204,7 @@ class NeighborIndex:
             points = self.metric.check_points(self._points.array[probes])
             found = [*self.metric.features(points, "single"), self._probe_distances()]
             kept = [*self.features(probes), kept_distances]
-            if isinstance(self.metric, MetricWithLowerBound):
+            if self.metric.has_lower_bound_coordinates:
                 found.append(self._full_coordinates(points))
             if self.projection is not None:
                 mean, components = self.projection.mean, self.projection.components

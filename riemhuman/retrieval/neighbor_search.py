@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.geometry.pairwise import features_in_threads
 from riemhuman.kernels.tiles import slices
 from riemhuman.retrieval.neighbor_index import NeighborIndex
 
@@ -94,7 +93,7 @@ class _Query:
 def _queries(index: NeighborIndex, points: ndarray, first: int | None) -> list[_Query]:
     """Prepare queries: points of the index from number `first` on, or other points if None."""
     if first is None:
-        features = features_in_threads(index.metric, points, "single", index.n_jobs)
+        features = index.metric.features(points, "single", index.n_jobs)
         rounding = index.metric.bulk.rounding(features)
         coordinates = index.coordinates_of(points)
         to_pivots = index.distances(features, index.features(index.pivots))
@@ -194,12 +193,12 @@ def _exact_distances(
     index: NeighborIndex, points: ndarray, candidates: list[ndarray], in_order: Map
 ) -> list[ndarray]:
     """Return the distances of each query from its candidates, in double precision."""
-    own = features_in_threads(index.metric, points, "double", index.n_jobs)
+    own = index.metric.features(points, "double", index.n_jobs)
     exact = [np.empty(len(numbers)) for numbers in candidates]
     everyone = np.unique(np.concatenate(candidates))
     for part in slices(len(everyone), _DOUBLE):
         some = everyone[part]
-        features = features_in_threads(index.metric, index.points[some], "double", index.n_jobs)
+        features = index.metric.features(index.points[some], "double", index.n_jobs)
 
         def compare(i: int, some: ndarray = some, features: Any = features) -> None:
             here = np.flatnonzero(np.isin(candidates[i], some))

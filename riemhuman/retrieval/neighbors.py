@@ -13,7 +13,7 @@ from numpy import ndarray
 from riemhuman.checks import integer_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.retrieval.neighbor_index import NeighborIndex

@@ -18,8 +18,8 @@ from riemhuman.errors import (
     RiemhumanError,
     warn,
 )
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pairwise import PRECISIONS, features_in_threads
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.pairwise import PRECISIONS
 from riemhuman.io.fingerprint import describe, digest
 from riemhuman.io.job_folder import JobFolder, are_marks, checksums, mark
 from riemhuman.kernels.threads import thread_count
@@ -261,7 +261,7 @@ def _keep_features(
         )
         _forget_tiles(job, tiles, block)
     try:
-        features = features_in_threads(metric, some, precision, n_jobs)
+        features = metric.features(some, precision, n_jobs)
     except ArgumentError as error:
         raise type(error)(f"{where}: {error}") from error
     written = (*features, some) if precision == "single" else features

@@ -17,13 +17,13 @@ from riemhuman.errors import (
     RiemhumanError,
     warn,
 )
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.io.fingerprint import describe, digest
 from riemhuman.io.job_folder import JobFolder, are_marks, mark
 from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
-from riemhuman.protocols import GeodesicSolver
 from riemhuman.retrieval.cluster import computed_tiles
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.path_distances import PairsOfPoints, PathDistances, distances_of, row_of

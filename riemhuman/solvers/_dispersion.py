@@ -12,9 +12,8 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.tiles import slices
-from riemhuman.protocols import MetricOfSurfaces, MetricWithCompanion, SurfaceSpace
 from riemhuman.solvers.rounding import rounding_energy
 from riemhuman.surfaces.distortion import triangle_areas
 
@@ -307,9 +306,9 @@ def seeing_lengths(metric: Any, weight: float) -> Any:
     StretchInvarianceWarning
         If the returned metric does not see lengths.
     """
-    if isinstance(metric, MetricWithCompanion) and weight > 0:
-        metric = metric.seeing_lengths(weight)
-    if isinstance(metric, MetricOfSurfaces) and metric.is_stretch_invariant:
+    if weight > 0:
+        metric = metric.with_stretching(weight)
+    if metric.is_stretch_invariant:
         warn(
             f"{metric!r} does not see the lengths of edges: limbs of the mean may stretch or "
             "shrink like rubber. Use a metric that sees lengths, such as ElasticMetric with a > 0, "
@@ -337,7 +336,7 @@ class AreaCheck:
 
     def __init__(self, space: Any, points: ndarray) -> None:
         self._faces = None
-        if isinstance(space, SurfaceSpace):
+        if space.is_surface_space:
             self._faces = space.template.faces
             # One by one: the corners of all triangles at once would take much memory.
             self._areas = np.median([triangle_areas(f, self._faces) for f in points], axis=0)

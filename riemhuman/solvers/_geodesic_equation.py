@@ -14,20 +14,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from autograd.core import make_vjp
 from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, RiemhumanError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import Basis, MetricOfSurfaces, SpaceWithFields, SurfaceSpace
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.rounding import rounded
 from riemhuman.solvers.spatial_factors import spatial_factor
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A normal that turns further within one time step belongs to a triangle that has turned over.
 _LEAST_COSINE = -0.5
@@ -81,7 +83,7 @@ class MiddleEquation:
     ----------
     metric : RiemannianMetric
         The metric.
-    basis : Basis, optional
+    basis : DeformationBasis, optional
         Directions in which the unknown point may leave its first guess, and against which the
         equation is tested; by default all coordinates.
     tolerance : float
@@ -91,7 +93,7 @@ class MiddleEquation:
     """
 
     metric: RiemannianMetric
-    basis: Basis | None = None
+    basis: DeformationBasis | None = None
     tolerance: float = 1e-8
     max_iter: int = 50
 
@@ -158,7 +160,7 @@ class MiddleEquation:
     def _steady(self, shift: ndarray) -> ndarray:
         """Take out translations that the metric does not see: the centroid then moves uniformly."""
         metric = self.metric
-        if not isinstance(metric, MetricOfSurfaces) or not metric.is_translation_invariant:
+        if not metric.is_translation_invariant:
             return shift
         space: Any = metric.space
         return shift - centroid(shift, space.template.vertex_areas)
@@ -262,7 +264,7 @@ def turns_far(metric: RiemannianMetric, path: ndarray) -> bool:
         False where points are no surfaces.
     """
     space = metric.space
-    if not isinstance(space, SpaceWithFields):
+    if not space.is_surface_space:
         return False
     normals = space.normal_field(path)
     return bool(np.sum(normals[:-1] * normals[1:], axis=-1).min() < _FAR_COSINE)
@@ -289,13 +291,13 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
     if not np.isfinite(after).all():
         return "entries are not finite"
     if not np.all(space.belongs(after)):
-        check = space.check_immersed if isinstance(space, SurfaceSpace) else space.check_point
+        check = space.check_immersed if space.is_surface_space else space.check_point
         try:
             check(after, "the next point")
         except RiemhumanError as error:
             return str(error)
         return "the next point leaves the manifold"
-    if not isinstance(space, SpaceWithFields):
+    if not space.is_surface_space:
         return ""
     cosines = np.sum(space.normal_field(before) * space.normal_field(after), axis=1)
     worst = int(np.argmin(cosines))
@@ -306,7 +308,7 @@ def degeneration(metric: RiemannianMetric, before: ndarray, after: ndarray) -> s
 
 def _sizes_away(space: Any, before: ndarray, after: ndarray) -> float:
     """Return how far the vertices of a surface have moved, in units of its size; else 0."""
-    if not isinstance(space, SurfaceSpace):
+    if not space.is_surface_space:
         return 0.0
     return float(np.abs(after - before).max() / np.ptp(before))
 
@@ -326,7 +328,7 @@ def vanishing(metric: RiemannianMetric, before: ndarray, after: ndarray) -> str:
     str
     """
     space = metric.space
-    if not isinstance(space, SpaceWithFields):
+    if not space.is_surface_space:
         return ""
     before, after = (np.linalg.det(space.metric_field(point)) for point in (before, after))
     shares = np.sqrt(np.maximum(after, 0.0) / before)

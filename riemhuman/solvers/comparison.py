@@ -12,8 +12,9 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver, SurfaceSpace, was_interrupted
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
+from riemhuman.protocols import was_interrupted
 from riemhuman.representation import Record
 from riemhuman.solvers.results import PathResult, whole_path_result
 from riemhuman.surfaces.distortion import (
@@ -220,7 +221,7 @@ def measure_path(
     if not metrics:
         raise ArgumentError("metrics is empty; at least one metric on surfaces is needed")
     space = next(iter(metrics.values())).space
-    if not isinstance(space, SurfaceSpace):
+    if not space.is_surface_space:
         raise ArgumentError("metrics must be metrics on surfaces over a template")
     template = space.template
     path = template.check_points(path, "path")

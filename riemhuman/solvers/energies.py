@@ -8,8 +8,8 @@ import autograd.numpy as np
 from autograd import value_and_grad
 from numpy import ndarray
 
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PathEnergy
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import PathEnergy
 
 
 @dataclass(frozen=True)

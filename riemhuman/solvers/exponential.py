@@ -14,8 +14,8 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 
 from riemhuman.checks import real_array, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import INTERRUPTED, SurfaceSpace
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers._geodesic_equation import (
     MiddleEquation,
     degeneration,
@@ -238,7 +238,7 @@ class DiscreteExponential:
         ConvergenceWarning
             If a linear equation was not solved within the tolerance.
         """
-        if self.basis is not None or not isinstance(metric.space, SurfaceSpace):
+        if self.basis is not None or not metric.space.is_surface_space:
             raise NotDefinedError(
                 "derivatives of the discrete exponential are those of surfaces with all "
                 "coordinates free, DiscreteExponential() without a basis"

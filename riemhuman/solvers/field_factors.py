@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.protocols import SpaceOfFactors
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.spatial_factors import spatial_factor
 
@@ -55,7 +54,7 @@ def field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
     -------
     CholeskyFactor
     """
-    if not isinstance(metric.space, SpaceOfFactors):
+    if not metric.space.factors:
         return spatial_factor(metric, point[None], scale)
     parts = metric.space.project_from_product(point)
     factors = [

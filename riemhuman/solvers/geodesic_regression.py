@@ -12,8 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.solvers.field_factors import field_factor
 from riemhuman.solvers.image_spaces import ImageSpace, image_space
 from riemhuman.solvers.minimization import WALL, Minimum, minimize

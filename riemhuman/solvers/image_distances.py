@@ -9,9 +9,8 @@ from autograd import value_and_grad
 from numpy import ndarray
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.triangle_frames import stacked_derivatives, triangle_frames
-from riemhuman.protocols import PulledBackMetric
 from riemhuman.surfaces.template import Template
 from riemhuman.terms.sum import SumOfTerms
 
@@ -59,7 +58,7 @@ class ImageDistances(Protocol):
 class _ByDefinition:
     """The mean for any pull-back, by autograd."""
 
-    def __init__(self, metric: PulledBackMetric, images: ndarray, weights: ndarray) -> None:
+    def __init__(self, metric: RiemannianMetric, images: ndarray, weights: ndarray) -> None:
         def mean(surface: ndarray) -> Any:
             return np.dot(weights, metric.target_metric.squared_dist(metric.map(surface), images))
 
@@ -152,12 +151,12 @@ class _OfElasticMetric:
         return best
 
 
-def image_distances(metric: PulledBackMetric, images: ndarray, weights: ndarray) -> ImageDistances:
+def image_distances(metric: RiemannianMetric, images: ndarray, weights: ndarray) -> ImageDistances:
     r"""Return the weighted mean of squared distances from points of the image space.
 
     Parameters
     ----------
-    metric : PulledBackMetric
+    metric : RiemannianMetric
         A metric on surfaces.
     images : array, shape (n, \*target_shape)
         Points of the space of its target.

@@ -10,8 +10,8 @@ from numpy import ndarray
 from riemhuman.checks import one_of
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PulledBackMetric, uninterrupted
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.protocols import uninterrupted
 from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.means import GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface
@@ -19,7 +19,7 @@ from riemhuman.solvers.nearest_surface import NearestSurface
 KINDS = ("auto", "fields", "points")
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry import AlignedSurfaces
 
 # Points that are enough to find where the search for a mean starts.
 _SAMPLE = 64
@@ -134,7 +134,7 @@ class Fields(InheritsDocstrings, ImageSpace):
 
     Parameters
     ----------
-    metric : PulledBackMetric
+    metric : RiemannianMetric
         A metric on surfaces.
     nearest : NearestSurface
         Solver for the nearest surface.
@@ -210,7 +210,7 @@ def image_space(metric: Any, kind: str, nearest: NearestSurface | None) -> Image
     ArgumentError
         If the kind is unknown, or "fields" is requested for a metric that is no pull-back.
     """
-    pulled_back = isinstance(metric, PulledBackMetric)
+    pulled_back = metric.has_target_metric
     if one_of(kind, "image", KINDS) == "auto":
         kind = "fields" if pulled_back else "points"
     if kind == "points":

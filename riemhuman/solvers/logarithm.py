@@ -9,9 +9,10 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import real_number, whole_number
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.drift import steady_path
-from riemhuman.protocols import GeodesicSolver, MetricOfSurfaces, was_interrupted
+from riemhuman.protocols import was_interrupted
 from riemhuman.solvers._geodesic_equation import MiddleEquation, degeneration, turns_far
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.path_straightening import PathStraightening, refined_path
@@ -197,7 +198,7 @@ class DiscreteLogarithm:
             return whole_path_result(self.geodesic_solver.solve(metric, start, end))
         if self.basis is None:
             found = self._over_all(metric, start, end)
-            if isinstance(metric, MetricOfSurfaces) and metric.is_translation_invariant:
+            if metric.is_translation_invariant:
                 # As the exponential moves surfaces where the metric does not say.
                 space: Any = metric.space
                 found = replace(found, path=steady_path(found.path, space.template.vertex_areas))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_number
-from riemhuman.geometry.manifold import Manifold
+from riemhuman.geometry import Manifold
 from riemhuman.solvers.property_checks import PropertyReport, difference, property_report
 
 _N_POINTS = 4

@@ -12,10 +12,11 @@ from numpy import ndarray
 from riemhuman.checks import values_of
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ConvergenceWarning, RiemhumanError, warn
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
 from riemhuman.progress import ProgressBar
-from riemhuman.protocols import GeodesicSolver, uninterrupted
+from riemhuman.protocols import uninterrupted
 from riemhuman.solvers.results import PathResult, whole_path_result
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from autograd.core import make_vjp
@@ -15,11 +15,10 @@ from riemhuman.checks import one_of, real_number, values_of, whole_number
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.space import Space
+from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import INTERRUPTED, Basis, MeanSolver, was_interrupted
+from riemhuman.protocols import INTERRUPTED, was_interrupted
 from riemhuman.solvers._dispersion import (
     AreaCheck,
     Dispersion,
@@ -32,6 +31,9 @@ from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_ro
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.results import MeanResult, warn_unless_converged, whole_mean_result
 from riemhuman.solvers.rounding import rounding_energy
+
+if TYPE_CHECKING:
+    from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 STARTS = ("lowest", "first", "medoid", "euclidean")
 
@@ -80,7 +82,7 @@ class BasisMean(InheritsDocstrings, MeanSolver):
     ((1202, 3), True)
     """
 
-    basis: Basis | None = None
+    basis: DeformationBasis | None = None
     start: str = "lowest"
     with_differences: bool = True
     companion_weight: float = 1.0
@@ -242,7 +244,7 @@ class BasisMean(InheritsDocstrings, MeanSolver):
 class _Family:
     """The points origin + Σ_j β_j D_j, brought back to the manifold where that is needed."""
 
-    space: Space
+    space: Manifold
     origin: ndarray
     directions: ndarray
 

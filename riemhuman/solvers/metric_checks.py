@@ -12,7 +12,7 @@ from numpy import ndarray
 
 from riemhuman.checks import real_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport, difference, excess
 
 # Remainders smaller than this share of the values are rounding.

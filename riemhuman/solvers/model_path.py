@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PathEnergy
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult

@@ -11,10 +11,9 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
-from riemhuman.protocols import MetricWithCompanion, PulledBackMetric
 from riemhuman.solvers._dispersion import check_weights
 from riemhuman.solvers.image_distances import image_distances
 from riemhuman.solvers.preconditioner import CholeskyFactor
@@ -90,7 +89,7 @@ class NearestSurface:
 
     def solve(
         self,
-        metric: PulledBackMetric,
+        metric: RiemannianMetric,
         images: ndarray,
         start: ndarray,
         weights: ndarray | None = None,
@@ -99,7 +98,7 @@ class NearestSurface:
 
         Parameters
         ----------
-        metric : PulledBackMetric
+        metric : RiemannianMetric
             A metric on surfaces, pulled back by Φ = ``metric.map``.
         images : array, shape (n, \*target_shape)
             Targets y_i, points of the space of ``metric.target_metric``.
@@ -131,8 +130,8 @@ class NearestSurface:
         weights = check_weights(weights, len(images))
         start = real_array(start, "start", metric.space.shape, batched=False)
         companion = self.companion
-        if companion is None and isinstance(metric, MetricWithCompanion):
-            companion = metric.unseen_part
+        if companion is None:
+            companion = metric.complementary_metric
         if not self.companion_weight:
             companion = None
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import GeodesicSolver
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult, Result
 

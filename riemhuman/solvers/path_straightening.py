@@ -14,17 +14,10 @@ from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import (
-    INTERRUPTED,
-    GeodesicSolver,
-    MetricOfSlides,
-    PathEnergy,
-    SurfaceSpace,
-    uninterrupted,
-    was_interrupted,
-)
+from riemhuman.protocols import INTERRUPTED, uninterrupted, was_interrupted
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.held_triangles import holding, raised
 from riemhuman.solvers.many_paths import ManyPaths
@@ -167,7 +160,7 @@ class PathStraightening(ManyPaths):
         if n_segments == 1:
             single = linear_path(start, end, 2)
             return known_path(metric, self.energy, single, "a single segment", gap=0.0)
-        unchanged = isinstance(metric, MetricOfSlides) and metric.is_reparametrization_invariant
+        unchanged = metric.is_reparametrization_invariant
         if unchanged and not np.array_equal(start, end):
             warn(
                 f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
@@ -210,7 +203,7 @@ class PathStraightening(ManyPaths):
         """Return the start of least energy, and those with a limb that turns the other way."""
         starts, rivals = [linear_path(start, end, n_nodes)], []
         is_immersed = np.all(metric.space.belongs(np.stack([start, end])))
-        if isinstance(metric.space, SurfaceSpace) and is_immersed:
+        if metric.space.is_surface_space and is_immersed:
             turned = turned_paths(metric, self.energy, start, end, n_nodes)
             (best, _), *rivals = turned
             starts.append(best)
@@ -280,7 +273,7 @@ class _Descent:
         if not self._solver.remove_drift:
             return path
         path = self._metric.remove_drift(path)
-        if isinstance(space, SurfaceSpace) and not np.all(space.belongs(path)):
+        if space.is_surface_space and not np.all(space.belongs(path)):
             path[1:-1] = raised(path[1:-1], space.template)
         return path
 
@@ -338,7 +331,7 @@ class _Descent:
             path[1:-1].ravel(),
             inverse_hessian_at,
             max_iter=solver.max_iter,
-            holding_at=holding_at if isinstance(space, SurfaceSpace) else None,
+            holding_at=holding_at if space.is_surface_space else None,
             earlier=self._earlier if is_last else (),
             expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
             recent_decrease=max(_RECENT, 20.0 * solver.tolerance) if is_last else np.inf,

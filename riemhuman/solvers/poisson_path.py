@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PathEnergy
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.solvers.results import PathResult
 from riemhuman.solvers.simple_paths import KnownPath, check_end_points, known_path, linear_path
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+    from riemhuman.geometry import AlignedSurfaces
 
 
 # A part of this share of the area is a limb. At most so many are tried both ways, the largest, each

@@ -14,7 +14,6 @@ from numpy import ndarray
 
 from riemhuman.errors import ConvergenceWarning, FileFormatError, warn
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.protocols import FoundMean, FoundPath
 from riemhuman.representation import Record, field_texts
 
 _CLASS = "result_class"
@@ -201,12 +200,12 @@ class MeanResult(Result):
     variances: ndarray
 
 
-def whole_path_result(found: FoundPath) -> PathResult:
+def whole_path_result(found: Any) -> PathResult:
     """Complete the result of a geodesic solver with defaults.
 
     Parameters
     ----------
-    found : FoundPath
+    found : object
         Result of a solver: at least a path and its energy.
 
     Returns
@@ -221,12 +220,12 @@ def whole_path_result(found: FoundPath) -> PathResult:
     return PathResult(path, energy, energies, **_outcome(found))
 
 
-def whole_mean_result(found: FoundMean) -> MeanResult:
+def whole_mean_result(found: Any) -> MeanResult:
     """Complete the result of a mean solver with defaults.
 
     Parameters
     ----------
-    found : FoundMean
+    found : object
         Result of a solver: at least a point and its variance.
 
     Returns

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PathEnergy
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
 
 # Relative rounding errors of a point's entries.

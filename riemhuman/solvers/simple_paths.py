@@ -9,8 +9,8 @@ from numpy import ndarray
 
 from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError, NotDefinedError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.protocols import PathEnergy
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import PathEnergy
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.many_paths import ManyPaths
 from riemhuman.solvers.results import PathResult

@@ -14,7 +14,7 @@ from numpy import ndarray
 
 from riemhuman.checks import one_of, real_number
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.solvers.property_checks import PropertyReport, difference, excess, property_report
 

@@ -11,11 +11,10 @@ from numpy import ndarray
 from scipy import sparse
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.block_triangles import WIDTHS, eliminate, solve_lower, solve_upper
 from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.laplacian import cotangent_laplacian
-from riemhuman.protocols import MetricWithMatrix, SurfaceSpace
 from riemhuman.solvers.preconditioner import INDEFINITE, CholeskyFactor
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
@@ -181,9 +180,9 @@ def spatial_factor(
     -------
     CholeskyFactor
     """
-    if isinstance(metric, MetricWithMatrix):
+    if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)
-        if stiffness > 0 and isinstance(metric.space, SurfaceSpace):
+        if stiffness > 0 and metric.space.is_surface_space:
             template = metric.space.template
             laplacian = cotangent_laplacian(template.vertices, template.faces)
             share = matrix.diagonal().mean() / laplacian.diagonal().mean()

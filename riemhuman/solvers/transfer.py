@@ -18,7 +18,6 @@ from riemhuman.kernels.triangle_frames import (
     stacked_derivatives,
     triangle_frames,
 )
-from riemhuman.protocols import SurfaceSpace
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.preconditioner import CholeskyFactor
 from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
@@ -29,8 +28,7 @@ from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.distortion import triangle_areas
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.surface_metric import SurfaceMetric
+    from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
     from riemhuman.surfaces.triangle_heat import HeatStep
 
 # Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
@@ -286,7 +284,7 @@ class _WeightedSum:
 
 def _common_space(shape_metric: SurfaceMetric, pose_metric: SurfaceMetric) -> Any:
     space = shape_metric.space
-    if not isinstance(space, SurfaceSpace) or space.shape != pose_metric.space.shape:
+    if not space.is_surface_space or space.shape != pose_metric.space.shape:
         raise ArgumentError(
             "shape_metric and pose_metric must be metrics on surfaces over one template; found "
             f"points of shape {space.shape} and {pose_metric.space.shape}"

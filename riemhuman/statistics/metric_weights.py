@@ -12,8 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.statistics.triplets import Triplets
 
 Score = Callable[[ndarray, ndarray], float]

@@ -19,9 +19,7 @@ import numpy as np
 import pytest
 from performances import bodies
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.kernels.surface import derivatives
 from riemhuman.kernels.threads import single_threaded_libraries
 
@@ -181,8 +179,8 @@ begin = time.perf_counter()
 import riemhuman
 imported = time.perf_counter()
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces
+from riemhuman.geometry import ElasticMetric
 bodies = load_open_bodies({resolution!r})
 metric = ElasticMetric(AlignedSurfaces(bodies.template), 0.0, 0.0, 1.0)
 ready = time.perf_counter()

@@ -22,8 +22,7 @@ import pytest
 from performances import basis, bodies, timed
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import BasisPath, PathStraightening, SegmentEnergy, path_distances
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]

@@ -18,8 +18,7 @@ import numpy as np
 import pytest
 from people_in_motion import PeopleInMotion
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import pairwise_job
 
 TESTS = Path(__file__).parents[1]
@@ -31,8 +30,8 @@ import sys, time
 sys.path[:0] = {[str(TESTS), str(TESTS.parent)]!r}
 import numpy as np
 from people_in_motion import PeopleInMotion
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces
+from riemhuman.geometry import ElasticMetric
 from riemhuman.retrieval import pairwise_job
 from riemhuman.io.job_folder import JobFolder
 

@@ -13,8 +13,7 @@ import time
 import numpy as np
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import DiscreteExponential, DiscreteLogarithm
 
 PERSON = 3

@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 from performances import basis, bodies
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import BasisMean, StreamingMean, StreamingMedian
 from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.statistics import GeometricMedian

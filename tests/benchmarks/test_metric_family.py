@@ -15,13 +15,15 @@ import numpy as onp
 import pytest
 from performances import basis, bodies, timed
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
-from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    GaugeInvariantMetric,
+    GeneralElasticMetric,
+    SobolevMetric,
+    SRNFMetric,
+    SurfaceMetric,
+)
 from riemhuman.solvers import BasisPath, LinearPath
 from riemhuman.surfaces import DeformationBasis
 from riemhuman.terms import FlatTerm

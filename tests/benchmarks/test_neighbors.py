@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 from people_in_motion import PeopleInMotion
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import NearestNeighbors
 
 METRICS = {"pose": (0.0, 0.0, 1.0), "shape": (1.0, 1e-4, 0.0)}

@@ -17,9 +17,7 @@ import pytest
 from autograd import value_and_grad
 from performances import basis, bodies, timed
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
 from riemhuman.solvers import BasisPath, LinearPath
 from riemhuman.surfaces import DeformationBasis
 from riemhuman.terms import sum as sum_of_terms

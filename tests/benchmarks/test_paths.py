@@ -11,9 +11,7 @@ resolution.
 import numpy as np
 from performances import basis, bodies, timed
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import BasisPath, LinearPath, measure_path
 
 REQUIRED = [("t_like", "bent_elbows"), ("t_like", "leg_raised"), ("arms_up", "bent_elbows")]

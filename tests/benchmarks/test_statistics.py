@@ -11,8 +11,7 @@ import pytest
 from performances import bodies
 from self_intersections import count_self_intersections
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.statistics import (
     GeodesicRegression,

@@ -18,8 +18,7 @@ from performances import basis, bodies, timed
 
 from riemhuman.datasets import load_open_motions
 from riemhuman.datasets.open_motions import OpenMotion
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
 from riemhuman.surfaces.procrustes import procrustes
 

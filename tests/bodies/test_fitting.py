@@ -23,8 +23,7 @@ from riemhuman.bodies._fitting_equations import (
 from riemhuman.bodies.fitting import _LOSSES, _losses
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import ModelPath
 
 

@@ -7,9 +7,7 @@ import shutil
 import numpy as np
 import pytest
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.io import save_mesh
 from riemhuman.solvers import BasisPath, path_distances
 from riemhuman.surfaces import DeformationBasis, Template, procrustes

@@ -5,8 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh
 from riemhuman.solvers import BasisMean
 from riemhuman.surfaces import DeformationBasis, Template, procrustes

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.io import load_mesh, save_mesh
 from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis, Template

@@ -7,8 +7,7 @@ from scipy.spatial import cKDTree
 from riemhuman.datasets import load_open_bodies
 from riemhuman.datasets.open_poses import NATURAL_POSES, TOUCHED
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.surfaces.procrustes import procrustes
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from riemhuman.datasets import load_open_bodies, load_open_model
 from riemhuman.datasets.open_poses import OPEN_POSES, joint_turns, pose_vectors
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 
 RESOLUTIONS = {"full": (13348, 26692), "coarse": (1202, 2400)}
 DATA = resources.files("riemhuman.datasets") / "data"

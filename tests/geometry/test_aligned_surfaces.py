@@ -17,11 +17,13 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
-from riemhuman.geometry.rotation_metric import RotationMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    GeneralElasticMetric,
+    RotationMetric,
+    SRNFMetric,
+)
 from riemhuman.kernels import surface
 from riemhuman.kernels.surface import DEGENERATE
 from riemhuman.solvers.simple_paths import LinearPath

@@ -5,10 +5,7 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import pairwise
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, pairwise
 from riemhuman.kernels import tiles
 from riemhuman.retrieval import NearestNeighbors
 

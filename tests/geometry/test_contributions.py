@@ -5,9 +5,8 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.contributions import contributions
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.geometry.surface_metric import contributions
 
 SPACE = AlignedSurfaces(sphere_template())
 

@@ -10,10 +10,7 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
 from riemhuman.solvers import PoleLadder
 
 every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)

@@ -22,12 +22,14 @@ from riemhuman.errors import (
     NotDefinedError,
     ReparametrizationInvarianceWarning,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.gauge_invariant_metric import GaugeInvariantMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    GaugeInvariantMetric,
+    SobolevMetric,
+    SRNFMetric,
+    SurfaceMetric,
+)
 from riemhuman.solvers import BasisPath, PathStraightening
 from riemhuman.surfaces import DeformationBasis, Template
 from riemhuman.terms import NormalTerm, normal_projection

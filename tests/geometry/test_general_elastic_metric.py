@@ -5,10 +5,7 @@ import pytest
 from cases import deformations, open_template, sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.general_elastic_metric import GeneralElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, GeneralElasticMetric, SRNFMetric
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.solvers import BasisMean, BasisPath
 from riemhuman.surfaces import DeformationBasis

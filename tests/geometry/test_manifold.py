@@ -14,15 +14,21 @@ from cases import (
 )
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.manifold import Manifold
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
-from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.rotation_fields import RotationFields
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    EbinMetric,
+    ElasticMetric,
+    FlatMetric,
+    Manifold,
+    MetricFields,
+    NormalFieldMetric,
+    NormalFields,
+    ProductManifold,
+    ProductMetric,
+    RotationFields,
+    SRNFMetric,
+    VectorSpace,
+)
 
 SPACES = {
     "metric fields": (MetricFields(sphere_template()), 240, (80, 2, 2), EbinMetric),

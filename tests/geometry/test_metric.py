@@ -21,13 +21,17 @@ from cases import (
 from oracles import taylor_slope
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFieldMetric, NormalFields
-from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    EbinMetric,
+    ElasticMetric,
+    MetricFields,
+    NormalFieldMetric,
+    NormalFields,
+    PullbackMetric,
+    RiemannianMetric,
+    VectorSpace,
+)
 
 TIMES = np.linspace(0.0, 1.0, 9)
 

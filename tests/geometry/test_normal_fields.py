@@ -7,7 +7,7 @@ from autograd import grad
 from cases import CASES, sphere_template
 
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry import NormalFields
 
 SPACE = NormalFields(sphere_template())
 METRIC = SPACE.metric

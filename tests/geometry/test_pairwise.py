@@ -12,13 +12,15 @@ from scipy.spatial.distance import cdist
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
-from riemhuman.geometry import pairwise
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    RiemannianMetric,
+    SRNFMetric,
+    VectorSpace,
+    pairwise,
+)
 from riemhuman.geometry.pairwise import features_in_threads, squared_dist_rectangle
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import VectorSpace
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
@@ -435,8 +437,8 @@ def test_interruption_ends_the_work(n_jobs, most):
 FIRST_CALL = """
 import sys
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces
+from riemhuman.geometry import ElasticMetric
 bodies = load_open_bodies("coarse")
 for weights in ((1.0, 1e-4, 0.0), (0.0, 0.0, 1.0)):
     metric = ElasticMetric(AlignedSurfaces(bodies.template), *weights)

@@ -13,9 +13,13 @@ from cases import (
 )
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError, OutsideManifoldError
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.product import ProductManifold, ProductMetric
+from riemhuman.geometry import (
+    EbinMetric,
+    MetricFields,
+    NormalFields,
+    ProductManifold,
+    ProductMetric,
+)
 
 CASE = CASES["product"]
 SPACE, METRIC = CASE.space, CASE.metric

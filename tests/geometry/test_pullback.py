@@ -8,10 +8,7 @@ from autograd import grad
 from cases import CASES, name_of, sphere_template, surface_cases, surfaces
 
 from riemhuman.errors import NotDefinedError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, PullbackMetric, VectorSpace
 
 every_surface_metric = pytest.mark.parametrize("case", surface_cases("dist"), ids=name_of)
 

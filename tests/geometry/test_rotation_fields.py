@@ -6,7 +6,7 @@ from cases import TEMPLATES, sphere_template
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, OutsideManifoldError
-from riemhuman.geometry.rotation_fields import RotationFields
+from riemhuman.geometry import RotationFields
 
 
 @pytest.fixture

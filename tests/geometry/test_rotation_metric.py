@@ -8,10 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.rotation_metric import RotationMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RotationMetric, SRNFMetric
 from riemhuman.kernels.triangle_frames import polar_frames
 from riemhuman.retrieval import scores
 from riemhuman.solvers import BasisPath

@@ -8,10 +8,7 @@ from parametric_surfaces import sphere, torus
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric, SRNFMetric
 from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.solvers import (
     BasisPath,

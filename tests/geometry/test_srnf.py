@@ -5,11 +5,7 @@ import pytest
 from autograd import grad
 from cases import TEMPLATES, surfaces
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.product import ProductMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.surface_metric import SurfaceMetric
-from riemhuman.geometry.vector_space import FlatMetric
+from riemhuman.geometry import AlignedSurfaces, FlatMetric, ProductMetric, SRNFMetric, SurfaceMetric
 from riemhuman.terms import RootNormalTerm
 
 

@@ -11,10 +11,7 @@ from cases import deformations, sphere_template, surfaces
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, SRNFMetric
 from riemhuman.kernels import triangles
 
 SPACE = AlignedSurfaces(sphere_template(2), equip=False)
@@ -207,7 +204,7 @@ def test_gradients_are_those_of_one_path():
     ],
 )
 def test_the_part_of_the_family_that_a_metric_lacks(weights, unseen):
-    found = ElasticMetric(SPACE, *weights).unseen_part
+    found = ElasticMetric(SPACE, *weights).complementary_metric
     assert (found and (found.a, found.lam, found.c)) == unseen
 
 

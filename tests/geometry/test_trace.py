@@ -12,8 +12,7 @@ import pytest
 from cases import open_template, surfaces
 
 import riemhuman
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 
 PACKAGE = str(Path(riemhuman.__file__).parent)
 FLOORS = ("checks.py", "units.py", "kernels", "terms", "surfaces", "geometry")

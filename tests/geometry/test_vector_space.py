@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import FlatMetric, VectorSpace
 
 
 def test_weighted_sum_of_squares():

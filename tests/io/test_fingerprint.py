@@ -16,7 +16,7 @@ import pytest
 from cases import CASES, HalfPlane, bent_half_plane, name_of
 
 from riemhuman.errors import ArgumentTypeError
-from riemhuman.geometry.pullback import PullbackMetric
+from riemhuman.geometry import PullbackMetric
 from riemhuman.io.fingerprint import describe, digest
 from riemhuman.solvers import PathStraightening
 
@@ -96,7 +96,7 @@ import autograd.numpy as np
 import scipy.special
 from autograd.extend import primitive
 from numba import njit
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import RiemannianMetric
 import users_helper
 
 SCALE = 2.0

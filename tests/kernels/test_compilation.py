@@ -19,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 COMPUTE = """
 import resource, sys
 import numpy as np
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import VectorSpace
 
 if sys.argv[1:]:
     resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)

@@ -7,8 +7,7 @@ from scipy.spatial.distance import pdist
 from scipy.stats import spearmanr
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.learned import MetricCodes
 from riemhuman.learned.build_weights import N_CODES, WEIGHTS
 from riemhuman.learned.evaluate import UnseenBodies

@@ -5,9 +5,7 @@ import pytest
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric
 from riemhuman.measurements import Measurements, nearest_body
 
 

@@ -5,8 +5,7 @@ import pytest
 
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.measurements import Measurements, regress_shape
 
 

@@ -12,8 +12,7 @@ from cases import sphere_template, surfaces
 
 from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.report import benchmark, make_report
 from riemhuman.report.findings import chance_of_tier
 from riemhuman.report.plan import POSE, SHAPE

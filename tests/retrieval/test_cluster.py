@@ -16,10 +16,7 @@ from cases import sphere_template, surfaces
 import riemhuman.retrieval.cluster
 import riemhuman.retrieval.pairwise_jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
 from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.job_tiles import Tile, TileReader
 

@@ -5,9 +5,7 @@ import pytest
 from cases import sphere_template, surfaces
 from retrieval.test_neighbors import METRICS, assert_same, by_all_distances
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors, neighbor_index, neighbor_search
 from riemhuman.terms.sum import SumOfTerms
 

@@ -5,10 +5,7 @@ import pytest
 from cases import CASES, cases_that, name_of, open_template, sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric, VectorSpace
 from riemhuman.retrieval import NearestNeighbors
 
 N_GROUPS, N_IN_GROUP = 12, 10

@@ -28,12 +28,14 @@ from riemhuman.errors import (
     FileError,
     FileFormatError,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.pullback import PullbackMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    PullbackMetric,
+    RiemannianMetric,
+    SRNFMetric,
+    VectorSpace,
+)
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.job_tiles import TileReader, tiles_of
@@ -214,8 +216,8 @@ def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
 SCRIPT = """
 import sys
 import numpy as np
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces
+from riemhuman.geometry import ElasticMetric
 from riemhuman.retrieval import pairwise_job
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.surfaces.template import Template

@@ -7,8 +7,7 @@ from cases import sphere_template, surfaces
 
 import riemhuman.retrieval.path_jobs
 from riemhuman.errors import ArgumentError, DamagedFileWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import path_job
 from riemhuman.solvers import PathStraightening, PoissonPath, path_distances
 

@@ -13,10 +13,7 @@ from riemhuman.errors import (
     ConvergenceWarning,
     DegenerateSurfaceError,
 )
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.vector_space import FlatMetric
+from riemhuman.geometry import ElasticMetric, FlatMetric, RiemannianMetric, SRNFMetric
 from riemhuman.solvers import (
     BasisPath,
     FiniteDifferenceEnergy,

@@ -8,8 +8,7 @@ import pytest
 from cases import CASES
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import ElasticMetric, SRNFMetric
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.comparison import compare_paths, measure_path
 from riemhuman.solvers.model_path import ModelParameters, ModelPath

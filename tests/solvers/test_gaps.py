@@ -4,8 +4,7 @@ import bodies_in_motion
 import numpy as np
 import pytest
 
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry import ElasticMetric, NormalFields
 from riemhuman.solvers import BasisPath, ClosedFormGeodesic, LinearPath, PathStraightening
 from riemhuman.solvers.quasi_newton import estimated_gap
 

@@ -7,12 +7,16 @@ from scipy import optimize
 
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.product import ProductManifold, ProductMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    EbinMetric,
+    ElasticMetric,
+    MetricFields,
+    NormalFields,
+    ProductManifold,
+    ProductMetric,
+    VectorSpace,
+)
 from riemhuman.solvers.field_factors import field_factor
 from riemhuman.statistics import GeodesicRegression
 

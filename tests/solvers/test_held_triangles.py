@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import linalg
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.solvers import held_triangles
 from riemhuman.solvers.held_triangles import holding, raised
 from riemhuman.surfaces.template import Template

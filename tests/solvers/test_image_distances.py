@@ -6,9 +6,7 @@ from autograd import value_and_grad
 from cases import sphere_template, surfaces
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers.image_distances import image_distances
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)

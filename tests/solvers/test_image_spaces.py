@@ -5,8 +5,7 @@ import pytest
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import OutsideManifoldError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.solvers.image_spaces import image_space
 

@@ -5,10 +5,7 @@ import pytest
 from cases import HalfPlane, sphere_template, surfaces
 
 from riemhuman.errors import ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
 from riemhuman.protocols import INTERRUPTED, uninterrupted, was_interrupted
 from riemhuman.solvers import (
     DiscreteLogarithm,

@@ -15,9 +15,7 @@ from riemhuman.errors import (
     ConvergenceWarning,
     NotDefinedError,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric
 from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from cases import CASES, HalfPlane, sphere_template
 
-from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry import NormalFields
 from riemhuman.solvers import check_manifold
 
 SPACES = {type(case.space).__name__: case.space for case in CASES.values()}

@@ -6,8 +6,7 @@ import pytest
 from cases import CASES, HalfPlane, HyperbolicDistance
 
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.normal_fields import NormalFields
+from riemhuman.geometry import ElasticMetric, NormalFields
 from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers import (
     BasisPath,

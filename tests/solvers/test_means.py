@@ -19,14 +19,18 @@ from riemhuman.errors import (
     OutsideManifoldError,
     StretchInvarianceWarning,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.product import ProductManifold
-from riemhuman.geometry.rotation_metric import RotationMetric
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    EbinMetric,
+    ElasticMetric,
+    FlatMetric,
+    MetricFields,
+    NormalFields,
+    ProductManifold,
+    RiemannianMetric,
+    RotationMetric,
+    VectorSpace,
+)
 from riemhuman.solvers import (
     BasisMean,
     DiscreteExponential,

@@ -7,9 +7,7 @@ from cases import CASES, HalfPlane, HyperbolicDistance, HyperbolicInnerProduct, 
 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.normal_fields import NormalFieldMetric
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import FlatMetric, NormalFieldMetric, RiemannianMetric, VectorSpace
 from riemhuman.solvers.metric_checks import PropertyCheck, PropertyReport, check_metric
 
 POINTS = HalfPlane().random_point(4, rng=3)

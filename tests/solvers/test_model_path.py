@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import ElasticMetric
 from riemhuman.solvers.model_path import ModelParameters, ModelPath
 
 

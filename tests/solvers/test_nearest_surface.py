@@ -6,9 +6,7 @@ from autograd import grad
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, ConvergenceWarning
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import BasisMean
 from riemhuman.solvers._dispersion import Dispersion
 from riemhuman.statistics import NearestSurface

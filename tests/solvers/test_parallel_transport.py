@@ -13,9 +13,7 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.normal_fields import NormalFieldMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import ElasticMetric, NormalFieldMetric, VectorSpace
 from riemhuman.solvers import (
     BasisPath,
     DiscreteExponential,

@@ -18,11 +18,15 @@ from cases import (
 )
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import (
+    EbinMetric,
+    ElasticMetric,
+    FlatMetric,
+    MetricFields,
+    NormalFields,
+    RiemannianMetric,
+    VectorSpace,
+)
 from riemhuman.solvers import path_straightening
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy

@@ -9,8 +9,7 @@ from cases import sphere_template
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import LinearPath, PoissonPath, SegmentEnergy
 from riemhuman.solvers.poisson_path import turned_path, turned_paths
 

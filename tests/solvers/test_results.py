@@ -13,8 +13,7 @@ from cases import CASES
 
 from riemhuman import solvers
 from riemhuman.errors import ArgumentError, ConvergenceWarning, FileFormatError
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.solvers.minimization import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult

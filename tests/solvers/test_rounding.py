@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from cases import CASES, name_of
 
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import ElasticMetric
 from riemhuman.solvers import (
     BasisMean,
     BasisPath,

@@ -9,7 +9,7 @@ import pytest
 from cases import CASES
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import VectorSpace
 from riemhuman.solvers import (
     ClosedFormGeodesic,
     DiscreteExponential,

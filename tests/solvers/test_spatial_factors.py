@@ -7,8 +7,7 @@ from cases import CASES, HalfPlane, HyperbolicInnerProduct, cases_that, name_of
 from scipy import sparse
 
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import FlatMetric, RiemannianMetric, VectorSpace
 from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.solvers import spatial_factors
 from riemhuman.solvers.spatial_factors import (

@@ -10,12 +10,16 @@ from sklearn.decomposition import PCA
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, NotDefinedError, OutsideManifoldError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
-from riemhuman.geometry.normal_fields import NormalFields
-from riemhuman.geometry.product import ProductManifold
-from riemhuman.geometry.vector_space import FlatMetric, VectorSpace
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    EbinMetric,
+    ElasticMetric,
+    FlatMetric,
+    MetricFields,
+    NormalFields,
+    ProductManifold,
+    VectorSpace,
+)
 from riemhuman.solvers import BasisMean, DiscreteExponential, DiscreteLogarithm
 from riemhuman.statistics import TangentPCA, inverted_triangles
 from riemhuman.surfaces import DeformationBasis, generalized_procrustes

@@ -16,9 +16,7 @@ from riemhuman.errors import (
     ConvergenceWarning,
     DegenerateSurfaceError,
 )
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
 from riemhuman.solvers.quasi_newton import _ROUND
 from riemhuman.solvers.transfer import SmoothTurn

@@ -5,8 +5,7 @@ import pytest
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
 from riemhuman.statistics import MetricWeights
 from riemhuman.statistics.triplets import Triplets

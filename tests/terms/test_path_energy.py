@@ -9,11 +9,13 @@ from autograd import grad, value_and_grad
 from cases import CASES, TEMPLATES, name_of, surface_cases, surfaces
 from mpmath import mp
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.srnf import SRNFMetric
-from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    RiemannianMetric,
+    SRNFMetric,
+    SurfaceMetric,
+)
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import (
     EbinTerm,

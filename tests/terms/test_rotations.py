@@ -8,9 +8,7 @@ from cases import deformations, open_template, sphere_template, surfaces
 from oracles import taylor_slope
 
 from riemhuman.errors import DegenerateSurfaceError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.rotation_metric import RotationMetric
-from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry import AlignedSurfaces, RotationMetric, SurfaceMetric
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import NormalTerm, RotationTerm
 from riemhuman.terms.sum import field_features

@@ -6,10 +6,7 @@ import pytest
 from cases import sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.metric import RiemannianMetric
-from riemhuman.geometry.sobolev_metric import SobolevMetric
-from riemhuman.geometry.surface_metric import SurfaceMetric
+from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SurfaceMetric
 from riemhuman.terms import FlatTerm, NormalTerm, Term
 
 SPACE = AlignedSurfaces(sphere_template(), equip=False)

@@ -25,8 +25,7 @@ from cases import sphere_template, surfaces
 from trust.faults import Changes, turn_back_the_clock
 
 from riemhuman.errors import RiemhumanError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import pairwise_job
 
 MEMORY = 60_000

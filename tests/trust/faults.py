@@ -93,8 +93,7 @@ def convert_model(inputs, outputs):
 def neighbors(inputs, outputs):
     from riemhuman.datasets.registered_meshes import RegisteredMeshes, find_meshes
     from riemhuman.errors import RiemhumanError
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-    from riemhuman.geometry.elastic_metric import ElasticMetric
+    from riemhuman.geometry import AlignedSurfaces, ElasticMetric
     from riemhuman.retrieval import NearestNeighbors
     from riemhuman.surfaces import Template
 

@@ -12,8 +12,7 @@ from trust.judging import expect, mesh
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import load_amass, load_dfaust
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.template import Template

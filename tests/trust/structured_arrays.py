@@ -13,8 +13,7 @@ from model_pickles import Call, Ch, Raw, Select, Sparse, pickled, smpl_fields
 from scipy import sparse
 from trust.structured_fields import DTYPES, NAMES
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.surfaces.template import Template
 

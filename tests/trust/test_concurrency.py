@@ -12,9 +12,7 @@ import numpy as np
 import pytest
 from cases import deformations, sphere_template, surfaces
 
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.srnf import SRNFMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.retrieval import NearestNeighbors, pairwise_job
 from riemhuman.solvers import BasisPath
 from riemhuman.surfaces import DeformationBasis, Template

@@ -9,9 +9,7 @@ import pytest
 from cases import CASES, name_of, sphere_template, surfaces
 
 import riemhuman as rh
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
-from riemhuman.geometry.vector_space import VectorSpace
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, VectorSpace
 from riemhuman.io.fingerprint import describe
 from riemhuman.kernels.surface import derivatives
 from riemhuman.solvers import (
