@@ -8,8 +8,7 @@ import numpy as np
 
 from riemhuman.datasets import load_open_bodies, open_bodies
 from riemhuman.datasets._natural_bodies import natural_surfaces
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling
 from riemhuman.surfaces.distortion import edge_lengths
 from riemhuman.surfaces.procrustes import procrustes

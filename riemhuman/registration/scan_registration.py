@@ -16,8 +16,7 @@ from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix, joint_m
 from riemhuman.checks import one_of, real_array
 from riemhuman.datasets.open_bodies import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
-from riemhuman.geometry.elastic_metric import ElasticMetric
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.rotations import rotation_matrix
 from riemhuman.kernels.threads import mapped, single_threaded_libraries
 from riemhuman.kernels.vertex_normals import vertex_normals

@@ -10,7 +10,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.errors import RiemhumanError
-from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.plots.maps import METHODS, embed
 from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.plan import (
