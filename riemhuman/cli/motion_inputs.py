@@ -17,7 +17,7 @@ if TYPE_CHECKING:
         RateInvariantMetric,
         VelocityTimeWarping,
     )
-    from riemhuman.motions.frames import Motion
+    from riemhuman.motions._frames import Motion
 
 _MEASURES = ("warping", "changes", "velocities", "rate-invariant")
 

@@ -210,7 +210,7 @@ def _matrix(options: argparse.Namespace) -> None:
 
 def _align(options: argparse.Namespace) -> None:
     from riemhuman.io.arrays import save_arrays
-    from riemhuman.motions.alignment import at_times, even_times
+    from riemhuman.motions import align_motions
     from riemhuman.plots.viewer import AlignedMotions
 
     check_output_file(options.output, [".html", ".npz"], force=options.force)
@@ -218,9 +218,8 @@ def _align(options: argparse.Namespace) -> None:
     names, (one, other) = read_motions(options, [options.a_motion, options.b_motion], exactly=2)
     space = motion_space(options, one, options.n_times)
     with reporter.task("Alignment"):
-        warp = motion_measure(options, space).warp(one, other)
-        first = space.resample(one, name=names[0])
-        second = at_times(space, other, even_times(warp, space.n_times), names[1])
+        measure = motion_measure(options, space)
+        first, second, warp = align_motions(space, one, other, measure, (names[0], names[1]))
     if options.output.suffix.lower() == ".npz":
         arrays = {"first": first, "second": second}
         arrays |= {"first_times": warp.first, "second_times": warp.second}
@@ -273,11 +272,13 @@ def _find(options: argparse.Namespace) -> None:
 def _table(options: argparse.Namespace) -> None:
     from dataclasses import asdict
 
-    from riemhuman.motions.comparison import compare_representations
-    from riemhuman.retrieval import format_table
+    from riemhuman.motions import compare_representations
+    from riemhuman.retrieval import format_table, retrieval_table
 
     reporter = Reporter(options.quiet)
-    rows = compare_representations(options.seed, angles=options.angles, task=reporter.task)
+    rows = retrieval_table(
+        *compare_representations(options.seed, angles=options.angles, task=reporter.task)
+    )
     if options.json:
         say_json({row.representation: asdict(row.scores) for row in rows})
         return

@@ -11,15 +11,14 @@ from numpy import ndarray
 
 from riemhuman.checks import whole_number
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.motions.dtw_kernels import follow
-from riemhuman.motions.frame_tables import ExactTables
-from riemhuman.motions.frames import Motion, frame_runs, n_frames_of
+from riemhuman.motions._frames import FrameDistances, Motion, frame_count, frame_runs
+from riemhuman.motions._warping_kernels import extend_paths
 from riemhuman.progress import ProgressBar
 
 
 @dataclass(frozen=True)
 class Occurrence:
-    """A part of a motion that is like a query.
+    """A part of a motion that resembles a query.
 
     Attributes
     ----------
@@ -84,9 +83,9 @@ class MotionSearch:
             If a frame is wrong or there are too few.
         """
         whole_number(n_occurrences, "n_occurrences", minimum=1)
-        lengths = [n_frames_of(query, "query", 2), n_frames_of(motion, "motion", 2)]
-        tables = ExactTables(self.metric)
-        wanted = tables.features(query, "query")
+        lengths = [frame_count(query, "query", 2), frame_count(motion, "motion", 2)]
+        frames = FrameDistances(self.metric)
+        wanted = frames.features(query, "query")
         sums, starts = np.full(lengths[0], math.inf), np.zeros(lengths[0], dtype=np.int64)
         totals, begins = np.empty(lengths[1]), np.empty(lengths[1], dtype=np.int64)
         first = 0
@@ -94,23 +93,23 @@ class MotionSearch:
             total=lengths[1], desc="Frames", disable=not self.progress, unit="frame"
         )
         with bar:
-            for run in frame_runs(self.metric.space, motion, "motion"):
-                costs = tables.squared(wanted, self.metric.features(run))
+            for run in frame_runs(self.metric.space, motion):
+                costs = frames.squared(wanted, self.metric.features(run))
                 last = first + len(run)
-                follow(costs, first, sums, starts, totals[first:last], begins[first:last])
+                extend_paths(costs, first, sums, starts, totals[first:last], begins[first:last])
                 first = last
                 bar.update(len(run))
         weights = lengths[0] + np.arange(lengths[1]) - begins + 1
-        return _nearest(np.sqrt(totals / weights), begins, n_occurrences)
+        return _nearest_parts(np.sqrt(totals / weights), begins, n_occurrences)
 
 
-def _nearest(distances: ndarray, begins: ndarray, n_occurrences: int) -> list[Occurrence]:
-    """Return the nearest parts, each end with its begin, that do not overlap nearer ones."""
-    found: list[Occurrence] = []
+def _nearest_parts(distances: ndarray, begins: ndarray, n_occurrences: int) -> list[Occurrence]:
+    """Return the nearest parts, by their last frames, that do not overlap nearer ones."""
+    parts: list[Occurrence] = []
     for end in np.argsort(distances, kind="stable"):
         part = Occurrence(int(begins[end]), int(end) + 1, float(distances[end]))
-        if all(part.stop <= other.start or other.stop <= part.start for other in found):
-            found.append(part)
-        if len(found) == n_occurrences:
+        if all(part.stop <= nearer.start or nearer.stop <= part.start for nearer in parts):
+            parts.append(part)
+        if len(parts) == n_occurrences:
             break
-    return found
+    return parts

@@ -1,4 +1,4 @@
-"""The space of motions: curves of surfaces, given by frames."""
+"""The space of motions, curves of surfaces given by frames, and its L² metric."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from riemhuman.checks import Rng, generator, real_array, real_number, whole_numb
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.manifold import sample_count, stack_samples
+from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.strategies import GeodesicSolver
-from riemhuman.motions.frames import (
+from riemhuman.motions._frames import (
     Motion,
+    frame_count,
     frame_runs,
-    n_frames_of,
-    rising_times,
-    whole_motion,
+    increasing_times,
+    read_motion,
 )
-from riemhuman.motions.rate_dependent_metric import RateDependentMetric
 from riemhuman.protocols import uninterrupted
+from riemhuman.terms.sum import Features
 
 if TYPE_CHECKING:
     from riemhuman.geometry import AlignedSurfaces
@@ -29,19 +30,21 @@ if TYPE_CHECKING:
 class MotionSpace(Manifold):
     """Curves of surfaces, each a point of shape (n_times, V, 3).
 
-    Some metrics of motions also accept other numbers of frames; `resample` gives all motions the
-    same number.
+    Distances such as `DynamicTimeWarping` also accept other numbers of frames; `resample` gives all
+    motions the same number.
 
     Parameters
     ----------
     frames : AlignedSurfaces
-        Space of the frames, with the metric that frames are compared by.
+        Space of the frames, with the metric that compares frames.
     n_times : int
         Number of equally spaced times of a point.
     geodesic_solver : GeodesicSolver, optional
-        Solver for the surfaces between two frames. By default every triangle turns and stretches
+        Solver for the surfaces between two frames. By default every triangle rotates and stretches
         evenly, see `riemhuman.solvers.PoissonPath`: limbs keep their length, and the energy is
         close to the minimum.
+    equip : bool
+        Whether to equip the space with `RateDependentMetric`.
 
     Examples
     --------
@@ -72,13 +75,7 @@ class MotionSpace(Manifold):
         return RateDependentMetric
 
     def belongs(self, point: ndarray, atol: float = 1e-9) -> ndarray:
-        """Tell whether all frames belong to their space.
-
-        Parameters
-        ----------
-        atol : float
-            Absolute tolerance of the space of frames.
-        """
+        """Return whether all frames belong to their space."""
         point, _ = self._candidates(point, "point")
         return np.all(self.frames.belongs(point, atol), axis=-1)
 
@@ -87,13 +84,7 @@ class MotionSpace(Manifold):
         return real_array(vector, "vector", self.shape)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
-        """Draw straight paths between random surfaces.
-
-        Parameters
-        ----------
-        bound : float
-            How far the surfaces spread.
-        """
+        """Return straight paths between random surfaces."""
         n_samples, rng = sample_count(n_samples), generator(rng)
         ends = self.frames.random_point(2 * n_samples, bound, rng)
         start, end = ends[:n_samples, None], ends[n_samples:, None]
@@ -101,13 +92,7 @@ class MotionSpace(Manifold):
         return stack_samples((1.0 - times) * start + times * end, n_samples)
 
     def check_point(self, point: Any, name: str = "point") -> ndarray:
-        """Return motions as float64 arrays after checking them.
-
-        Parameters
-        ----------
-        point : array_like, shape (..., n_times, V, 3)
-            Motions.
-        """
+        """Return motions as float64 arrays after checking them."""
         return self.frames.check_point(real_array(point, name, self.shape), name)
 
     def resample(
@@ -148,27 +133,23 @@ class MotionSpace(Manifold):
         DegenerateSurfaceError
             If a triangle has no area, so that it has no rotation.
         """
-        n_frames = n_frames_of(motion, name, 2)
+        n_frames = frame_count(motion, name, 2)
         known = np.arange(float(n_frames))
         if times is not None:
-            known = rising_times(times, "times", n_frames)
+            known = increasing_times(times, "times", n_frames)
         if at is None:
             count = self.n_times if n_times is None else n_times
             wanted = np.linspace(known[0], known[-1], whole_number(count, "n_times", minimum=2))
         else:
             wanted = _times_within(at, known)
-        # Linear between frames: frame k is at k.
+        # Positions in frames: frame k is at k.
         places = np.interp(wanted, known, np.arange(n_frames))
         segments = np.minimum(places.astype(int), n_frames - 2)
         result = np.empty((len(places), *self.frames.shape))
-        for segment in np.unique(segments):
-            chosen = segments == segment
-            pair = whole_motion(
-                self.frames,
-                motion[segment : segment + 2],
-                f"{name}[{segment}:{segment + 2}]",
-            )
-            result[chosen] = self.between(pair[0], pair[1], places[chosen] - segment)
+        for k in np.unique(segments):
+            chosen = segments == k
+            pair = read_motion(self.frames, motion[k : k + 2], f"{name}[{k}:{k + 2}]")
+            result[chosen] = self.between(pair[0], pair[1], places[chosen] - k)
         return result
 
     def between(self, start: ndarray, end: ndarray, times: ndarray) -> ndarray:
@@ -188,21 +169,21 @@ class MotionSpace(Manifold):
         """
         times = np.asarray(times, dtype=np.float64)
         if self.geodesic_solver is not None:
-            found = uninterrupted(self.geodesic_solver.solve(self.frames.metric, start, end))
-            places = times * (len(found.path) - 1)
-            index = np.clip(places.astype(int), 0, len(found.path) - 2)
+            path = uninterrupted(self.geodesic_solver.solve(self.frames.metric, start, end)).path
+            places = times * (len(path) - 1)
+            index = np.clip(places.astype(int), 0, len(path) - 2)
             share = (places - index)[:, None, None]
-            return (1.0 - share) * found.path[index] + share * found.path[index + 1]
+            return (1.0 - share) * path[index] + share * path[index + 1]
         surfaces = np.empty((len(times), *self.frames.shape))
         surfaces[times == 0.0], surfaces[times == 1.0] = start, end
         inside = (times > 0.0) & (times < 1.0)
         if inside.any():
             self.frames.check_immersed(np.stack([start, end]), "frames")
             interpolator = self.frames.template.interpolator
-            turns = interpolator.turns(start, end)
-            if interpolator.is_torn(turns):
-                turns = interpolator.mended(turns)
-            surfaces[inside] = interpolator.interpolate(start, end, times[inside], turns)
+            rotations = interpolator.turns(start, end)
+            if interpolator.is_torn(rotations):
+                rotations = interpolator.mended(rotations)
+            surfaces[inside] = interpolator.interpolate(start, end, times[inside], rotations)
         return surfaces
 
     def crop(self, motion: Motion, start: float, stop: float, *, name: str = "motion") -> ndarray:
@@ -256,11 +237,18 @@ class MotionSpace(Manifold):
             If a frame is wrong, or nothing moves.
         """
         share = real_number(share, "share", minimum=0.0)
-        steps = self._steps(motion, name)
-        moving = np.flatnonzero(steps > share * steps.max())
+        frame_count(motion, name, 2)
+        steps: list[ndarray] = []
+        last = None
+        for run in frame_runs(self.frames, motion, name):
+            joined = run if last is None else np.concatenate([last, run])
+            last = run[-1:]
+            steps.append(np.asarray(self.frames.metric.dist(joined[:-1], joined[1:])))
+        lengths = np.concatenate(steps)
+        moving = np.flatnonzero(lengths > share * lengths.max())
         if not len(moving):
             raise ArgumentError(f"{name} must have a step above the share {share:g} of the longest")
-        return whole_motion(self.frames, motion[int(moving[0]) : int(moving[-1]) + 2], name)
+        return read_motion(self.frames, motion[int(moving[0]) : int(moving[-1]) + 2], name)
 
     def smooth(self, motion: Motion, n_passes: int = 1, *, name: str = "motion") -> ndarray:
         """Return a motion with less noise: frames move towards the midpoints of neighbours.
@@ -287,24 +275,13 @@ class MotionSpace(Manifold):
             If a frame is wrong.
         """
         whole_number(n_passes, "n_passes", minimum=0)
-        frames, half = whole_motion(self.frames, motion, name, 2), np.array([0.5])
+        frames, half = read_motion(self.frames, motion, name, 2), np.array([0.5])
         for _ in range(n_passes):
             before = frames.copy()
             for k in range(1, len(frames) - 1):
                 middle = self.between(before[k - 1], before[k + 1], half)[0]
                 frames[k] = self.between(before[k], middle, half)[0]
         return frames
-
-    def _steps(self, motion: Motion, name: str) -> ndarray:
-        """Return the distances of frames that follow each other."""
-        n_frames_of(motion, name, 2)
-        steps: list[ndarray] = []
-        last = None
-        for run in frame_runs(self.frames, motion, name):
-            joined = run if last is None else np.concatenate([last, run])
-            last = run[-1:]
-            steps.append(np.asarray(self.frames.metric.dist(joined[:-1], joined[1:])))
-        return np.concatenate(steps)
 
 
 def _times_within(at: Any, known: ndarray) -> ndarray:
@@ -317,3 +294,99 @@ def _times_within(at: Any, known: ndarray) -> ndarray:
             f"{wanted[0]:g} to {wanted[-1]:g}"
         )
     return wanted
+
+
+class RateDependentMetric(RiemannianMetric):
+    r"""The integral over time of a metric on frames.
+
+    .. math:: d(m_1, m_2)^2 = \int_0^1 d(m_1(t), m_2(t))^2\, dt
+
+    by the trapezoidal rule over equally spaced times. A motion and the same motion at another speed
+    are far apart; see `DynamicTimeWarping` and `RateInvariantMetric`.
+
+    Parameters
+    ----------
+    space : MotionSpace
+        Space of motions.
+    metric : RiemannianMetric, optional
+        Metric on frames; by default that of their space.
+    geodesic_solver : GeodesicSolver, optional
+        Solver for geodesics between motions.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.AlignedSurfaces(knees.template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> m1, m2 = motions.resample(knees[:30]), motions.resample(other[:30])
+    >>> bool(motions.metric.dist(m1, m2) > 0)
+    True
+    """
+
+    space: Any
+
+    def __init__(
+        self,
+        space: Any,
+        metric: RiemannianMetric | None = None,
+        geodesic_solver: GeodesicSolver | None = None,
+    ) -> None:
+        super().__init__(space, geodesic_solver)
+        self.metric = space.frames.metric if metric is None else metric
+        weights = np.full(space.n_times, 1.0 / (space.n_times - 1))
+        weights[[0, -1]] *= 0.5
+        self.time_weights = weights
+
+    @property
+    def has_closed_form_dist(self) -> bool:
+        """Whether the metric on frames has a closed form."""
+        return self.metric.has_closed_form_dist
+
+    def inner_product(
+        self, tangent_vec_a: ndarray, tangent_vec_b: ndarray, base_point: ndarray | None = None
+    ) -> ndarray:
+        """Return the mean over time of the inner products of deformations of frames."""
+        products = self.metric.inner_product(tangent_vec_a, tangent_vec_b, base_point)
+        return np.sum(self.time_weights * products, axis=-1)
+
+    def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
+        """Return the mean over time of the squared distances of frames."""
+        point_a = self.space.check_point(point_a, "point_a")
+        point_b = self.space.check_point(point_b, "point_b")
+        return np.sum(self.time_weights * self.metric.squared_dist(point_a, point_b), axis=-1)
+
+    @property
+    def bulk(self) -> Bulk:
+        """The bulk work of the metric on frames, time by time."""
+        return _OverTime(self.metric.bulk, self.time_weights)
+
+
+class _OverTime(Bulk):
+    """Features of all frames, and weighted sums of their squared distances."""
+
+    def __init__(self, bulk: Bulk, weights: ndarray) -> None:
+        self._bulk, self._weights, self.n_arrays = bulk, weights, bulk.n_arrays
+
+    def features(self, points: ndarray, precision: str) -> Features:
+        frames = self._bulk.features(points.reshape(-1, *points.shape[2:]), precision)
+        return tuple(f.reshape(*points.shape[:2], *f.shape[1:]) for f in frames)
+
+    def rounding(self, features: Features) -> ndarray:
+        squares = [
+            w * self._bulk.rounding(_at(features, t)) ** 2 for t, w in enumerate(self._weights)
+        ]
+        return np.sqrt(np.sum(squares, axis=0))
+
+    def squared_distances(self, a: Features, b: Features, n_threads: int = 1) -> ndarray:
+        total: Any = 0.0
+        for t, weight in enumerate(self._weights):
+            at_a = _at(a, t)
+            at_b = at_a if b is a else _at(b, t)
+            total = total + weight * self._bulk.squared_distances(at_a, at_b, n_threads)
+        return total
+
+
+def _at(features: Features, t: int) -> Features:
+    return tuple(np.ascontiguousarray(feature[:, t]) for feature in features)

@@ -1,43 +1,90 @@
-"""Distances of motions by their best re-timing: what they share."""
+"""Distances of motions by their best re-timing: dynamic time warping of frames or velocities."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy.interpolate import CubicSpline
 
-from riemhuman.checks import whole_number
-from riemhuman.docstrings import InheritsDocstrings
+from riemhuman.checks import real_number, whole_number
+from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
-from riemhuman.motions.frame_tables import Tables, tables_of
-from riemhuman.motions.frames import Motion, several_motions
-from riemhuman.motions.warp import Warp
+from riemhuman.motions._frames import FrameDistances, Motion, check_motions, frame_count
+from riemhuman.motions._warping_kernels import (
+    costs_between_frames,
+    least_sums,
+    match_chords,
+    trace_path,
+)
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import constructor_text
 
 
-class TimeWarping(InheritsDocstrings, ABC):
-    """A base of distances of motions by their best re-timing.
+@dataclass(frozen=True)
+class Warp:
+    """Corresponding times of two motions, counted in frames from 0.
 
-    Parameters
+    Attributes
     ----------
-    metric : RiemannianMetric
-        Metric on frames, with a closed form.
-    n_components : int, optional
-        Number of principal components in place of exact distances in `dist_pairwise`; see
-        `riemhuman.motions.frame_tables`. By default distances are exact.
-    n_jobs : int, optional
-        Number of threads, -1 for one a core; by default one.
+    dist : float
+        Distance of the two motions with these times matched.
+    first, second : array, shape (n_matches,)
+        Matched times of the first and of the second motion; neither decreases.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> warp = rh.motions.Warp(0.0, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]))
+    >>> warp(np.array([0.5, 1.5])).tolist()
+    [0.5, 2.5]
+    >>> warp.inverse()(2.5).tolist()
+    1.5
     """
 
-    def __init__(
-        self, metric: RiemannianMetric, n_components: int | None, n_jobs: int | None
-    ) -> None:
+    dist: float
+    first: ndarray
+    second: ndarray
+
+    def __call__(self, times: ndarray | float) -> ndarray:
+        """Return the times of the second motion that correspond to times of the first.
+
+        Where several times were matched with one, this is their mean; in between it is linear.
+
+        Parameters
+        ----------
+        times : array, shape (...)
+            Times of the first motion, in frames.
+
+        Returns
+        -------
+        array, shape (...)
+        """
+        moments, places = np.unique(self.first, return_inverse=True)
+        means = np.bincount(places, weights=self.second) / np.bincount(places)
+        return np.asarray(np.interp(times, moments, means))
+
+    def inverse(self) -> Warp:
+        """Return the warp from the second motion to the first.
+
+        Returns
+        -------
+        Warp
+        """
+        return Warp(self.dist, self.second, self.first)
+
+
+class MotionDistance(ABC):
+    """Base of distances of motions by their best re-timing."""
+
+    def __init__(self, metric: Any, n_components: int | None, n_jobs: int | None) -> None:
         self.metric = metric
         self.n_components = n_components
         self.n_jobs = n_jobs
@@ -63,13 +110,13 @@ class TimeWarping(InheritsDocstrings, ABC):
         Raises
         ------
         ArgumentError
-            If a frame is wrong, or there is no re-timing within the limits given.
+            If a frame is wrong, or no re-timing is within the given limits.
         """
         return self.warp(m1, m2).dist
 
     @abstractmethod
     def warp(self, m1: Motion, m2: Motion) -> Warp:
-        """Return the best re-timing, as the correspondence between the times of the two motions.
+        """Return the best re-timing: the corresponding times of the two motions.
 
         Parameters
         ----------
@@ -83,18 +130,18 @@ class TimeWarping(InheritsDocstrings, ABC):
         Raises
         ------
         ArgumentError
-            If a frame is wrong, or there is no re-timing within the limits given.
+            If a frame is wrong, or no re-timing is within the given limits.
         """
 
     def dist_pairwise(self, motions: Sequence[Motion], *, progress: bool = False) -> ndarray:
         """Return all distances within a set of motions.
 
-        Features of all frames are computed once and kept.
+        Features of all frames are computed once and kept in memory.
 
         Parameters
         ----------
         motions : sequence of motions
-            Motions of at least two frames each; their numbers may differ.
+            Motions of at least two frames each; their numbers of frames may differ.
         progress : bool
             Whether to show a progress bar.
 
@@ -106,57 +153,359 @@ class TimeWarping(InheritsDocstrings, ABC):
         Raises
         ------
         ArgumentError
-            If a motion is wrong, or there is no re-timing within the limits given.
+            If a motion is wrong, or no re-timing is within the given limits.
         """
-        several_motions(motions)
-        tables = tables_of(self.metric, motions, self.n_components)
-        kept = [self._prepared(tables, motion, f"motions[{k}]") for k, motion in enumerate(motions)]
-        return all_pairs(partial(self._between, tables), kept, self.n_jobs, progress)
+        check_motions(motions)
+        basis = self._basis(motions)
+        prepared = [self._prepare(basis, m, f"motions[{k}]") for k, m in enumerate(motions)]
+        n = len(prepared)
+        distances = np.zeros((n, n))
+
+        def fill_row(i: int) -> int:
+            for j in range(i):
+                distances[i, j] = distances[j, i] = self._between(basis, prepared[i], prepared[j])
+            return i
+
+        bar = ProgressBar(
+            total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs"
+        )
+        with bar, single_threaded_libraries():
+            # The longest rows come first, so that no thread is left with a long one at the end.
+            for n_done in mapped(fill_row, range(n - 1, -1, -1), thread_count(self.n_jobs)):
+                bar.update(n_done)
+        return distances
+
+    def _basis(self, motions: Sequence[Motion]) -> Any:
+        """Return what `_prepare` and `_between` share, such as components of these motions."""
+        return FrameDistances(self.metric, self.n_components, motions)
 
     @abstractmethod
-    def _prepared(self, tables: Tables, motion: Motion, name: str) -> Any:
-        """Return what distances need of a motion."""
+    def _prepare(self, basis: Any, motion: Motion, name: str) -> Any:
+        """Return what `_between` needs of a motion."""
 
     @abstractmethod
-    def _between(self, tables: Tables, one: Any, other: Any) -> float:
-        """Return the distance of two motions that were prepared."""
+    def _between(self, basis: Any, a: Any, b: Any) -> float:
+        """Return the distance of two prepared motions."""
 
 
-def all_pairs(
-    dist: Callable[[Any, Any], float],
-    items: Sequence[Any],
-    n_jobs: int | None,
-    progress: bool,
-) -> ndarray:
-    """Return the distances of all pairs of items.
+@dataclass(frozen=True)
+class _Sampled:
+    """Combinations of a motion's frames that dynamic time warping compares.
+
+    In a flat space |Σ α_k x_k − Σ β_l y_l|² is Σ α_k β_l D_kl − u(α) − u(β) for coefficients with
+    equal sums, with u(α) = ½ Σ α_k α_k' D_kk'. So motions can be interpolated between frames, and
+    their means subtracted, from squared distances D alone. Metrics of surfaces are nearly flat over
+    the distance of neighbouring frames. `spread` is u of each combination; without `coefficients`
+    the frames themselves are compared. `steps` are squared distances of consecutive combinations,
+    where positions between them count.
+    """
+
+    features: tuple[ndarray, ...]
+    coefficients: ndarray | None = None
+    spread: ndarray | None = None
+    steps: ndarray | None = None
+
+
+class DynamicTimeWarping(MotionDistance):
+    r"""The least root mean squared distance of frames after re-timing.
+
+    .. math:: d(m_1, m_2)^2 = \min_{path} \frac{1}{n + m} \sum_{(i, j)} w_{ij}\, d(f_i, h_j)^2
+
+    over monotone paths from the first frames to the last, with the symmetric weights of Sakoe and
+    Chiba. The triangle inequality does not hold; for `RateInvariantMetric` it does. Where the
+    frames of one motion omit parts of the other, `VelocityTimeWarping` is nearer to 0.
 
     Parameters
     ----------
-    dist : callable
-        Returns the distance of two items.
-    items : sequence
-        The items.
-    n_jobs : int or None
-        Number of threads.
-    progress : bool
-        Whether to show a progress bar.
+    metric : RiemannianMetric
+        Metric on frames, with a closed form.
+    window : float, optional
+        Largest distance in time of matched frames, as a share of each motion; by default there is
+        no limit.
+    n_times : int, optional
+        Compare motions at this many equally spaced times, by cubic interpolation between frames;
+        by default at their frames.
+    centered : bool
+        Whether to subtract the mean of each motion along its length. The changes remain; constant
+        habits of a person, such as how the arms are carried, do not.
+    between_frames : bool
+        Whether to match frames also with positions between frames. A motion is then nearer to its
+        own re-timing.
+    n_components : int, optional
+        Number of principal components that `dist_pairwise` compares in place of frames; no distance
+        exceeds the exact one. By default distances are exact.
+    n_jobs : int, optional
+        Number of threads, -1 for one per core; by default one.
 
-    Returns
-    -------
-    array, shape (n, n)
-        Symmetric, with zero diagonal.
+    Raises
+    ------
+    ArgumentError
+        If a parameter is out of its range.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.AlignedSurfaces(knees.template)
+    >>> pose = rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    >>> warping = rh.motions.DynamicTimeWarping(pose)
+    >>> slow, fast = knees[:40], knees[:40:2]
+    >>> bool(warping.dist(slow, fast) < warping.dist(slow, other[:40:2]))
+    True
+    >>> float(warping.warp(slow, fast)(20))
+    10.0
     """
-    n = len(items)
-    distances = np.zeros((n, n))
 
-    def fill(i: int) -> int:
-        for j in range(i):
-            distances[i, j] = distances[j, i] = dist(items[i], items[j])
-        return i
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        window: float | None = None,
+        *,
+        n_times: int | None = None,
+        centered: bool = False,
+        between_frames: bool = False,
+        n_components: int | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        super().__init__(metric, n_components, n_jobs)
+        self.window = window
+        self.n_times = n_times
+        self.centered = centered
+        self.between_frames = between_frames
+        self._window = math.inf
+        if window is not None:
+            self._window = real_number(window, "window", minimum=0.0)
+        if n_times is not None:
+            whole_number(n_times, "n_times", minimum=2)
 
-    bar = ProgressBar(total=n * (n - 1) // 2, desc="Distances", disable=not progress, unit=" pairs")
-    with bar, single_threaded_libraries():
-        # The longest rows first, so that no thread is left with one at the end.
-        for done in mapped(fill, range(n - 1, -1, -1), thread_count(n_jobs)):
-            bar.update(done)
-    return distances
+    def warp(self, m1: Motion, m2: Motion) -> Warp:
+        """Return the best re-timing, by frames or by the equally spaced times that are compared."""
+        basis = FrameDistances(self.metric)
+        costs = self._costs(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
+        total, cells = best_path(costs, self._window)
+        scales = [
+            (frame_count(motion) - 1) / (length - 1)
+            for motion, length in zip((m1, m2), costs.shape, strict=True)
+        ]
+        first, second = (cells * scales).T
+        return Warp(math.sqrt(total / sum(costs.shape)), first, second)
+
+    def kneighbors(
+        self, queries: Sequence[Motion], motions: Sequence[Motion], n_neighbors: int = 1
+    ) -> tuple[ndarray, ndarray]:
+        """Return the motions nearest to queries, by exact distances.
+
+        Parameters
+        ----------
+        queries, motions : sequence of motions
+            Queries, and the motions to search.
+        n_neighbors : int
+            Number of neighbours.
+
+        Returns
+        -------
+        distances : array, shape (n_queries, n_neighbors)
+            Ascending.
+        indices : array of int, shape (n_queries, n_neighbors)
+            Of motions at equal distances, the lower index comes first.
+
+        Raises
+        ------
+        ArgumentError
+            If a motion is wrong, the window admits no path, or there are not as many motions.
+        """
+        check_motions(queries, "queries")
+        check_motions(motions)
+        if not 1 <= whole_number(n_neighbors, "n_neighbors") <= len(motions):
+            raise ArgumentError(
+                f"n_neighbors must be at least 1 and at most {len(motions)}, the number of "
+                f"motions; found {n_neighbors}"
+            )
+        basis = FrameDistances(self.metric)
+        prepared = [self._prepare(basis, m, f"motions[{k}]") for k, m in enumerate(motions)]
+        distances = np.empty((len(queries), len(motions)))
+        for row, motion in enumerate(queries):
+            query = self._prepare(basis, motion, f"queries[{row}]")
+            distances[row] = [self._between(basis, query, each) for each in prepared]
+        indices = np.argsort(distances, axis=1, kind="stable")[:, :n_neighbors]
+        return np.take_along_axis(distances, indices, axis=1), indices
+
+    def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Sampled:
+        n_frames = frame_count(motion, name, 2)
+        features = basis.features(motion, name)
+        if self.n_times is None and not self.centered and not self.between_frames:
+            return _Sampled(features)
+        within = basis.squared(features, features)
+        if self.n_times is None:
+            coefficients = np.eye(n_frames)
+        else:
+            places = np.linspace(0.0, n_frames - 1.0, self.n_times)
+            coefficients = CubicSpline(np.arange(n_frames), np.eye(n_frames))(places)
+        if self.centered:
+            coefficients = coefficients - _shares_of_length(within)
+        spread = 0.5 * np.einsum("ti,ij,tj->t", coefficients, within, coefficients, optimize=True)
+        if not self.between_frames:
+            return _Sampled(features, coefficients, spread)
+        changes = np.diff(coefficients, axis=0)
+        steps = -0.5 * np.einsum("ti,ij,tj->t", changes, within, changes, optimize=True)
+        return _Sampled(features, coefficients, spread, np.maximum(steps, 0.0))
+
+    def _costs(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> ndarray:
+        """Return the squared distances of all pairs of times."""
+        costs = basis.squared(a.features, b.features)
+        if a.coefficients is not None and b.coefficients is not None:
+            costs = a.coefficients @ costs @ b.coefficients.T
+            costs = np.maximum(costs - a.spread[:, None] - b.spread, 0.0)  # type: ignore[index]
+        if a.steps is not None and b.steps is not None:
+            costs = costs_between_frames(costs, a.steps, b.steps)
+        return costs
+
+    def _between(self, basis: FrameDistances, a: _Sampled, b: _Sampled) -> float:
+        costs = self._costs(basis, a, b)
+        return math.sqrt(_table_of_sums(costs, self._window)[-1, -1] / sum(costs.shape))
+
+
+def best_path(costs: ndarray, window: float) -> tuple[float, ndarray]:
+    """Return the least weighted sum of costs from corner to corner, and the cells of its path."""
+    sums = _table_of_sums(costs, window)
+    path = np.empty((sum(costs.shape), 2), dtype=np.int64)
+    length = trace_path(costs, sums, path)
+    return float(sums[-1, -1]), path[:length][::-1]
+
+
+def _table_of_sums(costs: ndarray, window: float) -> ndarray:
+    sums = np.asarray(least_sums(costs, window))
+    if not sums[-1, -1] < math.inf:
+        n, m = costs.shape
+        raise ArgumentError(
+            f"window={window:g} admits no path between {n} and {m} frames; "
+            f"{math.ceil(1000 / (min(n, m) - 1)) / 1000:g} does"
+        )
+    return sums
+
+
+def _shares_of_length(within: ndarray) -> ndarray:
+    """Return the weight of each frame in the mean of a motion along its length."""
+    lengths = np.sqrt(np.maximum(np.diagonal(within, 1), 0.0))
+    if not lengths.any():
+        return np.full(len(within), 1.0 / len(within))
+    shares = np.zeros(len(within))
+    shares[:-1] += 0.5 * lengths
+    shares[1:] += 0.5 * lengths
+    return shares / shares.sum()
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """A motion's features and squared distances of frames, and the lengths of steps between some.
+
+    `frames` are the numbers of those between which the motion steps.
+    """
+
+    features: tuple[ndarray, ...]
+    within: ndarray
+    frames: ndarray
+    lengths: ndarray
+
+
+class VelocityTimeWarping(MotionDistance):
+    r"""The distance of square root velocities, at the frames of the motion that has fewer of them.
+
+    The frames of one motion are matched with positions on the other, at frames or between them. The
+    steps v from frame to frame are compared with the chords w between these positions:
+
+    .. math:: d(m_1 \to m_2)^2 = \frac{1}{\sum |v_k|} \min \sum_k
+              \Big| \frac{v_k}{\sqrt{|v_k|}} - \frac{w_k}{\sqrt{|w_k|}} \Big|^2
+
+    over positions that do not decrease, from the first frame to the last; negative products of v
+    and w count as 0. The distance is the smaller of the two directions, mostly the one from the
+    motion of fewer frames. It is 0 between motions that stand still, and 1 between a motion that
+    moves and one that stands still.
+
+    A motion is near all of its samplings, however few frames they have. But it is also near a
+    longer motion that differs from it only in movements that one step can skip, such as a knee
+    raised once and three times. And the triangle inequality does not hold: two samplings of a
+    motion are both near it, and may be far from each other. No distance that vanishes between a
+    motion and all of its samplings satisfies it, because two motions that share some frames would
+    be at 0. `RateInvariantMetric` is a metric, but less near to 0 between a motion and few of its
+    frames.
+
+    Noise counts in proportion to the steps: if it is as large as the steps of a slow motion, all
+    distances are about 1. `RateInvariantMetric` smooths it away. In flat spaces the distance does
+    not change when one vector is added to all frames of a motion, such as a habit of the arms.
+
+    Parameters
+    ----------
+    metric : RiemannianMetric
+        Metric on frames, with a closed form. Inner products of steps and chords come from its
+        squared distances.
+    n_steps : int
+        Largest number of steps of a motion; frames in excess are skipped. More steps distinguish
+        finer movements. Fewer steps are longer, so that noise counts less.
+    n_components : int, optional
+        Number of principal components that `dist_pairwise` compares in place of frames; by default
+        distances are exact.
+    n_jobs : int, optional
+        Number of threads, -1 for one per core; by default one.
+
+    Raises
+    ------
+    ArgumentError
+        If a parameter is out of its range.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> pose = rh.ElasticMetric(rh.AlignedSurfaces(knees.template), a=0.0, lam=0.0, c=1.0)
+    >>> warping = rh.motions.VelocityTimeWarping(pose)
+    >>> whole, few = knees[:81], knees[:81:8]
+    >>> bool(warping.dist(whole, few) < 0.01 * warping.dist(whole, other[:81:8]))
+    True
+    """
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        *,
+        n_steps: int = 20,
+        n_components: int | None = None,
+        n_jobs: int | None = None,
+    ) -> None:
+        super().__init__(metric, n_components, n_jobs)
+        self.n_steps = whole_number(n_steps, "n_steps", minimum=1)
+
+    def warp(self, m1: Motion, m2: Motion) -> Warp:
+        """Return the best re-timing, in the direction of the smaller distance."""
+        basis = FrameDistances(self.metric)
+        return self._match(basis, self._prepare(basis, m1, "m1"), self._prepare(basis, m2, "m2"))
+
+    def _prepare(self, basis: FrameDistances, motion: Motion, name: str) -> _Steps:
+        n_frames = frame_count(motion, name, 2)
+        features = basis.features(motion, name)
+        within = basis.squared(features, features)
+        n_steps = min(self.n_steps, n_frames - 1)
+        frames = np.linspace(0, n_frames - 1, n_steps + 1).round().astype(int)
+        return _Steps(features, within, frames, np.sqrt(within[frames[:-1], frames[1:]]))
+
+    def _between(self, basis: FrameDistances, a: _Steps, b: _Steps) -> float:
+        return self._match(basis, a, b).dist
+
+    def _match(self, basis: FrameDistances, a: _Steps, b: _Steps) -> Warp:
+        costs = basis.squared(a.features, b.features)
+        squared, places = _match_steps(a, b, costs)
+        squared_back, places_back = _match_steps(b, a, costs.T)
+        if squared <= squared_back:
+            return Warp(math.sqrt(squared), a.frames.astype(np.float64), places)
+        return Warp(math.sqrt(squared_back), places_back, b.frames.astype(np.float64))
+
+
+def _match_steps(a: _Steps, b: _Steps, costs: ndarray) -> tuple[float, ndarray]:
+    """Return the squared distance from a to b, and the positions of a's frames on b."""
+    places = np.empty(len(a.frames))
+    rows = np.ascontiguousarray(costs[a.frames])
+    total = match_chords(rows, a.lengths, b.within, places)
+    length = float(a.lengths.sum())
+    if length == 0.0:
+        return 0.0 if b.lengths.sum() == 0.0 else math.inf, places
+    return max(total, 0.0) / length, places

@@ -13,9 +13,9 @@ from scipy.interpolate import make_lsq_spline
 
 import riemhuman as rh
 from riemhuman.datasets.open_poses import pose_vectors
-from riemhuman.motions.comparison import random_places, retimed
-from riemhuman.motions.even_segments import even_segments
-from riemhuman.motions.rate_invariant_metric import Curve
+from riemhuman.motions._velocity_curves import even_segments
+from riemhuman.motions.rate_invariant_metric import _Curve
+from riemhuman.motions.motion_representations import random_places, retime_at_random
 
 COMPONENTS = 200
 
@@ -35,7 +35,7 @@ def space():
 def performances(seed=0):
     """Return the 140 motions, each re-timed at random, in 24 to 60 frames."""
     rng = np.random.default_rng(seed)
-    return [retimed(motion, rng) for motion in open_motions()]
+    return [retime_at_random(motion, rng) for motion in open_motions()]
 
 
 def labels():
@@ -52,15 +52,12 @@ def velocities(**options):
 
 def rate_invariant():
     motions = rh.motions.MotionSpace(space())
-    return rh.motions.RateInvariantMetric(motions, n_components=COMPONENTS)
+    return rh.motions.RateInvariantMetric(motions, n_components=COMPONENTS, n_jobs=2)
 
 
 def timed_pairs(measure, motions):
     begin = time.perf_counter(), time.process_time()
-    if isinstance(measure, rh.motions.RateInvariantMetric):
-        distances = measure.dist_pairwise(motions, 2)
-    else:
-        distances = measure.dist_pairwise(motions)
+    distances = measure.dist_pairwise(motions)
     return distances, time.perf_counter() - begin[0], time.process_time() - begin[1]
 
 
@@ -239,7 +236,7 @@ def test_what_few_numbers_tell_of_a_motion(smoothing):
     every = [metric._velocities.segments(one[:]) for one, _ in pairs]
 
     def moved(one, other):
-        return np.sqrt(metric._turned(*(_as_curve(sides, smoothing) for sides in (one, other))))
+        return metric._between(None, *(_as_curve(sides, smoothing) for sides in (one, other)))
 
     for count in (60, 40, 24):
         shares = []
@@ -261,7 +258,7 @@ def test_what_few_numbers_tell_of_a_motion(smoothing):
 def _as_curve(sides, smoothing):
     chords, places = even_segments(sides, 60, smoothing)
     lengths = np.linalg.norm(chords, axis=1)
-    return Curve(None, chords / np.sqrt(lengths)[:, None], lengths.sum(), places)
+    return _Curve(chords / np.sqrt(lengths)[:, None], lengths.sum(), places)
 
 
 @pytest.mark.parametrize("name", ["rate-invariant", "time warping of velocities"])

@@ -1,0 +1,147 @@
+"""Motions read in runs of frames, so that none needs to fit in memory, and distances of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array, values_of
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.kernels.projections import Projection
+
+Motion = Any
+"""An array (n_frames, V, 3), or anything with a length whose slices are such arrays."""
+
+# Frames that are read together.
+_RUN = 16
+
+# Principal components are computed from about so many frames: their covariance changes little
+# with more, and the cost grows with the cube of the number.
+MOST_SAMPLED = 600
+
+
+def frame_runs(space: Manifold, motion: Motion, name: str = "motion") -> Iterator[ndarray]:
+    """Yield the frames of a motion in checked arrays of at most 16."""
+    n_frames = frame_count(motion, name)
+    for first in range(0, n_frames, _RUN):
+        last = min(first + _RUN, n_frames)
+        frames = f"frames {first} to {last - 1} of {name}"
+        yield _checked_frames(space, motion[first:last], first, frames)
+
+
+def read_motion(space: Manifold, motion: Motion, name: str = "motion", minimum: int = 1) -> ndarray:
+    """Return all frames of a motion as one checked array, shape (n_frames, V, 3)."""
+    frame_count(motion, name, minimum)
+    return np.concatenate(list(frame_runs(space, motion, name)))
+
+
+def frame_count(motion: Motion, name: str = "motion", minimum: int = 1) -> int:
+    """Return the number of frames; raise an error if there are fewer than `minimum`."""
+    if not hasattr(motion, "__len__") or not hasattr(motion, "__getitem__"):
+        raise ArgumentTypeError(
+            f"{name} must be an array of frames, or have a length and slices; found "
+            f"{type(motion).__name__}"
+        )
+    if len(motion) == 0:
+        raise ArgumentError(f"{name} must have at least one frame; found none")
+    if len(motion) < minimum:
+        raise ArgumentError(f"{name} must have at least {minimum} frames; found {len(motion)}")
+    return len(motion)
+
+
+def check_motions(motions: Any, name: str = "motions") -> Sequence[Motion]:
+    """Return several motions; raise an error if there is none, or a single motion was given."""
+    if not hasattr(motions, "__len__") or not hasattr(motions, "__getitem__"):
+        raise ArgumentTypeError(
+            f"{name} must be a list of motions, or have a length and items; found "
+            f"{type(motions).__name__}"
+        )
+    if len(motions) == 0:
+        raise ArgumentError(f"{name} must contain at least one motion; found none")
+    if isinstance(motions, np.ndarray) and motions.ndim == 3:
+        raise ArgumentError(
+            f"{name} must contain several motions; found a single one, of shape {motions.shape}: "
+            "give it in a list, [motion]"
+        )
+    checked: Sequence[Motion] = motions
+    return checked
+
+
+def increasing_times(times: Any, name: str, n_times: int) -> ndarray:
+    """Return n_times times as an array; raise an error if they do not increase."""
+    values = real_array(times, name, (n_times,), batched=False)
+    wrong = np.flatnonzero(np.diff(values) <= 0)
+    if len(wrong):
+        k = int(wrong[0])
+        raise ArgumentError(
+            f"{name} must increase; found {values[k + 1]:g} after {values[k]:g}, at index {k + 1}"
+        )
+    return np.asarray(values)
+
+
+def _checked_frames(space: Manifold, frames: Any, first: int, name: str) -> ndarray:
+    values = values_of(frames, name)
+    if values.ndim != 3:
+        raise ArgumentError(f"{name} must have shape (n_frames, V, 3); found {values.shape}")
+    if values.dtype.kind == "f" and not np.isfinite(values).all():
+        number = int(np.flatnonzero(~np.isfinite(values).all(axis=(1, 2)))[0])
+        motion = name.split(" of ", 1)[1]
+        raise ArgumentError(
+            f"frame {first + number} of {motion} holds NaN or infinite entries; every entry must "
+            "be finite"
+        )
+    return np.asarray(space.check_point(values, name))
+
+
+class FrameDistances:
+    """Squared distances of frames by a metric, or by principal components that never exceed it.
+
+    With `n_components`, frames become their principal components in the metric's lower-bound
+    coordinates, and the norm of the remainder; the components are those of `motions`.
+    """
+
+    def __init__(
+        self,
+        metric: RiemannianMetric,
+        n_components: int | None = None,
+        motions: Sequence[Motion] = (),
+    ) -> None:
+        self._metric: Any = metric
+        self._projection = None
+        if n_components is None:
+            return
+        if not metric.has_lower_bound_coordinates:
+            raise ArgumentError(
+                f"n_components needs a metric with lower_bound_coordinates, such as ElasticMetric; "
+                f"found {type(metric).__name__}"
+            )
+        step = -(-sum(len(motion) for motion in motions) // MOST_SAMPLED)
+        sample = [
+            self._metric.lower_bound_coordinates(
+                _checked_frames(metric.space, motion[j : j + 1], j, f"frame {j} of motions[{k}]")[0]
+            )
+            for k, motion in enumerate(motions)
+            for j in range(0, frame_count(motion, f"motions[{k}]"), step)
+        ]
+        self._projection = Projection.fit(np.stack(sample), n_components)
+
+    def features(self, motion: Motion, name: str) -> tuple[ndarray, ...]:
+        """Return arrays of features of the frames, each of shape (n_frames, ...)."""
+        runs = frame_runs(self._metric.space, motion, name)
+        if self._projection is not None:
+            rows = [self._projection(self._metric.lower_bound_coordinates(run)) for run in runs]
+            return (np.concatenate(rows),)
+        parts = [self._metric.features(run) for run in runs]
+        return tuple(np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+
+    def squared(self, a: tuple[ndarray, ...], b: tuple[ndarray, ...]) -> ndarray:
+        """Return the squared distances between n and m frames, shape (n, m)."""
+        if self._projection is None:
+            return np.asarray(self._metric.bulk.squared_distances(a, b))
+        x, y = a[0], b[0]
+        squares = np.einsum("ij,ij->i", x, x)[:, None] + np.einsum("ij,ij->i", y, y)
+        return np.maximum(squares - 2.0 * x @ y.T, 0.0)

@@ -1,0 +1,277 @@
+r"""Motions as polygons of transported velocities in one Euclidean space, and their best matching.
+
+The fields Φ(f_k) of the frames are joined by geodesics. The velocity at the middle of each is
+transported along a geodesic to one fixed point, the fields of a reference surface (Su, Kurtek,
+Klassen and Srivastava, "Statistical analysis of trajectories on Riemannian manifolds", Annals of
+Applied Statistics 8, 2014). There all velocities of all motions are vectors of one Euclidean space,
+in orthonormal coordinates, and add up to a polygon.
+
+The sides of this polygon change with the frames, even where the motion is the same. The cubic
+spline through its vertices changes little. Its division into equal lengths, and its Gaussian mean
+along its length, do not depend on the times of the frames; the mean removes movements that are
+shorter than the frames can resolve.
+
+Two polygons with segments v_i and w_j have, after the best re-timing, the squared distance L + M −
+2F of their lengths L, M and
+
+.. math:: F = \max \int \cos^+\angle(v, w) \sqrt{ds\, dt}
+
+over monotone matchings of arc lengths s and t. Within a pair of segments the cosine is constant, so
+the best matching is a straight line through it (Lahiri, Robinson and Klassen, "Precise matching of
+PL curves in R^N in the square root velocity framework", 2015). Its entry and exit are searched
+among equally spaced positions on every side.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from riemhuman.errors import NotDefinedError
+from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, RotationFieldMetric
+from riemhuman.kernels.compiled import compiled
+from riemhuman.kernels.special_orthogonal import axial, transpose
+from riemhuman.motions._frames import Motion, frame_runs
+from riemhuman.terms import ebin_tangent
+
+# Steps in which the length of the spline is measured, for every side and chord.
+_FINER = 8
+
+# Sides below this share of the longest are pauses.
+_STILL = 1e-6
+
+# Standard deviations after which a Gaussian is cut off.
+_CUT_OFF = 4.0
+
+
+class TransportedVelocities:
+    """Velocities of motions, transported to the fields of one reference surface."""
+
+    def __init__(self, metric: Any, reference: ndarray) -> None:
+        if not metric.has_target_metric:
+            raise NotDefinedError(
+                f"rate-invariant distances need a metric of fields with log and transport, such as "
+                f"ElasticMetric, RotationMetric or SRNFMetric; found {type(metric).__name__}"
+            )
+        self._metric: Any = metric
+        self._fields: Any = metric.target_metric
+        self._base = metric.map(reference)
+        space = self._fields.space
+        if space.factors:
+            factors: Any = zip(
+                space.factors,
+                space.project_from_product(self._base),
+                self._fields.weights,
+                strict=True,
+            )
+            self._charts = [_chart(factor.metric, base, w) for factor, base, w in factors]
+        else:
+            self._charts = [_chart(self._fields, self._base, 1.0)]
+
+    def segments(self, motion: Motion, name: str = "motion") -> ndarray:
+        """Return log Φ(f_{k+1}) at Φ(f_k), transported, in coordinates, shape (n_frames - 1, p)."""
+        rows: list[ndarray] = []
+        last = None
+        for run in frame_runs(self._metric.space, motion, name):
+            fields = self._metric.map(run)
+            joined = fields if last is None else np.concatenate([last, fields])
+            last = fields[-1:]
+            starts = joined[:-1]
+            velocities = self._fields.log(joined[1:], starts)
+            half = 0.5 * velocities
+            middles = self._fields.exp(half, starts)
+            velocities = self._fields.parallel_transport(velocities, starts, direction=half)
+            transported = self._fields.parallel_transport(
+                velocities, middles, end_point=np.broadcast_to(self._base, middles.shape)
+            )
+            rows.append(self._coordinates(transported))
+        return np.concatenate(rows)
+
+    def _coordinates(self, vectors: ndarray) -> ndarray:
+        parts: Any = [vectors]
+        if self._fields.space.factors:
+            parts = self._fields.space.project_from_product(vectors)
+        columns = [chart(part) for chart, part in zip(self._charts, parts, strict=True)]
+        return np.concatenate(columns, axis=1)
+
+
+def _chart(metric: Any, base: ndarray, weight: float) -> Any:
+    """Return a function from tangent vectors at a point to orthonormal coordinates."""
+    if isinstance(metric, EbinMetric):
+        return _ebin_chart(metric, base, weight)
+    if isinstance(metric, FlatMetric):
+        scales = np.sqrt(weight * metric.covector(np.ones(metric.space.shape), base))
+        return lambda v: (scales * v).reshape(len(v), -1)
+    if isinstance(metric, NormalFieldMetric):
+        scales = np.sqrt(weight * metric.space.template.face_areas)[:, None]
+        return lambda v: (scales * v).reshape(len(v), -1)
+    if isinstance(metric, RotationFieldMetric):
+        scales = np.sqrt(weight * metric.space.template.face_areas)[:, None]
+        return lambda v: (scales * axial(np.matmul(transpose(base), v))).reshape(len(v), -1)
+    raise NotDefinedError(
+        f"rate-invariant distances need the fields of an elastic metric, of rotations or of flat "
+        f"terms; found {type(metric).__name__}"
+    )
+
+
+def _ebin_chart(metric: EbinMetric, base: ndarray, weight: float) -> Any:
+    """Return coordinates of h at g = LLᵀ: the trace of L⁻¹hL⁻ᵀ, and its trace-free part."""
+    scale = np.sqrt(weight * metric.space.template.face_areas * np.sqrt(np.linalg.det(base)))
+
+    def coordinates(h: ndarray) -> ndarray:
+        whitened = ebin_tangent.whiten(h, base)
+        first, second = whitened[..., 0, 0], whitened[..., 1, 1]
+        parts = [
+            np.sqrt(metric.lam) * (first + second),
+            np.sqrt(0.5) * (first - second),
+            np.sqrt(2.0) * whitened[..., 0, 1],
+        ]
+        return (scale[:, None] * np.stack(parts, axis=-1)).reshape(len(h), -1)
+
+    return coordinates
+
+
+def even_segments(
+    segments: ndarray, n_segments: int, smoothing: float = 0.0
+) -> tuple[ndarray, ndarray]:
+    """Return chords of equal arcs of the spline through a polygon, and where they begin and end.
+
+    The spline passes the vertices at equally spaced times: a motion that reverses slows down there,
+    but has a corner when it is parametrised by length. Pauses take no time. `smoothing` is the
+    standard deviation of the Gaussian mean along the spline, as a share of its length; its ends
+    stay in place. Positions, shape (n_segments + 1,), count sides of the polygon.
+    """
+    n = len(segments)
+    products = segments @ segments.T
+    lengths = np.sqrt(np.diag(products))
+    moving = np.flatnonzero(lengths > _STILL * lengths.max())
+    if len(moving) == 0:
+        return np.zeros((n_segments, segments.shape[1])), np.linspace(0.0, n, n_segments + 1)
+    # Points of the spline are sums of sides: these are their coefficients.
+    corners = np.tri(len(moving) + 1, len(moving), -1)
+    curve = CubicSpline(np.arange(len(corners)), corners)
+    within = products[np.ix_(moving, moving)]
+    finer = _FINER * n_segments
+    times = even = _even_times(curve, within, finer if smoothing else n_segments)
+    if smoothing:
+        curve = CubicSpline(np.arange(finer + 1), _smooth(curve(times), smoothing * finer))
+        even = _even_times(curve, within, n_segments)
+        times = np.interp(even, np.arange(finer + 1), times)
+    sides = np.minimum(times.astype(int), len(moving) - 1)
+    places = moving[sides] + (times - sides)
+    places[[0, -1]] = 0.0, n
+    return np.diff(curve(even), axis=0) @ segments[moving], places
+
+
+def _even_times(curve: CubicSpline, within: ndarray, n_arcs: int) -> ndarray:
+    """Return times of a spline between which lie arcs of equal length, shape (n_arcs + 1,)."""
+    n_pieces = len(curve.x) - 1
+    finer = _FINER * -(-n_arcs // n_pieces)
+    squares = []
+    for piece in range(n_pieces):
+        steps = np.diff(curve(np.linspace(piece, piece + 1, finer + 1)), axis=0)
+        squares.append(np.sum(steps @ within * steps, axis=1))
+    arcs = np.concatenate([[0.0], np.cumsum(np.sqrt(np.maximum(squares, 0.0)))])
+    times = np.linspace(0.0, n_pieces, len(arcs))
+    return np.interp(np.linspace(0.0, arcs[-1], n_arcs + 1), arcs, times)
+
+
+def _smooth(points: ndarray, deviation: float) -> ndarray:
+    """Return Gaussian means of points in a row, continued point-symmetrically beyond the ends."""
+    n_beyond = min(int(np.ceil(_CUT_OFF * deviation)), len(points) - 1)
+    before = 2.0 * points[0] - points[n_beyond:0:-1]
+    after = 2.0 * points[-1] - points[-2 : -n_beyond - 2 : -1]
+    extended = np.concatenate([before, points, after])
+    return gaussian_filter1d(extended, deviation, axis=0)[n_beyond : n_beyond + len(points)]
+
+
+@compiled
+def best_gain(products: ndarray, n_steps: int, lower: ndarray, left: ndarray) -> float:
+    """Return F, and write the largest gains up to all points of the grid.
+
+    `products` (n, m) are inner products of segments, each divided by the square roots of the
+    lengths; a cell has `n_steps` grid steps on each side. `lower` (n + 1, m, n_steps + 1) are the
+    gains where i segments of the first polygon and a share of segment j of the second are done,
+    `left` (n, m + 1, n_steps + 1) those where j segments of the second are done.
+    """
+    n, m = products.shape
+    roots = _roots(n_steps)
+    lower[0] = 0.0
+    left[:, 0] = 0.0
+    for i in range(n):
+        for j in range(m):
+            gain = products[i, j]
+            enter_low, enter_left = lower[i, j], left[i, j]
+            leave_high, leave_right = lower[i + 1, j], left[i, j + 1]
+            if gain <= 0.0:
+                for k in range(n_steps + 1):
+                    leave_high[k] = max(enter_left[n_steps], enter_low[k])
+                    leave_right[k] = max(enter_low[n_steps], enter_left[k])
+                continue
+            for k in range(n_steps + 1):
+                high = right = -math.inf
+                for p in range(k + 1):
+                    high = max(high, enter_low[p] + gain * roots[n_steps, k - p])
+                    right = max(right, enter_left[p] + gain * roots[k - p, n_steps])
+                for p in range(n_steps + 1):
+                    high = max(high, enter_left[p] + gain * roots[n_steps - p, k])
+                    right = max(right, enter_low[p] + gain * roots[k, n_steps - p])
+                leave_high[k], leave_right[k] = high, right
+    return max(lower[n, m - 1, n_steps], left[n - 1, m, n_steps])
+
+
+@compiled
+def trace_gain(
+    products: ndarray, n_steps: int, lower: ndarray, left: ndarray, path: ndarray
+) -> int:
+    """Write where the best matching enters cells, the last first; return the number of points.
+
+    `path` (n + m + 2, 2) receives positions in segments of both polygons; the other arguments are
+    those of `best_gain`.
+    """
+    n, m = products.shape
+    roots = _roots(n_steps)
+    # The exit of a cell: after `up` steps of the first polygon and `along` of the second.
+    i, j, up, along = n - 1, m - 1, n_steps, n_steps
+    path[0, 0], path[0, 1] = n, m
+    length = 1
+    while True:
+        gain = max(products[i, j], 0.0)
+        best, best_up, best_along = -math.inf, 0, 0
+        for p in range(along + 1):
+            value = lower[i, j, p] + gain * roots[up, along - p]
+            if value > best:
+                best, best_up, best_along = value, 0, p
+        for p in range(up + 1):
+            value = left[i, j, p] + gain * roots[up - p, along]
+            if value > best:
+                best, best_up, best_along = value, p, 0
+        path[length, 0] = i + best_up / n_steps
+        path[length, 1] = j + best_along / n_steps
+        length += 1
+        # Into the cell below, beside, or past the corner; along the border if there is none.
+        if best_up == 0 and i > 0:
+            i, up, along = i - 1, n_steps, best_along
+            if best_along == 0 and j > 0:
+                j, along = j - 1, n_steps
+        elif best_along == 0 and j > 0:
+            j, along, up = j - 1, n_steps, best_up
+        else:
+            if path[length - 1, 0] > 0.0 or path[length - 1, 1] > 0.0:
+                path[length, 0], path[length, 1] = 0.0, 0.0
+                length += 1
+            return length
+
+
+@compiled
+def _roots(n_steps: int) -> ndarray:
+    roots = np.empty((n_steps + 1, n_steps + 1))
+    for k in range(n_steps + 1):
+        for p in range(n_steps + 1):
+            roots[k, p] = math.sqrt(k * p) / n_steps
+    return roots

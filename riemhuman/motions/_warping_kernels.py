@@ -1,0 +1,274 @@
+r"""Compiled dynamic programming over tables of costs between the frames of two motions.
+
+Dynamic time warping uses the symmetric weights of Sakoe and Chiba ("Dynamic programming algorithm
+optimization for spoken word recognition", IEEE TASSP 26, 1978): a step in both motions has weight
+2, a step in one of them weight 1. Every path from corner to corner has the weight n + m.
+
+Time warping of velocities matches the steps v of one motion with chords w of another so that
+
+.. math:: \sum |v| + |w| - 2 \max(\langle v, w \rangle, 0) / \sqrt{|v| |w|}
+
+is least: the squared distance of the square root velocities of two polygons, where each side of one
+is matched with one side of the other. Inner products come from squared distances of frames: that of
+the step from a to a' with the chord from b to b' is
+
+.. math:: \langle v, w \rangle = \tfrac12 (d(a, b')^2 + d(a', b)^2 - d(a, b)^2 - d(a', b')^2)
+
+in flat spaces, and a definition in others (Berg and Nikolaev, "Quasilinearization and curvature of
+Aleksandrov spaces", Geometriae Dedicata 133, 2008).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels.compiled import compiled
+
+# Chords' ends are moved by 0, 1 or 2 steps either way; then the steps are halved.
+_REACH = 2
+_HALVINGS = 7
+
+# Number of frames from which a position between frames is interpolated.
+_NODES = 4
+
+
+@compiled
+def least_sums(costs: ndarray, window: float) -> ndarray:
+    """Return the least sums of paths that end in each cell; infinite where none leads.
+
+    Matched frames may be apart by the share `window` of each motion.
+    """
+    n, m = costs.shape
+    sums = np.empty((n, m))
+    for i in range(n):
+        for j in range(m):
+            best = math.inf
+            if abs(i * (m - 1) - j * (n - 1)) <= window * (n - 1) * (m - 1):
+                cost = costs[i, j]
+                if i == 0 and j == 0:
+                    best = 2.0 * cost
+                if i > 0 and j > 0:
+                    best = sums[i - 1, j - 1] + 2.0 * cost
+                if i > 0:
+                    best = min(best, sums[i - 1, j] + cost)
+                if j > 0:
+                    best = min(best, sums[i, j - 1] + cost)
+            sums[i, j] = best
+    return sums
+
+
+@compiled
+def trace_path(costs: ndarray, sums: ndarray, path: ndarray) -> int:
+    """Write the cells of the path of the least sum, the last first; return their number."""
+    i, j = costs.shape[0] - 1, costs.shape[1] - 1
+    length = 0
+    while True:
+        path[length, 0], path[length, 1] = i, j
+        length += 1
+        if i == 0 and j == 0:
+            return length
+        if i > 0 and j > 0 and sums[i, j] == sums[i - 1, j - 1] + 2.0 * costs[i, j]:
+            i, j = i - 1, j - 1
+        elif i > 0 and sums[i, j] == sums[i - 1, j] + costs[i, j]:
+            i -= 1
+        else:
+            j -= 1
+
+
+@compiled
+def costs_between_frames(costs: ndarray, steps_a: ndarray, steps_b: ndarray) -> ndarray:
+    r"""Return the costs of frames, matched also with positions between frames.
+
+    At the share s of the way from y to z, a frame x is at the squared distance (1 − s) d(x, y)² +
+    s d(x, z)² − s (1 − s) d(y, z)², by Stewart's theorem, which holds in flat spaces. The cost of
+    two frames is the mean of two minima: over positions about the second frame, and about the
+    first. `steps_a` and `steps_b` are squared distances of consecutive frames.
+    """
+    n, m = costs.shape
+    result = np.empty((n, m))
+    for i in range(n):
+        for j in range(m):
+            here = costs[i, j]
+            about_b, about_a = here, here
+            if j + 1 < m:
+                about_b = min(about_b, _least_on_step(here, costs[i, j + 1], steps_b[j]))
+            if j > 0:
+                about_b = min(about_b, _least_on_step(here, costs[i, j - 1], steps_b[j - 1]))
+            if i + 1 < n:
+                about_a = min(about_a, _least_on_step(here, costs[i + 1, j], steps_a[i]))
+            if i > 0:
+                about_a = min(about_a, _least_on_step(here, costs[i - 1, j], steps_a[i - 1]))
+            result[i, j] = 0.5 * (about_b + about_a)
+    return result
+
+
+@compiled
+def _least_on_step(here: float, there: float, step: float) -> float:
+    if step <= 0.0:
+        return here
+    share = min(max(0.5 * (here - there + step) / step, 0.0), 0.5)
+    return max((1.0 - share) * here + share * there - share * (1.0 - share) * step, 0.0)
+
+
+@compiled
+def extend_paths(
+    costs: ndarray, first: int, sums: ndarray, starts: ndarray, totals: ndarray, begins: ndarray
+) -> None:
+    """Extend paths that may begin at any frame of a long motion by its next k frames.
+
+    `costs` (n, k) are those of a query's n frames with these k, of which `first` is the number of
+    the first. `sums` and `starts` (n,) have the least sums up to each frame of the query and where
+    these paths begin; they are updated. `totals` and `begins` (k,) receive the least sums of paths
+    of the whole query that end at each frame, and where these begin.
+    """
+    n, k = costs.shape
+    for j in range(k):
+        # Sums at the previous frame of the motion, for the previous frame of the query.
+        corner, corner_start = math.inf, 0
+        for i in range(n):
+            beside, beside_start = sums[i], starts[i]
+            cost = costs[i, j]
+            best, start = beside + cost, beside_start
+            if i == 0 and 2.0 * cost <= best:
+                best, start = 2.0 * cost, first + j
+            if i > 0:
+                if corner + 2.0 * cost < best:
+                    best, start = corner + 2.0 * cost, corner_start
+                if sums[i - 1] + cost < best:
+                    best, start = sums[i - 1] + cost, starts[i - 1]
+            corner, corner_start = beside, beside_start
+            sums[i], starts[i] = best, start
+        totals[j], begins[j] = sums[n - 1], starts[n - 1]
+
+
+@compiled
+def match_chords(costs: ndarray, steps: ndarray, within: ndarray, places: ndarray) -> float:
+    """Return the least sum over chords; write the position of each frame on the other motion.
+
+    `costs` (n, m) are squared distances between the frames of the motion with steps and of that
+    with chords, `steps` (n - 1,) the lengths of the steps, and `within` (m, m) squared distances in
+    the motion with chords. Dynamic programming finds the best chords from frame to frame. Their
+    ends are then moved between frames, by dynamic programming over a few positions near the last
+    ones, ever closer together. Positions in `places` (n,) do not decrease.
+    """
+    total = match_frames(costs, steps, within, places)
+    reach = 0.5
+    for _ in range(_HALVINGS):
+        total = _move_places(costs, steps, within, reach, places)
+        reach *= 0.5
+    return total
+
+
+@compiled
+def match_frames(costs: ndarray, steps: ndarray, within: ndarray, places: ndarray) -> float:
+    """Return the least sum over chords from frame to frame; see `match_chords`."""
+    n, m = costs.shape
+    lengths = np.sqrt(within)
+    sums = np.full((n, m), math.inf)
+    before = np.zeros((n, m), dtype=np.int64)
+    sums[0, 0] = 0.0
+    for k in range(n - 1):
+        for j in range(m):
+            best, chosen = math.inf, 0
+            for i in range(j + 1):
+                if sums[k, i] < best:
+                    product = costs[k, j] + costs[k + 1, i] - costs[k, i] - costs[k + 1, j]
+                    value = sums[k, i] + _apart(steps[k], lengths[i, j], 0.5 * product)
+                    if value < best:
+                        best, chosen = value, i
+            sums[k + 1, j], before[k + 1, j] = best, chosen
+    place = m - 1
+    for k in range(n - 1, -1, -1):
+        places[k] = place
+        place = before[k, place]
+    return sums[n - 1, m - 1]
+
+
+@compiled
+def _move_places(
+    costs: ndarray, steps: ndarray, within: ndarray, reach: float, places: ndarray
+) -> float:
+    n, m = costs.shape
+    count = 2 * _REACH + 1
+    tried = np.empty((n, count))
+    firsts = np.empty((n, count), dtype=np.int64)
+    weights = np.empty((n, count, _NODES))
+    spread = np.empty((n, count))
+    for k in range(n):
+        for p in range(count):
+            place = places[k] + (p - _REACH) * reach
+            tried[k, p] = min(max(place, 0.0), m - 1.0) if 0 < k < n - 1 else places[k]
+            firsts[k, p] = _interpolation(tried[k, p], m, weights[k, p])
+            here = firsts[k, p], weights[k, p]
+            spread[k, p] = 0.5 * _between(within, here, here)
+    sums = np.zeros((n, count))
+    before = np.zeros((n, count), dtype=np.int64)
+    for k in range(n - 1):
+        towards = costs[k] - costs[k + 1]
+        for q in range(count):
+            end = firsts[k + 1, q], weights[k + 1, q]
+            at_end = _at(towards, end)
+            best, chosen = math.inf, 0
+            for p in range(count):
+                if tried[k, p] > tried[k + 1, q]:
+                    continue
+                begin = firsts[k, p], weights[k, p]
+                squared = _between(within, begin, end) - spread[k, p] - spread[k + 1, q]
+                length = math.sqrt(max(squared, 0.0))
+                product = 0.5 * (at_end - _at(towards, begin))
+                value = sums[k, p] + _apart(steps[k], length, product)
+                if value < best:
+                    best, chosen = value, p
+            sums[k + 1, q], before[k + 1, q] = best, chosen
+    # Of positions with equal sums, the previous one is preferred.
+    chosen = _REACH
+    for k in range(n - 1, -1, -1):
+        places[k] = tried[k, chosen]
+        chosen = before[k, chosen]
+    return sums[n - 1, _REACH]
+
+
+@compiled
+def _apart(step: float, chord: float, product: float) -> float:
+    """Return the squared distance of the square root velocities of a step and a chord."""
+    scale = math.sqrt(step * chord)
+    if scale > 0.0 and product > 0.0:
+        # In curved spaces this product may exceed the product of the lengths.
+        return step + chord - 2.0 * min(product / scale, scale)
+    return step + chord
+
+
+@compiled
+def _interpolation(place: float, m: int, weights: ndarray) -> int:
+    """Write the Lagrange weights of the frames around a position; return the first of these."""
+    nodes = min(_NODES, m)
+    first = min(max(int(place) - 1, 0), m - nodes)
+    weights[:] = 0.0
+    for i in range(nodes):
+        weight = 1.0
+        for j in range(nodes):
+            if j != i:
+                weight *= (place - first - j) / (i - j)
+        weights[i] = weight
+    return first
+
+
+@compiled
+def _at(row: ndarray, place: tuple[int, ndarray]) -> float:
+    first, weights = place
+    total = 0.0
+    for i in range(min(_NODES, len(row))):
+        total += weights[i] * row[first + i]
+    return total
+
+
+@compiled
+def _between(within: ndarray, begin: tuple[int, ndarray], end: tuple[int, ndarray]) -> float:
+    first, weights = begin
+    total = 0.0
+    for i in range(min(_NODES, len(within))):
+        total += weights[i] * _at(within[first + i], end)
+    return total

@@ -1,0 +1,311 @@
+r"""Other representations of motions, and a comparison of all on re-timed open motions.
+
+Gram–Hankel matrices: frames are currents, in a Hilbert space with a Gaussian kernel of width σ,
+
+.. math:: \langle f, h\rangle = \sum_{t, s} \langle a_t, b_s\rangle\, e^{-|x_t - y_s|^2/\sigma^2}
+
+over triangles with centres x, y and area vectors a, b. H is the Hankel matrix of r rows of a
+sequence f_1, …, f_N, and G = H Hᵀ has the entries :math:`\sum_k \langle f_{i+k}, f_{j+k}\rangle`;
+the distance of sequences is that of their matrices G, each divided by its norm, after Pierson,
+Daoudi and Arguillère, "3D shape sequence of human comparison and classification using current and
+varifolds" (arXiv 2111.13985). Here the kernel is the mean over random Fourier features (Rahimi and
+Recht, 2007): frames become vectors, and no sum over pairs of triangles is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy import ndarray
+from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.transform import Rotation
+
+from riemhuman.bodies import BodyModel
+from riemhuman.checks import Rng, generator, real_number, whole_number
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry import (
+    AlignedSurfaces,
+    ElasticMetric,
+    FlatMetric,
+    SRNFMetric,
+    VectorSpace,
+)
+from riemhuman.motions._frames import Motion, check_motions, frame_runs
+from riemhuman.motions.motion_space import MotionSpace
+from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
+from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarping
+
+if TYPE_CHECKING:
+    from riemhuman.datasets.open_motions import OpenMotion
+
+_FEWEST_FRAMES, _MOST_FRAMES = 24, 60
+# Speeds change by up to a factor of two either way, and are interpolated between five values.
+_SPEEDS, _FASTEST = 5, 2.0
+_COMPONENTS = 200
+
+
+@dataclass(frozen=True)
+class GramHankel:
+    """Distances of sequences by normalised products of Hankel matrices.
+
+    They do not change when all frames are rotated together. They depend on the speed.
+
+    Parameters
+    ----------
+    space : AlignedSurfaces
+        Space of the frames.
+    width : float
+        Width σ of the kernel, metres.
+    n_rows : int
+        Rows r of the Hankel matrix; a sequence needs at least r frames.
+    n_features : int
+        Number of random Fourier features.
+    seed : int
+        Seed of the random features.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> hankel = rh.motions.GramHankel(rh.AlignedSurfaces(knees[0].template))
+    >>> hankel.dist_pairwise([m[:60:3] for m in knees]).shape
+    (2, 2)
+    """
+
+    space: AlignedSurfaces
+    width: float = 0.2
+    n_rows: int = 8
+    n_features: int = 64
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        real_number(self.width, "width", minimum=0.0, strict=True)
+        whole_number(self.n_rows, "n_rows", minimum=1)
+        whole_number(self.n_features, "n_features", minimum=1)
+        whole_number(self.seed, "seed", minimum=0)
+
+    def describe(self, motion: Motion, name: str = "motion") -> ndarray:
+        """Return G divided by its norm.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            Motion of at least r frames.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (r, r)
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong, or there are too few.
+        """
+        rows = np.concatenate([self._currents(run) for run in frame_runs(self.space, motion, name)])
+        if len(rows) < self.n_rows:
+            raise ArgumentError(
+                f"{name} must have at least n_rows={self.n_rows} frames; found {len(rows)}"
+            )
+        gram = rows @ rows.T
+        n_columns = len(rows) - self.n_rows + 1
+        hankel = sum(gram[k : k + self.n_rows, k : k + self.n_rows] for k in range(n_columns))
+        return np.asarray(hankel / np.linalg.norm(hankel))
+
+    def dist(self, m1: Motion, m2: Motion) -> float:
+        """Return the distance of two motions.
+
+        Parameters
+        ----------
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions.
+
+        Returns
+        -------
+        float
+        """
+        return float(np.linalg.norm(self.describe(m1, "m1") - self.describe(m2, "m2")))
+
+    def dist_pairwise(self, motions: Sequence[Motion]) -> ndarray:
+        """Return all distances within a set of motions.
+
+        Parameters
+        ----------
+        motions : sequence of motions
+            Motions.
+
+        Returns
+        -------
+        array, shape (n, n)
+        """
+        check_motions(motions)
+        rows = [self.describe(m, f"motions[{k}]").ravel() for k, m in enumerate(motions)]
+        return squareform(pdist(np.stack(rows)))
+
+    def _currents(self, run: ndarray) -> ndarray:
+        """Return frames as vectors: area vectors times Fourier features at the centres."""
+        rng = np.random.default_rng(self.seed)
+        # The Fourier transform of exp(−|x|²/σ²) is a normal density of deviation √2/σ.
+        waves = rng.normal(0.0, np.sqrt(2.0) / self.width, (3, self.n_features))
+        faces = self.space.template.faces
+        # The mean vertex is moved to the origin, so that positions in space do not count.
+        centred = run - run.mean(axis=1, keepdims=True)
+        phases = centred[:, faces].mean(axis=2) @ waves
+        vectors = np.swapaxes(np.asarray(self.space.normals(run)), 1, 2)
+        parts = [vectors @ np.cos(phases), vectors @ np.sin(phases)]
+        rows = np.stack(parts, axis=1) / np.sqrt(self.n_features)
+        return np.asarray(rows.reshape(len(run), -1))
+
+
+class JointAngles:
+    """Joint rotations of a body model fitted to every frame, with the metric of matrices.
+
+    Parameters
+    ----------
+    model : BodyModel
+        Model over the template of the motions.
+
+    Attributes
+    ----------
+    metric : FlatMetric
+        Half the sum over joints of squared distances of matrices, which for small angles is nearly
+        the sum of squared angles. For use with `DynamicTimeWarping`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    >>> angles = rh.motions.JointAngles(knees.model)
+    >>> angles.rotations(knees[:2]).shape == (2, knees.model.n_joints, 9)
+    True
+    """
+
+    metric: FlatMetric
+
+    def __init__(self, model: BodyModel) -> None:
+        self._model = model
+        space = VectorSpace((model.n_joints, 9), equip=False)
+        self.metric = FlatMetric(space, weights=np.full(model.n_joints, 0.5))
+
+    def rotations(self, motion: Motion, name: str = "motion") -> ndarray:
+        """Return the rotation matrices of all joints in every frame.
+
+        Parameters
+        ----------
+        motion : array or sequence, shape (n_frames, V, 3)
+            The motion.
+        name : str
+            Name of the motion, for messages.
+
+        Returns
+        -------
+        array, shape (n_frames, J, 9)
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong.
+        """
+        space = VectorSpace((self._model.n_vertices, 3))
+        poses = [self._model.fit(run).pose for run in frame_runs(space, motion, name)]
+        pose = np.concatenate(poses).reshape(-1, self._model.n_joints, 3)
+        matrices = Rotation.from_rotvec(pose.reshape(-1, 3)).as_matrix()
+        return matrices.reshape(*pose.shape[:2], 9)
+
+
+def random_places(n_frames: int, n_times: int, rng: Rng = None) -> ndarray:
+    """Return n_times positions from 0 to n_frames - 1 at a random, changing speed."""
+    logs = generator(rng).uniform(-np.log(_FASTEST), np.log(_FASTEST), _SPEEDS)
+    speeds = np.exp(np.interp(np.linspace(0, _SPEEDS - 1, n_times - 1), range(_SPEEDS), logs))
+    places = np.concatenate([[0.0], np.cumsum(speeds)])
+    return places * ((n_frames - 1) / places[-1])
+
+
+def retime_at_random(motion: OpenMotion, rng: np.random.Generator) -> ndarray:
+    """Return the frames of an open motion nearest to random times, 24 to 60 of them."""
+    n_times = int(rng.integers(_FEWEST_FRAMES, _MOST_FRAMES + 1))
+    frames = random_places(len(motion), n_times, rng).round().astype(int)
+    poses, translations = motion.pose_vectors[frames], motion.translations[frames]
+    return np.asarray(motion.model(motion.betas, poses, translations))
+
+
+def compare_representations(
+    seed: int = 0,
+    *,
+    angles: bool = False,
+    resolution: str = "coarse",
+    task: Callable[[str], AbstractContextManager[None]] = lambda name: nullcontext(),
+) -> tuple[dict[str, ndarray], ndarray]:
+    """Return the distances of the open motions, re-timed at random, by each representation.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the speeds.
+    angles : bool
+        Whether to fit the body model to all frames, which takes minutes.
+    resolution : {"full", "coarse"}
+        Resolution of the bodies.
+    task : callable
+        Maps the name of a task to the context manager in which the task runs.
+
+    Returns
+    -------
+    distances : dict of str to array, shape (140, 140)
+        Distances by the name of the representation.
+    labels : array of str, shape (140,)
+        Names of the motions, for `riemhuman.retrieval.retrieval_table`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> distances, labels = rh.motions.compare_representations()  # doctest: +SKIP
+    >>> table = rh.retrieval.retrieval_table(distances, labels)  # doctest: +SKIP
+    """
+    from riemhuman.datasets import load_open_motions
+
+    rng = np.random.default_rng(seed)
+    with task("Motions"):
+        open_motions = load_open_motions(resolution)
+        motions = [retime_at_random(motion, rng) for motion in open_motions]
+    labels = np.array([motion.sequence for motion in open_motions])
+    model = open_motions[0].model
+    space = AlignedSurfaces(model.template, equip=False)
+    space.metric = pose = ElasticMetric(space, a=0.0, lam=0.0, c=1.0)
+    shared: dict[str, Any] = {"n_components": _COMPONENTS, "n_jobs": -1}
+    measures: dict[str, Any] = {
+        "Hankel matrices of currents": GramHankel(space),
+        "time warping, SRNF": DynamicTimeWarping(SRNFMetric(space), **shared),
+        "time warping, pose metric": DynamicTimeWarping(pose, **shared),
+        "time warping, changes of pose": DynamicTimeWarping(pose, centered=True, **shared),
+        "time warping, velocities": VelocityTimeWarping(pose, **shared),
+        "rate-invariant, pose metric": RateInvariantMetric(MotionSpace(space), **shared),
+    }
+    distances = {}
+    with task("pose metric, frame by frame"):
+        distances["pose metric, frame by frame"] = _frame_by_frame(pose, motions)
+    for name, measure in measures.items():
+        with task(name):
+            distances[name] = measure.dist_pairwise(motions)
+    if angles:
+        joints = JointAngles(model)
+        with task("time warping, fitted joint angles"):
+            warping = DynamicTimeWarping(joints.metric, n_jobs=-1)
+            rotations = [joints.rotations(motion) for motion in motions]
+            distances["time warping, fitted joint angles"] = warping.dist_pairwise(rotations)
+    return distances, labels
+
+
+def _frame_by_frame(metric: Any, motions: list[ndarray]) -> ndarray:
+    """Return L² distances at 24 equally spaced frames each, whatever the speed."""
+    n = _FEWEST_FRAMES
+    frames = [m[np.linspace(0, len(m) - 1, n).round().astype(int)] for m in motions]
+    squared = np.zeros((len(motions), len(motions)))
+    for k in range(n):
+        squared += metric.dist_pairwise(np.stack([m[k] for m in frames]), n_jobs=-1) ** 2
+    return np.sqrt(squared / n)

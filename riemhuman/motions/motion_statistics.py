@@ -1,0 +1,431 @@
+"""Motions aligned in time: their Karcher mean, its principal components, and geodesics."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array, whole_number
+from riemhuman.estimator import Estimator
+from riemhuman.geometry import ElasticMetric, ProductManifold, ProductMetric
+from riemhuman.motions._frames import Motion, check_motions, frame_count
+from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
+from riemhuman.motions.time_warping import DynamicTimeWarping, MotionDistance, Warp
+from riemhuman.progress import ProgressBar
+from riemhuman.protocols import uninterrupted
+from riemhuman.solvers.nearest_surface import NearestSurface
+from riemhuman.solvers.tangent_pca import TangentPCA
+
+# Share of uniform time in a re-timing, so that it never stands still.
+_EVEN = 1e-3
+
+
+def even_times(warp: Warp, n_times: int) -> ndarray:
+    """Return the times of the second motion at equally spaced times of the first.
+
+    Parameters
+    ----------
+    warp : Warp
+        From the first frames to the last.
+    n_times : int
+        Number of times.
+
+    Returns
+    -------
+    array, shape (n_times,)
+        Increasing from 0 to 1, as shares of the duration of the second motion.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> warp = rh.motions.Warp(0.0, np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 4.0]))
+    >>> rh.motions.even_times(warp, 3).round(2).tolist()
+    [0.0, 0.25, 1.0]
+    """
+    even = np.linspace(0.0, 1.0, n_times)
+    times = warp(even * warp.first[-1]) / warp.second[-1]
+    times[0], times[-1] = 0.0, 1.0
+    return (1.0 - _EVEN) * times + _EVEN * even
+
+
+def align_motions(
+    space: MotionSpace,
+    m1: Motion,
+    m2: Motion,
+    alignment: MotionDistance | None = None,
+    names: tuple[str, str] = ("m1", "m2"),
+) -> tuple[ndarray, ndarray, Warp]:
+    """Return a motion at equally spaced times, and another at the corresponding times.
+
+    Parameters
+    ----------
+    space : MotionSpace
+        Space of motions.
+    m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+        Motions of at least two frames.
+    alignment : DynamicTimeWarping, VelocityTimeWarping or RateInvariantMetric, optional
+        How the second motion is aligned with the first; by default by `DynamicTimeWarping` of
+        changes, with the metric of the frames.
+    names : pair of str
+        Names of the motions, for messages.
+
+    Returns
+    -------
+    first, second : array, shape (n_times, V, 3)
+        The aligned motions.
+    warp : Warp
+        The corresponding times.
+
+    Raises
+    ------
+    ArgumentError
+        If a frame is wrong.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.AlignedSurfaces(knees.template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> first, second, warp = rh.motions.align_motions(motions, knees[:30:6], other[:30:6])
+    >>> first.shape == second.shape == (4, 1202, 3)
+    True
+    """
+    warp = (alignment or _default_alignment(space)).warp(m1, m2)
+    first = space.resample(m1, name=names[0])
+    return first, _at_shares(space, m2, even_times(warp, space.n_times), names[1]), warp
+
+
+def _default_alignment(space: MotionSpace) -> MotionDistance:
+    return DynamicTimeWarping(space.frames.metric, centered=True, between_frames=True)
+
+
+def _at_shares(space: MotionSpace, motion: Motion, times: ndarray, name: str) -> ndarray:
+    """Return a motion at times given as shares of its duration."""
+    last = frame_count(motion, name) - 1
+    return space.resample(motion, at=np.clip(times, 0.0, 1.0) * last, name=name)
+
+
+@dataclass(frozen=True)
+class MotionPath:
+    """A path of motions.
+
+    Attributes
+    ----------
+    path : array, shape (n_nodes, n_times, V, 3)
+        Motions from the first to the second, at equally spaced times of the first.
+    times : array, shape (n_times,)
+        Times of the second motion that correspond to those of the first, as shares of its duration.
+    """
+
+    path: ndarray
+    times: ndarray
+
+
+@dataclass(frozen=True)
+class MotionGeodesic:
+    """The geodesic of the L² metric between a motion and the best re-timing of another.
+
+    At each time it is a geodesic between the two surfaces, by the solver of the space of motions.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Number of motions of the path, both ends included.
+    alignment : DynamicTimeWarping, VelocityTimeWarping or RateInvariantMetric, optional
+        How the second motion is aligned with the first, see `align_motions`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees, other = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.AlignedSurfaces(knees.template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> result = rh.motions.MotionGeodesic(n_nodes=3).solve(motions, knees[:30:6], other[:30:6])
+    >>> result.path.shape
+    (3, 4, 1202, 3)
+    """
+
+    n_nodes: int = 5
+    alignment: MotionDistance | None = None
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+
+    def solve(self, space: MotionSpace, m1: Motion, m2: Motion) -> MotionPath:
+        """Return the path.
+
+        Parameters
+        ----------
+        space : MotionSpace
+            Space of motions.
+        m1, m2 : array or sequence, shape (n, V, 3) and (m, V, 3)
+            Motions of at least two frames.
+
+        Returns
+        -------
+        MotionPath
+
+        Raises
+        ------
+        ArgumentError
+            If a frame is wrong.
+        DegenerateSurfaceError
+            If a triangle has no area.
+        """
+        first, second, warp = align_motions(space, m1, m2, self.alignment)
+        shares = np.linspace(0.0, 1.0, self.n_nodes)
+        columns = [space.between(a, b, shares) for a, b in zip(first, second, strict=True)]
+        return MotionPath(np.stack(columns, axis=1), even_times(warp, space.n_times))
+
+
+class MotionMean(Estimator):
+    r"""The Karcher mean of motions modulo re-timing, in the L² metric.
+
+    .. math:: \min_m \sum_k \min_{\gamma_k} \int_0^1 d(m(t), m_k(\gamma_k(t)))^2\, dt
+
+    Motions are aligned with the one that is nearest to all others. The mean is then the Karcher
+    mean of the surfaces at every time, over all vertices; motions are aligned with it, and it is
+    computed again. Its times are the means of theirs.
+
+    Parameters
+    ----------
+    space : MotionSpace
+        Space of motions; the mean has its number of times.
+    metric : RiemannianMetric, optional
+        Metric of the means of surfaces, pulled back from fields. By default
+        ``ElasticMetric(a=1, lam=1, c=1)``, which depends on shape and pose.
+    alignment : DynamicTimeWarping, VelocityTimeWarping or RateInvariantMetric, optional
+        How motions are aligned; by default by `DynamicTimeWarping` of changes, with the metric of
+        the frames.
+    nearest : NearestSurface, optional
+        Solver for the mean of surfaces.
+    n_iterations : int
+        Number of means computed; after the first, motions are aligned with the previous mean.
+    progress : bool
+        Whether to show a progress bar over times.
+
+    Attributes
+    ----------
+    estimate_ : array, shape (n_times, V, 3)
+        The mean. Its centroids are the means of the motions' centroids.
+    times_ : array, shape (n, n_times)
+        Times of every motion that correspond to those of the mean, as shares of its duration.
+    aligned_ : array, shape (n, n_times, V, 3)
+        The motions at these times.
+    variance_ : float
+        Mean over motions and time of the squared distance to the mean.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:2]
+    >>> space = rh.AlignedSurfaces(knees[0].template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    >>> motions = rh.motions.MotionSpace(space, n_times=4)
+    >>> mean = rh.motions.MotionMean(motions).fit([motion[:40:8] for motion in knees])
+    >>> mean.estimate_.shape
+    (4, 1202, 3)
+    """
+
+    estimate_: ndarray
+    times_: ndarray
+    aligned_: ndarray
+    variance_: float
+
+    def __init__(
+        self,
+        space: MotionSpace,
+        metric: Any = None,
+        *,
+        alignment: MotionDistance | None = None,
+        nearest: NearestSurface | None = None,
+        n_iterations: int = 2,
+        progress: bool = False,
+    ) -> None:
+        self.space = space
+        self.metric = metric
+        self.alignment = alignment
+        self.nearest = nearest
+        self.n_iterations = n_iterations
+        self.progress = progress
+
+    def fit(self, X: Sequence[Motion], y: object = None) -> Self:
+        """Compute the mean of motions.
+
+        Parameters
+        ----------
+        X : sequence of motions
+            Motions of any numbers of frames, of at least two each.
+        y : object
+            Ignored; scikit-learn passes it.
+
+        Returns
+        -------
+        MotionMean
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If a motion or a parameter is wrong.
+        """
+        motions = check_motions(X, "X")
+        n_iterations = whole_number(self.n_iterations, "n_iterations", minimum=1)
+        space = self.space
+        alignment = self.alignment or _default_alignment(space)
+        distances = np.asarray(alignment.dist_pairwise(motions))
+        reference: Motion = motions[int(np.argmin(np.sum(distances**2, axis=0)))]
+        even = np.linspace(0.0, 1.0, space.n_times)
+        for _ in range(n_iterations):
+            times = np.stack(
+                [even_times(alignment.warp(reference, motion), space.n_times) for motion in motions]
+            )
+            # The times of the reference are replaced by the means of all.
+            common = np.interp(even, times.mean(axis=0), even)
+            times = np.stack([np.interp(common, even, row) for row in times])
+            aligned = np.stack(
+                [_at_shares(space, m, times[k], f"X[{k}]") for k, m in enumerate(motions)]
+            )
+            reference = mean = self._means(aligned)
+        self.estimate_, self.times_, self.aligned_ = mean, times, aligned
+        over_time = RateDependentMetric(space, self._metric)
+        self.variance_ = float(np.mean([over_time.squared_dist(m, mean) for m in aligned]))
+        return self
+
+    @property
+    def _metric(self) -> Any:
+        return self.metric or ElasticMetric(self.space.frames, a=1.0, lam=1.0, c=1.0)
+
+    def _means(self, aligned: ndarray) -> ndarray:
+        """Return the Karcher mean of surfaces at every time, each found from the previous one."""
+        solver, metric = self.nearest or NearestSurface(), self._metric
+        areas = self.space.frames.template.vertex_areas
+        means: list[ndarray] = []
+        bar = ProgressBar(
+            range(aligned.shape[1]), desc="Means", disable=not self.progress, unit="time"
+        )
+        for t in bar:
+            surfaces = aligned[:, t]
+            start = means[-1] if means else surfaces[0]
+            mean = uninterrupted(solver.solve(metric, metric.map(surfaces), start)).point
+            shift = np.average(surfaces.mean(axis=0) - mean, axis=0, weights=areas)
+            means.append(mean + shift)
+        return np.stack(means)
+
+
+class MotionComponents(Estimator):
+    """Tangent principal component analysis of motions at their mean, after re-timing.
+
+    The fields of the aligned motions are points of a product with one factor for every time, where
+    exponential and logarithm have closed forms. Differences of timing are not in the components,
+    but in ``mean.times_``.
+
+    Parameters
+    ----------
+    mean : MotionMean
+        Estimator of the mean, which also aligns motions with it.
+    n_components : int, optional
+        Number of components; by default as many as the motions span.
+
+    Attributes
+    ----------
+    mean_ : array, shape (n_times, V, 3)
+        The mean motion.
+    scores_ : array, shape (n, n_components)
+        Coordinates of the motions.
+    explained_variance_, explained_variance_ratio_ : array, shape (n_components,)
+        Variance along each component, and its share of the total.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> knees = rh.datasets.load_open_motions("coarse", sequences="knees")[:3]
+    >>> space = rh.AlignedSurfaces(knees[0].template)
+    >>> space = space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    >>> mean = rh.motions.MotionMean(rh.motions.MotionSpace(space, n_times=3), n_iterations=1)
+    >>> components = rh.motions.MotionComponents(mean, 1).fit([m[:30:6] for m in knees])
+    >>> components.inverse_transform(components.scores_[:1]).shape
+    (1, 3, 1202, 3)
+    """
+
+    mean_: ndarray
+    scores_: ndarray
+    explained_variance_: ndarray
+    explained_variance_ratio_: ndarray
+
+    def __init__(self, mean: MotionMean, n_components: int | None = None) -> None:
+        self.mean = mean
+        self.n_components = n_components
+
+    def fit(self, X: Sequence[Motion], y: object = None) -> Self:
+        """Compute the mean and the components.
+
+        Parameters
+        ----------
+        X : sequence of motions
+            Motions, at least two.
+        y : object
+            Ignored; scikit-learn passes it.
+
+        Returns
+        -------
+        MotionComponents
+            The estimator itself.
+
+        Raises
+        ------
+        ArgumentError
+            If a motion is wrong, or there are too few for the components.
+        OutsideManifoldError
+            If the fields of a motion have no logarithm at those of the mean.
+        """
+        self.mean.fit(X)
+        self.mean_ = self.mean.estimate_
+        space, self._metric = self.mean.space, self.mean._metric
+        fields = ProductManifold([self._metric.target_metric.space] * space.n_times)
+        weights = RateDependentMetric(space, self._metric).time_weights
+        fields.equip_with_metric(ProductMetric, weights=weights)
+        images = np.stack([self._image(motion) for motion in self.mean.aligned_])
+        self._pca = TangentPCA(fields, self.n_components, mean=self._image(self.mean_))
+        self.scores_ = self._pca.fit_transform(images)
+        self.explained_variance_ = self._pca.explained_variance_
+        self.explained_variance_ratio_ = self._pca.explained_variance_ratio_
+        return self
+
+    def inverse_transform(self, X: ndarray) -> ndarray:
+        """Return the motions with these coordinates: at every time, the nearest surface.
+
+        Parameters
+        ----------
+        X : array, shape (n, m)
+            Coordinates along the first m components; the others are 0.
+
+        Returns
+        -------
+        array, shape (n, n_times, V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If there are more coordinates than components.
+        """
+        scores = real_array(X, "X", ("n", "n_components"), batched=False)
+        product: Any = self._pca.space
+        solver = self.mean.nearest or NearestSurface()
+        motions = np.empty((len(scores), *self.mean_.shape))
+        for motion, images in zip(motions, self._pca.inverse_transform(scores), strict=True):
+            for t, image in enumerate(product.project_from_product(images)):
+                nearest = solver.solve(self._metric, image[np.newaxis], self.mean_[t])
+                motion[t] = uninterrupted(nearest).point
+        return motions
+
+    def _image(self, motion: ndarray) -> ndarray:
+        return np.asarray(self._metric.map(motion)).reshape(-1)
