@@ -1,4 +1,4 @@
-"""Short motions of few people, and what is known of their timing."""
+"""Short motions of a few people, and a known re-timing."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,7 @@ import riemhuman as rh
 def open_motions():
     """Two people in three motions."""
     people = ["lean runner", "average woman"]
-    sequences = ["knees", "punching", "shake_arms"]
-    return rh.datasets.load_open_motions("coarse", people, sequences)
+    return rh.datasets.load_open_motions("coarse", people, ["knees", "punching", "shake_arms"])
 
 
 @pytest.fixture(scope="session")
@@ -40,6 +39,6 @@ def full_motion(open_motions):
 
 @pytest.fixture(scope="session")
 def retiming(full_motion):
-    """Times of forty frames, and the frames at those times: slow, then fast."""
+    """Times of thirty frames, and the frames at those times: slow, then fast."""
     places = np.rint(39 * np.linspace(0, 1, 30) ** 1.7).astype(int)
     return places, full_motion[places]

@@ -1,0 +1,109 @@
+"""Properties that every distance of motions has."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+import riemhuman as rh
+
+DISTANCES = {
+    "frames": lambda space, **o: rh.motions.DynamicTimeWarping(space.metric, **o),
+    "frames and between": lambda space, **o: rh.motions.DynamicTimeWarping(
+        space.metric, between_frames=True, **o
+    ),
+    "changes at 15 times": lambda space, **o: rh.motions.DynamicTimeWarping(
+        space.metric, n_times=15, centered=True, **o
+    ),
+    "frames in a window": lambda space, **o: rh.motions.DynamicTimeWarping(space.metric, 0.6, **o),
+    "velocities": lambda space, **o: rh.motions.VelocityTimeWarping(space.metric, **o),
+    "rate-invariant": lambda space, **o: rh.motions.RateInvariantMetric(
+        rh.motions.MotionSpace(space, n_times=10), **o
+    ),
+}
+RETIMED = ["frames", "velocities", "rate-invariant"]
+
+
+@pytest.fixture(params=DISTANCES)
+def make(request, space):
+    return lambda **options: DISTANCES[request.param](space, **options)
+
+
+@pytest.fixture(params=RETIMED)
+def distance(request, space):
+    return DISTANCES[request.param](space)
+
+
+def test_all_pairs_are_the_single_ones_in_both_orders(make, motions):
+    unequal = [motions[0], motions[1][:7], motions[2], motions[3][2:]]
+    distance = make(n_jobs=2)
+    distances = distance.dist_pairwise(unequal)
+    assert not distances.diagonal().any()
+    for i, j in itertools.combinations(range(4), 2):
+        single = distance.dist(unequal[i], unequal[j])
+        assert distances[i, j] == distances[j, i] == pytest.approx(single, rel=1e-9)
+        assert distance.dist(unequal[j], unequal[i]) == pytest.approx(single, rel=1e-9)
+
+
+@pytest.mark.parametrize(("name", "most"), [("frames", 0.2), ("rate-invariant", 0.1)])
+def test_components_lower_distances_a_little(space, motions, name, most):
+    exact = DISTANCES[name](space).dist_pairwise(motions)
+    projected = DISTANCES[name](space, n_components=30).dist_pairwise(motions)
+    assert (projected <= exact * (1 + 1e-9)).all()
+    assert (projected >= (1 - most) * exact).all()
+
+
+def test_components_change_distances_of_velocities_little(space, motions):
+    exact = DISTANCES["velocities"](space).dist_pairwise(motions)
+    projected = DISTANCES["velocities"](space, n_components=30).dist_pairwise(motions)
+    np.testing.assert_allclose(projected, exact, atol=0.05)
+
+
+def test_repeated_frames_change_nothing(distance, motions):
+    paused = np.repeat(motions[0], [1, 3, 1, 2, 1, 1, 1, 1, 1, 4], axis=0)
+    assert distance.dist(motions[0], paused) == pytest.approx(0.0, abs=1e-6)
+    warp = distance.warp(motions[0], paused)
+    assert (warp.first[0], warp.second[0], warp.first[-1], warp.second[-1]) == (0, 0, 9, 15)
+
+
+def test_known_re_timing_is_recovered(distance, full_motion, retiming):
+    places, frames = retiming
+    warp = distance.warp(frames, full_motion)
+    assert np.median(np.abs(warp(np.arange(len(frames))) - places)) <= 1.0
+    back = distance.warp(full_motion, frames)
+    assert back.dist == pytest.approx(warp.dist, rel=1e-9)
+    assert (back.first[-1], back.second[-1]) == (39, 29)
+
+
+def test_wrong_motions_are_named(distance, motions):
+    damaged = np.concatenate([motions[0], motions[0]])
+    damaged[17, 3, 1] = np.nan
+    for wrong, message in (
+        ((motions[0], motions[0][:1]), "m2 must have at least 2 frames; found 1"),
+        ((damaged, motions[0]), "frame 17 of m1 holds NaN"),
+        ((motions[0], motions[0][:, :-1]), "frames 0 to 9 of m2 must have shape"),
+    ):
+        with pytest.raises(rh.RiemhumanError, match=message):
+            distance.dist(*wrong)
+    for several, message in (
+        ([motions[0], motions[0][:0]], r"motions\[1\] must have at least"),
+        ([motions[0], damaged], r"frame 17 of motions\[1\] holds NaN"),
+        (motions[0], "give it in a list"),
+    ):
+        with pytest.raises(rh.RiemhumanError, match=message):
+            distance.dist_pairwise(several)
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [
+        ("frames", {"n_components": 0}),
+        ("velocities", {"n_steps": 0}),
+        ("velocities", {"n_jobs": 0}),
+        ("rate-invariant", {"smoothing": -0.1}),
+        ("rate-invariant", {"reference": np.zeros((1202, 3))}),
+    ],
+)
+def test_parameters_out_of_range(space, name, options):
+    with pytest.raises(rh.RiemhumanError, match=next(iter(options))):
+        DISTANCES[name](space, **options)

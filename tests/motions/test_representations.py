@@ -1,0 +1,59 @@
+"""Hankel matrices of currents, fitted joint angles, and random re-timings of the open motions."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import riemhuman as rh
+from riemhuman.motions.representations import random_places, retime_at_random
+
+
+def test_products_of_frames_are_those_of_the_kernel(space, motions):
+    """The error of random features falls with the root of their number."""
+    hankel = rh.motions.GramHankel(space, width=0.5, n_rows=2, n_features=2000)
+    frames = motions[0][[0, 5]]
+    centres = frames[:, space.template.faces].mean(axis=2) - frames.mean(axis=1)[:, None]
+    areas = space.normals(frames)
+    gaps = np.sum((centres[0][:, None] - centres[1]) ** 2, axis=-1)
+    expected = np.sum(areas[0] @ areas[1].T * np.exp(-gaps / 0.5**2))
+    rows = hankel._currents(frames)
+    assert rows[0] @ rows[1] == pytest.approx(expected, rel=0.1)
+
+
+def test_matrix_is_the_product_of_a_hankel_matrix(space, motions):
+    hankel = rh.motions.GramHankel(space, n_rows=3, n_features=8)
+    rows = hankel._currents(motions[0])
+    blocks = np.stack([np.concatenate(rows[i : i + 8]) for i in range(3)])
+    product = blocks @ blocks.T
+    np.testing.assert_allclose(
+        hankel.describe(motions[0]), product / np.linalg.norm(product), rtol=1e-9
+    )
+    distances = hankel.dist_pairwise(motions[:3])
+    assert distances[0, 2] == distances[2, 0] == pytest.approx(hankel.dist(motions[0], motions[2]))
+    assert hankel.dist(motions[0], motions[0] + [1.0, 0.0, 2.0]) == pytest.approx(0.0, abs=1e-9)
+    with pytest.raises(rh.RiemhumanError, match="at least n_rows=8 frames; found 5"):
+        rh.motions.GramHankel(space).describe(motions[0][:5])
+
+
+def test_joint_rotations_are_those_of_the_motion(open_motions):
+    motion = open_motions[0]
+    joints = rh.motions.JointAngles(motion.model)
+    fitted = joints.rotations(motion[:21:20])
+    poses = motion.pose_vectors[[0, 20]]
+    expected = Rotation.from_rotvec(poses.reshape(-1, 3)).as_matrix().reshape(fitted.shape)
+    errors = joints.metric.dist(fitted, expected)
+    assert (errors < 0.2 * joints.metric.dist(fitted[0], fitted[1])).all()
+    warping = rh.motions.DynamicTimeWarping(joints.metric)
+    assert warping.dist(fitted, np.repeat(fitted, 2, axis=0)) == 0.0
+
+
+def test_random_re_timings(open_motions):
+    places = random_places(100, 40, 3)
+    assert len(places) == 40
+    np.testing.assert_allclose(places[[0, -1]], [0.0, 99.0])
+    steps = np.diff(places)
+    assert steps.min() > 0
+    assert 1.3 < steps.max() / steps.min() < 4.0 + 1e-9
+    frames = retime_at_random(open_motions[0], np.random.default_rng(1))
+    assert 24 <= len(frames) <= 60
+    np.testing.assert_allclose(frames[[0, -1]], open_motions[0][:: len(open_motions[0]) - 1])

@@ -1,0 +1,206 @@
+"""Time warping of frames and of velocities, against the least of all paths and known curves."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+
+import riemhuman as rh
+from riemhuman.motions._warping_kernels import match_chords, match_frames
+from riemhuman.motions.time_warping import best_path
+
+
+def all_paths(n, m):
+    """Yield every monotone path from corner to corner."""
+    steps = [(1, 1), (1, 0), (0, 1)]
+    unfinished = [[(0, 0)]]
+    while unfinished:
+        path = unfinished.pop()
+        i, j = path[-1]
+        if (i, j) == (n - 1, m - 1):
+            yield path
+        unfinished += [[*path, (i + a, j + b)] for a, b in steps if i + a < n and j + b < m]
+
+
+def weighted_sum(costs, path):
+    weights = [2] + [(b[0] - a[0]) + (b[1] - a[1]) for a, b in itertools.pairwise(path)]
+    return sum(w * costs[cell] for w, cell in zip(weights, path, strict=True))
+
+
+def in_window(path, shape, window):
+    n, m = shape
+    return all(abs(i / (n - 1) - j / (m - 1)) <= window + 1e-12 for i, j in path)
+
+
+tables = st.tuples(st.integers(2, 5), st.integers(2, 5), st.integers(0, 2**32 - 1)).map(
+    lambda drawn: np.random.default_rng(drawn[2]).uniform(size=drawn[:2])
+)
+
+
+@settings(max_examples=40, deadline=None)
+@given(costs=tables, window=st.sampled_from([0.0, 0.3, 0.6, math.inf]))
+def test_best_path_is_the_least_of_all_paths(costs, window):
+    paths = [p for p in all_paths(*costs.shape) if in_window(p, costs.shape, window)]
+    if not paths:
+        with pytest.raises(rh.RiemhumanError, match="admits no path") as refusal:
+            best_path(costs, window)
+        wide = float(str(refusal.value).split("; ")[1].split()[0])
+        assert best_path(costs, wide)[0] < math.inf
+        return
+    total, cells = best_path(costs, window)
+    least = min(weighted_sum(costs, path) for path in paths)
+    assert total == pytest.approx(least, rel=1e-12)
+    assert weighted_sum(costs, [tuple(cell) for cell in cells]) == pytest.approx(least, rel=1e-12)
+
+
+class TestDynamicTimeWarping:
+    def test_re_timing_is_nearly_nothing_where_positions_between_frames_count(
+        self, pose, open_motions
+    ):
+        knees, other = open_motions[0][:60], open_motions[3][:60]
+        hasty = np.delete(knees, range(3, 40, 3), axis=0)
+        warping = rh.motions.DynamicTimeWarping(pose, between_frames=True)
+        plain = rh.motions.DynamicTimeWarping(pose)
+        assert warping.dist(knees, hasty) < 0.03 * warping.dist(knees, other)
+        assert warping.dist(knees, hasty) < 0.5 * plain.dist(knees, hasty)
+
+    def test_neighbours_are_those_of_all_distances(self, pose, motions):
+        warping = rh.motions.DynamicTimeWarping(pose)
+        nearest, indices = warping.kneighbors(motions[:2], motions, 3)
+        distances = warping.dist_pairwise(motions)
+        assert indices.tolist() == np.argsort(distances[:2], axis=1, kind="stable")[:, :3].tolist()
+        np.testing.assert_allclose(nearest, np.sort(distances[:2], axis=1)[:, :3], rtol=1e-9)
+        with pytest.raises(rh.RiemhumanError, match="at most 6"):
+            warping.kneighbors(motions[:1], motions, 7)
+
+    def test_centring_removes_what_a_person_adds_to_every_frame(self):
+        """In a flat space a constant added to all frames changes nothing."""
+        rng = np.random.default_rng(3)
+        space = rh.VectorSpace((4, 3))
+        a, b = rng.standard_normal((2, 9, 4, 3)).cumsum(axis=1)
+        warping = rh.motions.DynamicTimeWarping(space.metric, centered=True, n_times=20)
+        moved = b + 10.0 * rng.standard_normal((4, 3))
+        assert warping.dist(a, moved) == pytest.approx(warping.dist(a, b), rel=1e-9)
+        plain = rh.motions.DynamicTimeWarping(space.metric, n_times=20)
+        assert plain.dist(a, moved) > 1.1 * plain.dist(a, b)
+
+    def test_interpolation_is_that_of_coordinates_in_a_flat_space(self):
+        rng = np.random.default_rng(4)
+        space = rh.VectorSpace((2, 3))
+        a, b = rng.standard_normal((7, 2, 3)), rng.standard_normal((5, 2, 3))
+        finer = [
+            CubicSpline(np.arange(len(m)), m)(np.linspace(0, len(m) - 1, 16)) for m in (a, b)
+        ]
+        interpolated = rh.motions.DynamicTimeWarping(space.metric, n_times=16).warp(a, b)
+        expected = rh.motions.DynamicTimeWarping(space.metric).warp(*finer)
+        assert interpolated.dist == pytest.approx(expected.dist, rel=1e-9)
+        np.testing.assert_allclose(interpolated.first, expected.first * 6 / 15)
+
+    def test_wrong_arguments(self, pose, motions):
+        with pytest.raises(rh.RiemhumanError, match="window=0.01 admits no path between 10 and 7"):
+            rh.motions.DynamicTimeWarping(pose, window=0.01).dist(motions[0], motions[0][:7])
+        warping = rh.motions.DynamicTimeWarping(rh.VectorSpace((1202, 3)).metric, n_components=3)
+        with pytest.raises(rh.RiemhumanError, match="lower_bound_coordinates"):
+            warping.dist_pairwise(motions)
+
+
+def sum_at(steps, corners):
+    """Return the sum that is minimised, from square root velocities as they are defined."""
+
+    def roots(vectors):
+        lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return vectors / np.sqrt(np.where(lengths > 0.0, lengths, 1.0))
+
+    v, w = np.diff(steps, axis=0), np.diff(corners, axis=0)
+    opposed = np.sum(v * w, axis=1) < 0.0
+    apart = np.sum((roots(v) - roots(w)) ** 2, axis=1)
+    lengths = np.linalg.norm(v, axis=1) + np.linalg.norm(w, axis=1)
+    return np.sum(np.where(opposed, lengths, apart))
+
+
+def chord_tables(a, b):
+    def squared(x, y):
+        return np.sum((x[:, None] - y) ** 2, axis=-1)
+
+    return squared(a, b), np.linalg.norm(np.diff(a, axis=0), axis=1), squared(b, b)
+
+
+def at_places(points, places):
+    """Return points between points, from the cubic through the four about each."""
+    result = np.empty((len(places), points.shape[1]))
+    for row, place in zip(result, places, strict=True):
+        count = min(4, len(points))
+        first = min(max(int(place) - 1, 0), len(points) - count)
+        cubic = np.linalg.solve(np.vander(np.arange(count)), points[first : first + count])
+        row[:] = np.vander([place - first], count)[0] @ cubic
+    return result
+
+
+@settings(max_examples=20, deadline=None)
+@given(n=st.integers(2, 5), m=st.integers(2, 7), seed=st.integers(0, 2**32 - 1))
+def test_chords_are_the_best_of_all_and_places_between_frames_lower_their_sum(n, m, seed):
+    rng = np.random.default_rng(seed)
+    a, b = rng.standard_normal((n, 3)).cumsum(axis=0), rng.standard_normal((m, 3)).cumsum(axis=0)
+    places = np.empty(n)
+    by_frames = match_frames(*chord_tables(a, b), places)
+    inner = itertools.combinations_with_replacement(range(m), n - 2)
+    least = min(sum_at(a, b[[0, *some, m - 1]]) for some in inner)
+    assert by_frames == pytest.approx(least, rel=1e-9)
+    assert sum_at(a, b[places.astype(int)]) == pytest.approx(least, rel=1e-9)
+    total = match_chords(*chord_tables(a, b), places)
+    assert total <= by_frames + 1e-12
+    assert (np.diff(places) >= 0.0).all()
+    assert places[[0, -1]].tolist() == [0.0, m - 1.0]
+    assert total == pytest.approx(sum_at(a, at_places(b, places)), rel=1e-6, abs=1e-9)
+
+
+def knot(times, n_turns=3):
+    """Return points of a closed curve in three dimensions."""
+    angles = 2.0 * np.pi * n_turns * times
+    return np.stack([np.cos(angles), np.sin(angles), np.sin(2.0 * np.pi * times)], axis=1)[:, None]
+
+
+FINE, FEW = np.linspace(0.0, 1.0, 201), np.linspace(0.0, 1.0, 15) ** 1.3
+
+
+class TestVelocityTimeWarping:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def flat():
+        return rh.motions.VelocityTimeWarping(rh.VectorSpace((1, 3)).metric)
+
+    def test_few_points_of_a_curve_are_near_the_curve(self, flat):
+        """Chords of three turns in 15 points are far from the arcs that they replace."""
+        warp = flat.warp(knot(FEW), knot(FINE))
+        assert warp.dist < 1e-3
+        np.testing.assert_allclose(warp(np.arange(15)), 200.0 * FEW, atol=0.05)
+
+    def test_constants_and_pauses_change_nothing(self, flat):
+        a, b = knot(FINE[::10]), knot(FINE[::8], 2)
+        moved = b + np.array([3.0, -1.0, 2.0])
+        assert flat.dist(a, moved) == pytest.approx(flat.dist(a, b), rel=1e-9)
+        assert flat.dist(a, b) == flat.dist(b, a) > 0.2
+        paused = np.repeat(a, np.where(np.arange(21) % 5, 1, 3), axis=0)
+        assert flat.dist(a, paused) == pytest.approx(0.0, abs=1e-7)
+
+    def test_standing_still_is_at_one_from_motion(self, flat):
+        still = np.zeros((4, 1, 3))
+        assert flat.dist(still, still[:2]) == 0.0
+        assert flat.dist(still, knot(FEW)) == pytest.approx(1.0)
+        assert flat.dist(knot(FEW), still) == pytest.approx(1.0)
+
+    def test_motion_is_near_its_own_re_timing(self, pose, open_motions):
+        """At 8 frames in a second, half of them between those at 60."""
+        warping = rh.motions.VelocityTimeWarping(pose)
+        arms, other = open_motions[2], open_motions[5]
+        slow = rh.datasets.load_open_motions("coarse", "lean runner", "shake_arms", 8)[0]
+        few, whole = slow[:17], arms[:121]
+        warp = warping.warp(few, whole)
+        np.testing.assert_allclose(warp(np.arange(17)), 7.5 * np.arange(17), atol=0.5)
+        assert warp.dist < 0.02 * warping.dist(few, other[:121])
+        plain = rh.motions.DynamicTimeWarping(pose, between_frames=True)
+        assert plain.dist(few, whole) > 0.06 * plain.dist(few, other[:121])
