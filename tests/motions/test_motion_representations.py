@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
-from riemhuman.motions.representations import random_places, retime_at_random
+from riemhuman.motions.motion_representations import random_places, retime_at_random
 
 
 def test_products_of_frames_are_those_of_the_kernel(space, motions):
