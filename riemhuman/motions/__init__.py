@@ -1,5 +1,10 @@
 """Motions as points: sequences of bodies, compared, aligned and averaged at any speed."""
 
+from riemhuman.motions.motion_representations import (
+    GramHankel,
+    JointAngles,
+    compare_representations,
+)
 from riemhuman.motions.motion_search import MotionSearch
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
 from riemhuman.motions.motion_statistics import (
@@ -10,7 +15,6 @@ from riemhuman.motions.motion_statistics import (
     even_times,
 )
 from riemhuman.motions.rate_invariant_metric import RateInvariantMetric
-from riemhuman.motions.motion_representations import GramHankel, JointAngles, compare_representations
 from riemhuman.motions.time_warping import DynamicTimeWarping, VelocityTimeWarping, Warp
 
 __all__ = [

@@ -11,6 +11,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight, real_array, real_number, whole_number
+from riemhuman.kernels.projections import Projection
 from riemhuman.motions._frames import MOST_SAMPLED, Motion, frame_count, read_motion
 from riemhuman.motions._velocity_curves import (
     TransportedVelocities,
@@ -20,7 +21,6 @@ from riemhuman.motions._velocity_curves import (
 )
 from riemhuman.motions.motion_space import MotionSpace
 from riemhuman.motions.time_warping import MotionDistance, Warp
-from riemhuman.kernels.projections import Projection
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ from scipy.interpolate import make_lsq_spline
 import riemhuman as rh
 from riemhuman.datasets.open_poses import pose_vectors
 from riemhuman.motions._velocity_curves import even_segments
-from riemhuman.motions.rate_invariant_metric import _Curve
 from riemhuman.motions.motion_representations import random_places, retime_at_random
+from riemhuman.motions.rate_invariant_metric import _Curve
 
 COMPONENTS = 200
 

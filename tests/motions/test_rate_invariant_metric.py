@@ -39,9 +39,7 @@ def test_polygons(seed):
     finer = np.concatenate([*parts[:2], np.zeros((1, 3)), *parts[2:]])
     assert squared_dist(segments, finer)[0] == pytest.approx(0.0, abs=1e-9)
 
-    _, path, products, gain = squared_dist(
-        rng.standard_normal((6, 2)), rng.standard_normal((4, 2))
-    )
+    _, path, products, gain = squared_dist(rng.standard_normal((6, 2)), rng.standard_normal((4, 2)))
     assert path[0].tolist() == [0, 0]
     assert path[-1].tolist() == [6, 4]
     assert (np.diff(path, axis=0) >= 0).all()
@@ -125,8 +123,8 @@ def test_re_timing_is_less_than_another_person(space, open_motions):
     shares = []
     for smoothing in (0.03, 0.0):
         metric = rh.motions.RateInvariantMetric(motion_space, smoothing=smoothing)
-        own, another = metric.dist(arms[:101], arms[:101:2]), metric.dist(arms[:101:2], other[:101:2])
-        shares.append(own / another)
+        between_people = metric.dist(arms[:101:2], other[:101:2])
+        shares.append(metric.dist(arms[:101], arms[:101:2]) / between_people)
     assert shares[0] < 0.6 * shares[1] < 0.09
 
 

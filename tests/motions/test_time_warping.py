@@ -92,9 +92,7 @@ class TestDynamicTimeWarping:
         rng = np.random.default_rng(4)
         space = rh.VectorSpace((2, 3))
         a, b = rng.standard_normal((7, 2, 3)), rng.standard_normal((5, 2, 3))
-        finer = [
-            CubicSpline(np.arange(len(m)), m)(np.linspace(0, len(m) - 1, 16)) for m in (a, b)
-        ]
+        finer = [CubicSpline(np.arange(len(m)), m)(np.linspace(0, len(m) - 1, 16)) for m in (a, b)]
         interpolated = rh.motions.DynamicTimeWarping(space.metric, n_times=16).warp(a, b)
         expected = rh.motions.DynamicTimeWarping(space.metric).warp(*finer)
         assert interpolated.dist == pytest.approx(expected.dist, rel=1e-9)
