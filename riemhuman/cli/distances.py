@@ -161,7 +161,7 @@ def _dist(options: argparse.Namespace) -> None:
 
 
 def _matrix(options: argparse.Namespace) -> None:
-    from riemhuman.datasets.registered_meshes import find_meshes
+    from riemhuman.datasets import find_meshes
     from riemhuman.io.files import write_text
 
     check_metric_options(options)
@@ -289,7 +289,7 @@ def _as_table(distances: ndarray, names: list[str]) -> str:
 def _retrieve(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from riemhuman.datasets.registered_meshes import find_meshes
+    from riemhuman.datasets import find_meshes
 
     check_metric_options(options)
     if options.k < 1:

@@ -96,13 +96,14 @@ def _mesh_facts(path: Path) -> dict[str, Any]:
 
 
 def _folder_facts(path: Path) -> dict[str, Any]:
-    from riemhuman.datasets.registered_meshes import find_meshes, load_registered
+    from riemhuman.datasets import RegisteredMeshes, find_meshes
 
     files = find_meshes(path)
     facts: dict[str, Any] = {"kind": "folder of meshes", "meshes": len(files)}
     facts |= {"first": files[0].name, "last": files[-1].name}
     try:
-        points, faces = load_registered(files)
+        meshes = RegisteredMeshes(files)
+        points, faces = meshes[:], meshes.faces
     except FileFormatError as error:
         return facts | {"registered": f"no: {error}"}
     extents = (points.max(axis=1) - points.min(axis=1)).max(axis=0).tolist()

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, overload
 if TYPE_CHECKING:
     from numpy import ndarray
 
-    from riemhuman.datasets.registered_meshes import RegisteredMeshes
+    from riemhuman.datasets import RegisteredMeshes
     from riemhuman.surfaces.template import Template
 
 
@@ -133,7 +133,7 @@ def meshes_named(paths: Sequence[Path]) -> list[Path]:
     list of Path
         Files in the order of the arguments; those of a folder are in natural order.
     """
-    from riemhuman.datasets.registered_meshes import find_meshes
+    from riemhuman.datasets import find_meshes
 
     files: list[Path] = []
     for path in paths:
@@ -155,7 +155,7 @@ def surfaces_in(files: Sequence[Path], options: argparse.Namespace) -> Surfaces:
     -------
     Surfaces
     """
-    from riemhuman.datasets.registered_meshes import RegisteredMeshes
+    from riemhuman.datasets import RegisteredMeshes
     from riemhuman.surfaces.template import Template
 
     scale = None if options.any_scale else "template"

@@ -194,7 +194,7 @@ def _compare(options: argparse.Namespace) -> None:
 def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Measurements, ndarray]:
     """Return the measurements, and the meshes in files."""
     from riemhuman.bodies import BodyModel
-    from riemhuman.datasets.registered_meshes import RegisteredMeshes
+    from riemhuman.datasets import RegisteredMeshes
     from riemhuman.measurements import Measurements, open_measurements
     from riemhuman.surfaces.template import Template
 

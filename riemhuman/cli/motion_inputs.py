@@ -149,7 +149,7 @@ def motion_space(options: argparse.Namespace, motion: Any, n_times: int = 40) ->
     ArgumentError
         If the template has other triangles than the motion.
     """
-    from riemhuman.datasets.registered_meshes import RegisteredMeshes
+    from riemhuman.datasets import RegisteredMeshes
     from riemhuman.geometry import AlignedSurfaces, ElasticMetric
     from riemhuman.motions import MotionSpace
     from riemhuman.surfaces.template import Template

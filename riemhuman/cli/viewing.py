@@ -221,7 +221,7 @@ def _matrix(path: Path) -> tuple[ndarray, list[str]]:
 
 def _labelled_matrix(options: argparse.Namespace) -> tuple[ndarray, dict[str, list[str]]]:
     """Return the distances between the meshes with labels, and their labels."""
-    from riemhuman.datasets.registered_meshes import read_labels
+    from riemhuman.datasets import read_labels
 
     distances, names = _matrix(options.matrix)
     kept, labels = read_labels(options.labels, names, allow_missing=options.allow_missing)

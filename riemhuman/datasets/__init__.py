@@ -7,7 +7,14 @@ from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.motions import Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
 from riemhuman.datasets.open_motions import load_open_motions
-from riemhuman.datasets.registered_meshes import load_bodies, load_faust
+from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
+from riemhuman.datasets.registered_meshes import (
+    RegisteredMeshes,
+    find_meshes,
+    load_bodies,
+    load_faust,
+    read_labels,
+)
 from riemhuman.datasets.shrec import LabelledMeshes, load_shrec14
 
 __all__ = [
@@ -15,7 +22,10 @@ __all__ = [
     "LabelledMeshes",
     "Motion",
     "Motions",
+    "RegisteredMeshes",
     "check_dataset",
+    "find_meshes",
+    "joint_rotations",
     "load_amass",
     "load_bodies",
     "load_dfaust",
@@ -25,6 +35,8 @@ __all__ = [
     "load_open_model",
     "load_open_motions",
     "load_shrec14",
+    "pose_vectors",
+    "read_labels",
 ]
 
 

@@ -2,62 +2,64 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, joint_motions, rotation_matrix, skin_surface
-from riemhuman.datasets.open_poses import NATURAL_POSES, TOUCHED, joint_turns, pose_vectors
+from riemhuman.datasets.open_poses import joint_rotations, pose_vectors
 
-# Deviations of a person from a pose as written: standard deviations in degrees.
-_OFFSET_DEGREES = {
-    "pelvis": 1.5,
-    "spine": 1.0,  # each of the three
-    "chest": 1.0,
-    "neck": 2.0,
-    "head": 2.5,
-    "collar": 1.0,
-    "shoulder": 2.5,
-    "elbow": 4.0,
-    "wrist": 5.0,
-    "hip": 1.5,
-    "knee": 2.0,
-    "ankle": 2.0,
-    "toes": 1.0,
-}
+# Deviations of a person from a pose as written: standard deviations in degrees, of each of the
+# three joints of the spine and of the joints of both sides.
+_TRUNK_DEGREES = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.5}
+_ARM_DEGREES = {"collar": 1.0, "shoulder": 2.5, "elbow": 4.0, "wrist": 5.0}
+_LEG_DEGREES = {"hip": 1.5, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
+_DEGREES = _TRUNK_DEGREES | _ARM_DEGREES | _LEG_DEGREES
 # The share of this variance that is a habit, the same in all poses of a person.
 _HABIT = 0.5
-_PLACE_TOUCHED_METRES = 0.025
+_TOUCHED_POINT_METRES = 0.025
 
 # Direction of the left palm in the model's rest pose, and half the thickness of a hand.
 _PALM = np.array([-0.669, -0.691, -0.274])
 _HALF_HAND_METRES = 0.012
 # Scales of the costs of missing the place, of tilting the palm, and of leaving the written pose.
-_MISS_METRES, _ASLANT_RADIANS, _TURN_RADIANS = 0.003, 0.3, 0.4
+_MISS_METRES, _TILT_RADIANS, _ROTATION_RADIANS = 0.003, 0.3, 0.4
 _N_STEPS = 20
 
 # Individual detail of the surface that no shape coefficient describes, and soft tissue that bulges
 # or sinks in around a point near a joint, in proportion to one minus the cosine of its angle.
 _DETAIL_METRES, _DETAIL_WAVELENGTHS = 0.0015, (0.08, 0.3)
 _BULGE_METRES, _BULGE_WIDTH, _BULGE_SHIFT = 0.02, 0.08, 0.03
+_N_WAVES = 12
 
 
 def natural_performances(
-    model: BodyModel, betas: np.ndarray, rng: np.random.Generator
+    model: BodyModel,
+    angles: Mapping[str, Any],
+    touched: Mapping[str, Any],
+    betas: np.ndarray,
+    rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the natural poses as people hold them."""
-    turns = np.stack([joint_turns(angles, model) for angles in NATURAL_POSES.values()])
-    degrees = [_OFFSET_DEGREES[name.split("_")[-1]] for name in model.joint_names]
-    shape = (len(betas), len(turns), model.n_joints, 3)
+    """Return the poses of people with these betas, pose vectors (n_people, n_poses, J, 3).
+
+    Every person deviates from every pose by a few degrees per joint, in part by the same habit in
+    all poses. Where hands touch the body, arms are moved until they do.
+    """
+    rotations = np.stack([joint_rotations(each, model) for each in angles.values()])
+    degrees = [_DEGREES[name.split("_")[-1]] for name in model.joint_names]
+    shape = (len(betas), len(rotations), model.n_joints, 3)
     habits = rng.standard_normal((len(betas), 1, model.n_joints, 3))
-    anew = rng.standard_normal(shape)
-    offsets = np.sqrt(_HABIT) * habits + np.sqrt(1.0 - _HABIT) * anew
+    variations = rng.standard_normal(shape)
+    offsets = np.sqrt(_HABIT) * habits + np.sqrt(1.0 - _HABIT) * variations
     offsets = Rotation.from_rotvec((offsets * np.array(degrees)[:, None]).reshape(-1, 3), True)
-    poses = pose_vectors(offsets.as_matrix().reshape(*shape, 3) @ turns, model)
-    for name, places in TOUCHED.items():
-        number = list(NATURAL_POSES).index(name)
-        for side, place in places.items():
-            own = place + rng.normal(0.0, _PLACE_TOUCHED_METRES, (len(betas), 3))
-            poses[:, number] = _reaching(model, betas, poses[:, number], side, own)
+    poses = pose_vectors(offsets.as_matrix().reshape(*shape, 3) @ rotations, model)
+    for name, points in touched.items():
+        number = list(angles).index(name)
+        for side, point in points.items():
+            own = point + rng.normal(0.0, _TOUCHED_POINT_METRES, (len(betas), 3))
+            poses[:, number] = _reach(model, betas, poses[:, number], side, own)
     return poses
 
 
@@ -68,91 +70,94 @@ def natural_surfaces(
     poses: np.ndarray,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """Return the surfaces of one person, with individual detail and soft tissue."""
-    places = model.template.vertices
-    detail = surface_noise(places, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
+    """Return the surfaces of one person in some poses, with individual detail and soft tissue.
+
+    Soft tissue moves around `joints`, those of the mean body in the rest pose.
+    """
+    points = model.template.vertices
+    detail = surface_noise(points, _DETAIL_METRES, _DETAIL_WAVELENGTHS, rng)
     centres = joints + rng.normal(0.0, _BULGE_SHIFT, joints.shape)
     sizes = rng.normal(0.0, _BULGE_METRES, len(joints))
-    away = (places[:, None] - centres) / _BULGE_WIDTH
-    bulges = (sizes * np.exp(-0.5 * np.sum(away**2, axis=-1)))[..., None] * away
+    offsets = (points[:, None] - centres) / _BULGE_WIDTH
+    bulges = (sizes * np.exp(-0.5 * np.sum(offsets**2, axis=-1)))[..., None] * offsets
     bent = 1.0 - np.cos(np.linalg.norm(poses, axis=-1))
     rest = model(betas) + detail + np.tensordot(bent, bulges, axes=(1, 1))
 
-    own_joints = model.joints(betas)
-    turns, shifts = joint_motions(
-        own_joints, rotation_matrix(poses), model.parents, model.joint_order
+    shaped_joints = model.joints(betas)
+    rotations, positions = joint_motions(
+        shaped_joints, rotation_matrix(poses), model.parents, model.joint_order
     )
-    return skin_surface(rest, model.weights, own_joints, turns, shifts)
+    return skin_surface(rest, model.weights, shaped_joints, rotations, positions)
 
 
-def _reaching(
-    model: BodyModel, betas: np.ndarray, poses: np.ndarray, side: str, places: np.ndarray
+def _reach(
+    model: BodyModel, betas: np.ndarray, poses: np.ndarray, side: str, points: np.ndarray
 ) -> np.ndarray:
-    """Return poses with one palm on the body, at places on the left side of the rest surface."""
+    """Return poses with one palm on the body, at points on the left side of the rest surface."""
     names, mirror = model.joint_names, np.array([1.0 if side == "left" else -1.0, 1.0, 1.0])
     arm = [names.index(f"{side}_{joint}") for joint in ("shoulder", "elbow", "wrist")]
-    targets, outward = _touched(model, betas, poses, places * mirror)
+    targets, outward = _touched(model, betas, poses, points * mirror)
     joints, order = model.joints(betas), model.joint_order
     hand = model.weights[:, arm[-1]] > 0.9
     palm = model(betas)[:, hand].mean(axis=1) + _HALF_HAND_METRES * mirror * _PALM
     facing = mirror * _PALM / np.linalg.norm(_PALM)
     written = rotation_matrix(poses)
 
-    def misses(turns: np.ndarray) -> np.ndarray:
-        """Return the residuals, shape (people, m, 15), for turns (people, m, 9)."""
-        rotations = np.repeat(written[:, None], turns.shape[1], axis=1)
-        own = rotation_matrix(turns.reshape(*turns.shape[:-1], 3, 3))
+    def residuals(vectors: np.ndarray) -> np.ndarray:
+        """Return the residuals, shape (people, m, 15), for axis-angle vectors (people, m, 9)."""
+        rotations = np.repeat(written[:, None], vectors.shape[1], axis=1)
+        own = rotation_matrix(vectors.reshape(*vectors.shape[:-1], 3, 3))
         rotations[..., arm, :, :] = own @ rotations[..., arm, :, :]
-        frames, shifts = joint_motions(joints[:, None], rotations, model.parents, order)
+        frames, positions = joint_motions(joints[:, None], rotations, model.parents, order)
         frame = frames[..., arm[-1], :, :]
         lever = (palm - joints[:, arm[-1]])[:, None, :, None]
-        reached = shifts[..., arm[-1], :] + (frame @ lever)[..., 0]
+        reached = positions[..., arm[-1], :] + (frame @ lever)[..., 0]
         parts = (
             (reached - targets[:, None]) / _MISS_METRES,
-            (frame @ facing + outward[:, None]) / _ASLANT_RADIANS,
-            turns / _TURN_RADIANS,
+            (frame @ facing + outward[:, None]) / _TILT_RADIANS,
+            vectors / _ROTATION_RADIANS,
         )
         return np.concatenate(parts, axis=-1)
 
     # Gauss–Newton's method for all people at once, with finite differences.
-    turns, step = np.zeros((len(betas), 9)), 1e-6
+    vectors, step = np.zeros((len(betas), 9)), 1e-6
     nearby = np.concatenate([np.zeros((1, 9)), step * np.eye(9)])
     for _ in range(_N_STEPS):
-        values = misses(turns[:, None] + nearby)
+        values = residuals(vectors[:, None] + nearby)
         slopes = np.swapaxes(values[:, 1:] - values[:, :1], -1, -2) / step
         normal = np.swapaxes(slopes, -1, -2) @ slopes
         change = np.linalg.solve(normal, np.swapaxes(slopes, -1, -2) @ values[:, 0, :, None])
-        turns = turns - np.clip(change[..., 0], -0.3, 0.3)
+        vectors = vectors - np.clip(change[..., 0], -0.3, 0.3)
     reached = poses.copy()
-    own = rotation_matrix(turns.reshape(-1, 3, 3)) @ written[:, arm]
+    own = rotation_matrix(vectors.reshape(-1, 3, 3)) @ written[:, arm]
     reached[:, arm] = Rotation.from_matrix(own.reshape(-1, 3, 3)).as_rotvec().reshape(-1, 3, 3)
     return reached
 
 
 def _touched(
-    model: BodyModel, betas: np.ndarray, poses: np.ndarray, places: np.ndarray
+    model: BodyModel, betas: np.ndarray, poses: np.ndarray, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return points of the posed bodies and their outward normals, shapes (n_people, 3)."""
     arms = [name.endswith(("elbow", "wrist")) for name in model.joint_names]
     elsewhere = np.where(model.weights[:, arms].sum(axis=1) < 0.01, 0.0, np.inf)
-    gaps = np.linalg.norm(model.template.vertices - places[:, None], axis=-1) + elsewhere
-    found = gaps.argmin(axis=1)
+    gaps = np.linalg.norm(model.template.vertices - points[:, None], axis=-1) + elsewhere
+    nearest = gaps.argmin(axis=1)
     surfaces = model(betas, poses)
     corners = surfaces[:, model.faces]
     areas = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
-    around = (model.faces == found[:, None, None]).any(axis=-1)
+    around = (model.faces == nearest[:, None, None]).any(axis=-1)
     outward = np.sum(np.where(around[..., None], areas, 0.0), axis=1)
     people = np.arange(len(betas))
-    return surfaces[people, found], outward / np.linalg.norm(outward, axis=-1, keepdims=True)
-
-
-_N_WAVES = 12
+    return surfaces[people, nearest], outward / np.linalg.norm(outward, axis=-1, keepdims=True)
 
 
 def surface_noise(
     points: np.ndarray, size: float, wavelengths: tuple[float, float], rng: np.random.Generator
 ) -> np.ndarray:
-    """Return a sum of random plane waves at every point."""
+    """Return a sum of random plane waves at every point, of root mean square length `size`, metres.
+
+    The two sides of a thin fold (lips, ears, nostrils) move alike, so that they do not intersect.
+    """
     directions, displacements = rng.standard_normal((2, _N_WAVES, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     displacements /= np.linalg.norm(displacements, axis=1, keepdims=True)

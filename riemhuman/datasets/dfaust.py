@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from riemhuman.checks import integer_array, real_number
-from riemhuman.datasets.motions import Motion, Motions, chosen
+from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -326,8 +326,8 @@ def _wanted(
 ) -> list[tuple[str, str]]:
     """Return the pairs of subject and sequence to load; refuse unknown ones."""
     performed = sorted(set().union(*found.values()))
-    names = chosen(sequences, "sequences", performed, source)
-    people = chosen(_named(subjects), "subjects", tuple(found), source)
+    names = choose_names(sequences, "sequences", performed, source)
+    people = choose_names(_named(subjects), "subjects", tuple(found), source)
     missing = []
     for subject in people if sequences is not None and subjects is not None else ():
         lacking = [name for name in names if name not in found[subject]]

@@ -17,6 +17,7 @@ from riemhuman.datasets.registered_meshes import (
     RegisteredMeshes,
     existing_folder,
     find_meshes,
+    is_visible,
     natural_key,
 )
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FrameIndexError
@@ -151,7 +152,7 @@ class Motions(tuple[M, ...]):
         return super().__getitem__(index)
 
 
-def chosen(
+def choose_names(
     wanted: Sequence[str] | str | None, name: str, known: Sequence[str], source: str = ""
 ) -> tuple[str, ...]:
     """Return the chosen names, by default all, after checking that they are known."""
@@ -236,7 +237,7 @@ def load_mesh_motions(
     root = existing_folder(folder)
     if _holds_meshes(root):
         return Motions([MeshMotion(root, rate, unit=unit, up=up)])
-    inner = sorted((each for each in root.iterdir() if each.is_dir()), key=_order)
+    inner = sorted((each for each in root.iterdir() if each.is_dir()), key=lambda each: natural_key(each.name))
     motions = [MeshMotion(each, rate, unit=unit, up=up) for each in inner if _holds_meshes(each)]
     if not motions:
         raise FileError(
@@ -246,11 +247,4 @@ def load_mesh_motions(
 
 
 def _holds_meshes(folder: Path) -> bool:
-    return any(
-        each.suffix.lower() in MESH_ENDINGS and not each.name.startswith(".")
-        for each in folder.iterdir()
-    )
-
-
-def _order(folder: Path) -> tuple[object, ...]:
-    return natural_key(folder.name)
+    return any(is_visible(each, MESH_ENDINGS) for each in folder.iterdir())

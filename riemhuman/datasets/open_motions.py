@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -11,27 +12,11 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import real_number
-from riemhuman.datasets.motions import Motion, Motions, chosen
+from riemhuman.datasets.motions import Motion, Motions, choose_names
 from riemhuman.datasets.open_bodies import load_open_model
-from riemhuman.datasets.open_motion_curves import OPEN_MOTIONS, Choreography, Curve
-from riemhuman.datasets.open_poses import pose_vectors
+from riemhuman.datasets.open_poses import pose_vectors, read_table, with_both_sides
 from riemhuman.kernels.tiles import slices
 from riemhuman.surfaces.template import Template
-
-# Shape coefficients in standard deviations; the others are zero. None of these people is among
-# those of `load_open_bodies`.
-_SUBJECTS: dict[str, tuple[float, ...]] = {
-    "tall sturdy woman": (0.5, 1.7, 0.5, -0.3, -0.5, -0.1, 0.3, -0.8, 0.3, 0.7),
-    "slim young woman": (-1.3, 1.5, 1.1, 0.6, 0.1, 1.2, -0.4, -0.4, 0.4, 1.2),
-    "broad-hipped woman": (-0.4, 1.2, 1.0, -0.1, 0.0, -0.7, 0.1, 0.5, 0.0, -0.7),
-    "older slight woman": (-1.3, -0.1, -1.9, -0.9, -1.1, 0.4, 0.3, 0.4, 0.7, 1.9),
-    "average woman": (-0.4, 1.4, 0.9, 0.0, -0.1, 0.2, -0.1, -0.2, 0.5, 0.6),
-    "average man": (0.8, -1.0, 0.3, -0.4, 0.5, 0.8, 0.3, -0.7, 0.7, 0.5),
-    "lean runner": (1.4, -1.3, 0.7, -2.3, 0.9, 1.0, 0.6, 1.9, -0.1, 1.1),
-    "big muscular man": (1.6, -0.6, 0.2, -0.4, 1.0, 0.3, 0.7, -2.0, -2.6, 0.4),
-    "short slim man": (-0.9, -1.9, 0.6, -1.1, 0.6, 1.3, 1.0, -1.7, 0.9, -1.2),
-    "older heavy man": (0.5, -0.3, -0.7, 2.1, 0.3, -0.7, -0.3, 0.4, 0.8, 0.3),
-}
 
 # Largest deviations of a performance from the motion as written.
 _TEMPO = 0.07
@@ -49,9 +34,11 @@ class OpenMotion(Motion):
     def __init__(
         self, subject: str, sequence: str, model: BodyModel, frames_per_second: float
     ) -> None:
-        written = OPEN_MOTIONS[sequence]
-        seed = [_SEED, list(_SUBJECTS).index(subject), list(OPEN_MOTIONS).index(sequence)]
-        self._performance = _Performance(written, np.random.default_rng(seed))
+        people, motions = read_table("open_motions").values()
+        seed = [_SEED, list(people).index(subject), list(motions).index(sequence)]
+        self._performance = _Performance(
+            motions[sequence], model.joint_names, np.random.default_rng(seed)
+        )
         n_frames = int(self._performance.seconds * frames_per_second) + 1
         super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
         self._model = model
@@ -69,14 +56,13 @@ class OpenMotion(Motion):
     @cached_property
     def betas(self) -> np.ndarray:
         """Shape coefficients of the person, shape (B,)."""
-        written = _SUBJECTS[self.subject]
+        written = read_table("open_motions")["people"][self.subject]
         return np.pad(written, (0, self._model.n_betas - len(written)))
 
     @cached_property
     def pose_vectors(self) -> np.ndarray:
         """Axis-angle joint rotations in every frame, shape (n_frames, J, 3), radians."""
-        turns = self._performance.joint_turns(self._times, self._model.joint_names)
-        return pose_vectors(turns, self._model)
+        return pose_vectors(self._performance.joint_rotations(self._times), self._model)
 
     @cached_property
     def translations(self) -> np.ndarray:
@@ -115,7 +101,7 @@ def load_open_motions(
     """Return the open motions: ten people in fourteen motions of some seconds each.
 
     The motions resemble those of Dynamic FAUST and have their names; they are defined by joint
-    angles over a cycle (`riemhuman.datasets.open_motion_curves`). Every person performs them with
+    angles over a cycle (data/open_motions.json). Every person performs them with
     slightly different tempo, start, amplitude and habit. The five women and five men are not those
     of `load_open_bodies`, so that a basis learnt from these motions can be tested there on other
     people. All calls return the same motions, and both resolutions show the same performances.
@@ -151,51 +137,57 @@ def load_open_motions(
     >>> len(motions)
     20
     """
-    people = chosen(subjects, "subjects", tuple(_SUBJECTS))
-    names = chosen(sequences, "sequences", tuple(OPEN_MOTIONS))
+    table = read_table("open_motions")
+    people = choose_names(subjects, "subjects", tuple(table["people"]))
+    names = choose_names(sequences, "sequences", tuple(table["motions"]))
     rate = real_number(frames_per_second, "frames_per_second", minimum=0.0, strict=True)
     model = load_open_model(resolution)
     return Motions(OpenMotion(person, name, model, rate) for person in people for name in names)
 
 
 class _Performance:
-    """A choreography performed by one person."""
+    """A motion performed by one person, with individual tempo, start, amplitudes and habits.
 
-    def __init__(self, written: Choreography, rng: np.random.Generator) -> None:
-        self._written = written
-        self._cycle = written.seconds * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
+    An angle that changes is written as the list of its values at evenly spaced times of a cycle:
+    [0, 40] swings from 0 to 40 and back. The right joints of an alternating motion follow half a
+    cycle later.
+    """
+
+    def __init__(
+        self, written: Mapping[str, Any], joint_names: Sequence[str], rng: np.random.Generator
+    ) -> None:
+        self._height = written["height"]
+        self.standing_on = tuple(written["standing_on"])
+        self._joint_names = joint_names
+        self._cycle = written["seconds"] * (1.0 + rng.uniform(-_TEMPO, _TEMPO))
         self._start = rng.uniform(-_START, _START)
-        self._angles = {
-            joint: _Turn(axes, curves, rng, delay) for joint, axes, curves, delay in _sided(written)
-        }
-
-    @property
-    def seconds(self) -> float:
-        return self._cycle * self._written.cycles
-
-    @property
-    def standing_on(self) -> tuple[str, ...]:
-        return self._written.standing_on
+        self.seconds = self._cycle * written["cycles"]
+        self._joints = {}
+        for joint, (axes, *curves) in with_both_sides(written["angles"], joint_names).items():
+            follows = joint.startswith("right_") and joint not in written["angles"]
+            delay = 0.5 if written["alternating"] and follows else 0.0
+            self._joints[joint] = _JointRotation(axes, curves, rng, delay)
 
     def height(self, times: np.ndarray) -> np.ndarray:
-        return _values(self._written.height, self._phases(times))
+        """Return the height of the lower foot above the ground, metres."""
+        return _values(self._height, self._phases(times))
 
-    def joint_turns(self, times: np.ndarray, joint_names: Sequence[str]) -> np.ndarray:
+    def joint_rotations(self, times: np.ndarray) -> np.ndarray:
         """Return the rotations of all joints from the T-pose, shape (n, J, 3, 3)."""
-        turns = np.tile(np.eye(3), (len(times), len(joint_names), 1, 1))
-        for joint, turn in self._angles.items():
-            turns[:, joint_names.index(joint)] = turn(self._phases(times))
-        return turns
+        rotations = np.tile(np.eye(3), (len(times), len(self._joint_names), 1, 1))
+        for joint, rotation in self._joints.items():
+            rotations[:, self._joint_names.index(joint)] = rotation(self._phases(times))
+        return rotations
 
     def _phases(self, times: np.ndarray) -> np.ndarray:
         return times / self._cycle + self._start
 
 
-class _Turn:
+class _JointRotation:
     """The rotation of one joint over the cycle, with individual amplitude, lag and habit."""
 
     def __init__(
-        self, axes: str, curves: Sequence[Curve], rng: np.random.Generator, delay: float
+        self, axes: str, curves: Sequence[Any], rng: np.random.Generator, delay: float
     ) -> None:
         self._axes = axes
         self._curves = curves
@@ -210,27 +202,7 @@ class _Turn:
         return Rotation.from_euler(self._axes, angles, degrees=True).as_matrix()
 
 
-def _sided(written: Choreography) -> Iterator[tuple[str, str, tuple[Curve, ...], float]]:
-    """Yield joint, axes, curves and delay in cycles, with joints of both sides separately."""
-    spine = {"lower_spine", "middle_spine", "upper_spine"}
-    central = spine | {"pelvis", "chest", "neck", "head"}
-    for joint, (axes, *curves) in written.angles.items():
-        if joint in central or joint.startswith(("left_", "right_")):
-            yield joint, axes, tuple(curves), 0.0
-            continue
-        yield f"left_{joint}", axes, tuple(curves), 0.0
-        mirrored = tuple(
-            curve if axis == "x" else _negative(curve)
-            for axis, curve in zip(axes, curves, strict=True)
-        )
-        yield f"right_{joint}", axes, mirrored, 0.5 if written.alternating else 0.0
-
-
-def _negative(curve: Curve) -> Curve:
-    return tuple(-value for value in curve) if isinstance(curve, tuple) else -curve
-
-
-def _values(curve: Curve, phases: np.ndarray) -> np.ndarray:
+def _values(curve: Any, phases: np.ndarray) -> np.ndarray:
     """Return a curve at phases in cycles: periodic, smooth, and within its written values."""
     written = np.atleast_1d(np.asarray(curve, dtype=np.float64))
     # The slope at a value depends on the two values beside it.

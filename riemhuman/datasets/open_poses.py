@@ -1,21 +1,25 @@
-"""Poses of the open bodies, written as joint angles, and their conversion to pose vectors.
+"""Poses written as joint angles, and their conversion to pose vectors of the open model.
 
 Angles are degrees from the T-pose: arms straight out to the sides, legs straight down. In it, the
 axes are x to the body's left, y up and z forward, so that
 
 - trunk, neck and head: x bends forward, y turns to the left, z tilts to the right;
-- left shoulder: x turns the arm about itself, forward side down; -y swings it forward; z raises it;
-- left elbow: -y bends it; x turns the forearm about itself;
+- left shoulder: x rotates the arm about itself, forward side down; -y swings it forward; z lifts
+  it;
+- left elbow: -y bends it; x rotates the forearm about itself;
 - hip: -x lifts the thigh forward; y turns the left toes outward; z moves the left leg outward;
 - knee: x bends it; ankle and toes: x points them down.
 
 A joint without a side stands for both: the angles are those of the left joint, and the right joint
-mirrors them (y and z change sign).
+mirrors them (y and z change sign). The poses of the open bodies are in data/open_poses.json.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -24,161 +28,115 @@ from scipy.spatial.transform import Rotation
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import ArgumentError
 
-Angles = tuple[Any, ...]
-"""Axes, then one angle for each: ("xz", 30, -70) turns by 30 about x, then by -70 about z."""
-
-OPEN_POSES: dict[str, dict[str, Angles]] = {
-    "t_like": {"shoulder": ("z", -8), "elbow": ("y", -8), "hip": ("z", 6)},
-    "arms_up": {
-        "collar": ("z", 18),
-        "shoulder": ("z", 50),
-        "elbow": ("y", -15),
-        "hip": ("z", 4),
-        "head": ("x", -8),
-    },
-    "arms_forward": {
-        "collar": ("y", -10),
-        "shoulder": ("xzy", 15, -6, -72),
-        "elbow": ("y", -10),
-        "hip": ("z", 3),
-    },
-    "bent_elbows": {"shoulder": ("xz", 15, -68), "elbow": ("y", -88), "hip": ("z", 5)},
-    "hands_on_hips": {
-        "shoulder": ("xyz", 50, 12, -48),
-        "elbow": ("y", -88),
-        "wrist": ("z", -10),
-        "hip": ("z", 9),
-    },
-    "wave": {
-        "left_shoulder": ("z", -66),
-        "left_elbow": ("y", -15),
-        "right_collar": ("z", -8),
-        "right_shoulder": ("xzy", -65, -8, 12),
-        "right_elbow": ("y", 80),
-        "hip": ("z", 4),
-        "head": ("yz", -8, 4),
-    },
-    "twist": {
-        "pelvis": ("y", -6),
-        "lower_spine": ("y", 10),
-        "middle_spine": ("y", 11),
-        "upper_spine": ("y", 11),
-        "chest": ("y", 8),
-        "neck": ("y", 8),
-        "head": ("y", 8),
-        "left_shoulder": ("zy", -25, 10),
-        "right_shoulder": ("zy", 25, 30),
-        "left_elbow": ("y", -25),
-        "right_elbow": ("y", 50),
-        "hip": ("z", 8),
-    },
-    "lunge": {
-        "lower_spine": ("x", 4),
-        "upper_spine": ("x", 3),
-        "left_hip": ("zx", 4, -62),
-        "left_knee": ("x", 72),
-        "left_ankle": ("x", -8),
-        "right_hip": ("zx", -4, 26),
-        "right_knee": ("x", 22),
-        "right_ankle": ("x", -22),
-        "right_toes": ("x", -25),
-        "left_shoulder": ("zx", -66, 22),
-        "right_shoulder": ("zx", 66, -28),
-        "left_elbow": ("y", -28),
-        "right_elbow": ("y", 35),
-    },
-    "leg_raised": {
-        "left_hip": ("zx", 5, -68),
-        "left_knee": ("x", 70),
-        "left_ankle": ("x", 12),
-        "right_hip": ("z", 2),
-        "shoulder": ("z", -35),
-        "elbow": ("y", -20),
-    },
-    "squat": {
-        "pelvis": ("x", 18),
-        "lower_spine": ("x", 6),
-        "middle_spine": ("x", 5),
-        "neck": ("x", -10),
-        "head": ("x", -8),
-        "shoulder": ("xzy", 10, -4, -68),
-        "elbow": ("y", -14),
-        "hip": ("zyx", 6, 14, -84),
-        "knee": ("x", 86),
-        "ankle": ("x", -20),
-    },
-}
-"""The ten poses of the plain open bodies."""
-
-_A_STANCE: dict[str, Angles] = {"shoulder": ("xz", 10, -58), "elbow": ("y", -18), "hip": ("z", 5)}
-_LEFT_HAND_ON_HIP: dict[str, Angles] = {
-    f"left_{joint}": OPEN_POSES["hands_on_hips"][joint] for joint in ("shoulder", "elbow", "wrist")
-}
-NATURAL_POSES: dict[str, dict[str, Angles]] = {
-    "a_stance": _A_STANCE,
-    "head_tilted": _A_STANCE | {"neck": ("z", 5), "head": ("z", 13)},
-    "arms_up": OPEN_POSES["arms_up"],
-    "arms_forward": OPEN_POSES["arms_forward"],
-    "hands_on_hips": OPEN_POSES["hands_on_hips"],
-    "hands_on_head": {
-        "collar": ("z", 8),
-        "shoulder": ("xz", -75, 25),
-        "elbow": ("y", -125),
-        "hip": ("z", 5),
-    },
-    "hand_on_ear": {
-        **_LEFT_HAND_ON_HIP,
-        "right_shoulder": ("xzy", -80, 20, 20),
-        "right_elbow": ("y", 125),
-        "hip": ("z", 5),
-        "head": ("z", 4),
-    },
-    "lunge": OPEN_POSES["lunge"],
-    "leg_raised": OPEN_POSES["leg_raised"],
-    "squat": OPEN_POSES["squat"],
-}
-"""The ten poses of the natural open bodies, some similar, some with hands on the body."""
-
-_HIP, _HEAD, _EAR = (0.155, 1.0, 0.01), (0.055, 1.715, 0.03), (0.08, 1.625, 0.04)
-TOUCHED: dict[str, dict[str, tuple[float, float, float]]] = {
-    "hands_on_hips": {"left": _HIP, "right": _HIP},
-    "hands_on_head": {"left": _HEAD, "right": _HEAD},
-    "hand_on_ear": {"left": _HIP, "right": _EAR},
-}
-"""Points of the model's rest surface that hands touch, metres, on the left side of the body."""
+DATA = Path(__file__).parent / "data"
 
 
-def joint_turns(angles: Mapping[str, Angles], model: BodyModel) -> np.ndarray:
-    """Return the rotations of all joints from the T-pose."""
-    turns = np.tile(np.eye(3), (model.n_joints, 1, 1))
-    sided = {name: turn for name, turn in angles.items() if name in model.joint_names}
-    for name, turn in angles.items():
-        if name in sided:
-            continue
-        if f"left_{name}" not in model.joint_names:
+@cache
+def read_table(name: str) -> dict[str, Any]:
+    """Return a table of people, poses or motions of the open data sets."""
+    table: dict[str, Any] = json.loads((DATA / f"{name}.json").read_text(encoding="utf-8"))
+    return table
+
+
+def joint_rotations(angles: Mapping[str, Sequence[Any]], model: BodyModel) -> np.ndarray:
+    """Return the rotations of all joints from the T-pose.
+
+    Parameters
+    ----------
+    angles : mapping of str to sequence
+        Axes and angles of some joints, degrees: ("xz", 30, -70) rotates by 30 about x, then by -70
+        about z. In the T-pose, x points to the body's left, y up and z forward. A joint without a
+        side stands for both: the angles are those of the left joint, and the right joint mirrors
+        them. Other joints do not rotate.
+    model : BodyModel
+        The open model, at any resolution.
+
+    Returns
+    -------
+    rotations : array, shape (J, 3, 3)
+        Rotation of each joint in the body's axes, which its parent rotates.
+
+    Raises
+    ------
+    ArgumentError
+        If the model has no joint of a name.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> rh.datasets.joint_rotations({"shoulder": ("z", 90)}, model).shape
+    (23, 3, 3)
+    """
+    rotations = np.tile(np.eye(3), (model.n_joints, 1, 1))
+    for name, (axes, *degrees) in with_both_sides(angles, model.joint_names).items():
+        degrees = degrees if len(degrees) > 1 else degrees[0]
+        rotation = Rotation.from_euler(axes, degrees, degrees=True)
+        rotations[model.joint_names.index(name)] = rotation.as_matrix()
+    return rotations
+
+
+def with_both_sides(
+    angles: Mapping[str, Sequence[Any]], joint_names: Sequence[str]
+) -> dict[str, Sequence[Any]]:
+    """Return angles by joint, those of joints without a side written out for both sides."""
+    sided: dict[str, Sequence[Any]] = {}
+    for name, own in angles.items():
+        if name in joint_names:
+            sided[name] = own
+        elif f"left_{name}" in joint_names:
+            sided.setdefault(f"left_{name}", own)
+            sided.setdefault(f"right_{name}", mirror_angles(own))
+        else:
             raise ArgumentError(
-                f"angles name the joint {name!r}; the model has {', '.join(model.joint_names)}"
+                f"angles name the joint {name!r}; the model has {', '.join(joint_names)}"
             )
-        sided.setdefault(f"left_{name}", turn)
-        sided.setdefault(f"right_{name}", _mirrored(turn))
-    for name, (axes, *degrees) in sided.items():
-        turn = Rotation.from_euler(axes, degrees if len(degrees) > 1 else degrees[0], degrees=True)
-        turns[model.joint_names.index(name)] = turn.as_matrix()
-    return turns
+    return sided
 
 
-def pose_vectors(turns: np.ndarray, model: BodyModel) -> np.ndarray:
-    """Return the model's pose vectors for rotations from the T-pose."""
+def mirror_angles(angles: Sequence[Any]) -> tuple[Any, ...]:
+    """Return axes and angles, or curves, of the joint on the other side: y and z change sign."""
+    axes, *degrees = angles
+    mirrored = (
+        each if axis == "x" else np.negative(each)
+        for axis, each in zip(axes, degrees, strict=True)
+    )
+    return axes, *mirrored
+
+
+def pose_vectors(rotations: np.ndarray, model: BodyModel) -> np.ndarray:
+    """Return the model's pose vectors for rotations from the T-pose.
+
+    With T_j the rotation of joint j that brings the rest pose to the T-pose, in global axes,
+    and p its parent, a rotation Q_j from the T-pose is the rotation T_p⁻¹ Q_j T_j from the rest
+    pose.
+
+    Parameters
+    ----------
+    rotations : array_like, shape (..., J, 3, 3)
+        Rotation of each joint in the body's axes, which its parent rotates, as from
+        `joint_rotations`.
+    model : BodyModel
+        The open model, at any resolution.
+
+    Returns
+    -------
+    pose : array, shape (..., J, 3)
+        Axis-angle vectors in radians, for ``model(pose=pose)``.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> model = rh.datasets.load_open_model("coarse")
+    >>> t_pose = rh.datasets.pose_vectors(rh.datasets.joint_rotations({}, model), model)
+    >>> model(pose=t_pose).shape
+    (1202, 3)
+    """
     straight = _rest_to_t_pose(model)
     parent = np.where(model.parents[:, None, None] < 0, np.eye(3), straight[model.parents])
-    turns = np.swapaxes(parent, -1, -2) @ np.asarray(turns, dtype=np.float64) @ straight
-    vectors = Rotation.from_matrix(turns.reshape(-1, 3, 3)).as_rotvec()
-    return vectors.reshape(turns.shape[:-1])
-
-
-def _mirrored(turn: Angles) -> Angles:
-    axes, *degrees = turn
-    return (axes, *(a if axis == "x" else -a for axis, a in zip(axes, degrees, strict=True)))
+    local = np.swapaxes(parent, -1, -2) @ np.asarray(rotations, dtype=np.float64) @ straight
+    vectors = Rotation.from_matrix(local.reshape(-1, 3, 3)).as_rotvec()
+    return vectors.reshape(local.shape[:-1])
 
 
 def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
@@ -192,14 +150,15 @@ def _rest_to_t_pose(model: BodyModel) -> np.ndarray:
             ("hip", "knee", "ankle", down),
         ):
             first, second, third = (joints[f"{side}_{name}"] for name in (upper, lower, end))
-            turn = _shortest_turn(second - first, direction)
-            straight[f"{side}_{upper}"] = turn
-            straight[f"{side}_{lower}"] = _shortest_turn(turn @ (third - second), direction) @ turn
+            rotation = _shortest_rotation(second - first, direction)
+            straight[f"{side}_{upper}"] = rotation
+            bend = _shortest_rotation(rotation @ (third - second), direction)
+            straight[f"{side}_{lower}"] = bend @ rotation
         straight[f"{side}_wrist"] = straight[f"{side}_elbow"]
     return np.stack([straight[name] for name in model.joint_names])
 
 
-def _shortest_turn(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+def _shortest_rotation(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     axis = np.cross(start, end)
     sine, cosine = np.linalg.norm(axis), start @ end
     return Rotation.from_rotvec(axis * np.arctan2(sine, cosine) / sine).as_matrix()

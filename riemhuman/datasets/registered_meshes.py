@@ -1,4 +1,4 @@
-"""Mesh files of a folder that share one triangulation."""
+"""Registered meshes in files: one loader for folders of meshes, for FAUST and for labelled folders."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import io
 import itertools
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, overload
+from typing import NamedTuple, overload
 
 import numpy as np
 
@@ -27,27 +27,55 @@ from riemhuman.surfaces.template import Template
 from riemhuman.surfaces.upright import upright
 from riemhuman.units import SCALES, check_same_scale
 
+# Suffixes of mesh files; of one mesh in several formats, the first of these is read.
 MESH_ENDINGS = (".ply", ".obj", ".off")
 
+_FAUST_SUBJECTS, _FAUST_POSES = 10, 10
+_FAUST_FOLDERS = (".", "registrations", "training/registrations", "MPI-FAUST/training/registrations")
 
-def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
-    """Return the mesh files of a folder in natural order: body_2 comes before body_10."""
-    root = existing_folder(folder)
-    try:
-        files = [
-            file
-            for file in root.iterdir()
-            if file.suffix.lower() in MESH_ENDINGS and not file.name.startswith(".")
-        ]
-    except OSError as error:
-        raise FileError(f"{root} cannot be read: {error.strerror}") from error
-    if not files:
-        raise FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
-    return sorted(files, key=lambda file: natural_key(file.name))
+_LABELS = "labels.csv"
+_COLUMNS = ("file", "subject", "pose")
+_SEPARATORS = (",", ";", "\t")
 
 
 class RegisteredMeshes:
-    """Registered surfaces in files, which are read on access and not kept."""
+    """Registered surfaces in files, which are read on access and not kept.
+
+    ``meshes[i]`` is a surface, shape (V, 3); ``meshes[i:j:k]`` are several, shape (n, V, 3).
+
+    Parameters
+    ----------
+    files : sequence of path_like
+        Mesh files (PLY, OBJ or OFF); at least one.
+    reference : path_like, optional
+        Mesh file whose number of vertices and triangles all files must have; by default the first.
+    scale : {"template"} or None
+        With "template", a mesh more than eight times as large or as small as the reference raises
+        an error, because it is evidently in another unit.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the files, converted to metres; by default coordinates are not scaled.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up in the files, rotated to y; by default meshes are not rotated.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no file.
+    FileError
+        If the reference is missing or cannot be read.
+    FileFormatError
+        If the reference is damaged; on access, if a file is damaged, or differs from the reference
+        in its triangles, its number of vertices or evidently in its unit.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> for name, points in zip("ab", bodies.points):
+    ...     rh.save_mesh(f"{name}.ply", points, bodies.template.faces)
+    >>> rh.datasets.RegisteredMeshes(["a.ply", "b.ply"])[:].shape
+    (2, 1202, 3)
+    """
 
     def __init__(
         self,
@@ -102,89 +130,58 @@ class RegisteredMeshes:
         vertices, faces = load_mesh(file)
         vertices = upright(vertices, self._unit, self._up)
         if vertices.shape != self._vertices.shape:
-            raise FileFormatError(
-                f"{file} is not registered to {self._reference}: it has {len(vertices)} vertices, "
-                f"that one has {len(self._vertices)}"
-            )
-        difference = face_difference(faces, self._faces)
+            difference = f"it has {len(vertices)} vertices, that one has {len(self._vertices)}"
+        else:
+            difference = face_difference(faces, self._faces) or ""
         if difference:
-            raise FileFormatError(f"{file} is not registered to {self._reference}: {difference}")
+            raise FileFormatError(
+                f"{file} is not registered to {self._reference}: {difference}; register it first: "
+                f"riemhuman register {file} -o body.ply"
+            )
         if self._scale is not None:
             names = str(file), str(self._reference)
             check_same_scale(vertices, self._vertices, *names, error=FileFormatError)
         return vertices
 
 
-def load_registered(
-    files: Sequence[str | os.PathLike[str]],
-    reference: str | os.PathLike[str] | None = None,
-    *,
-    scale: str | None = "template",
-    unit: str | None = None,
-    up: str | None = None,
-    progress: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Read meshes that share one triangulation."""
-    meshes = RegisteredMeshes(files, reference, scale, unit=unit, up=up)
-    if not progress:
-        return meshes[:], meshes.faces
-    numbers = ProgressBar(range(len(meshes)), desc="Meshes", unit="mesh")
-    return np.stack([meshes[number] for number in numbers]), meshes.faces
+def find_meshes(folder: str | os.PathLike[str]) -> list[Path]:
+    """Return the mesh files of a folder in natural order: body_2 comes before body_10.
 
+    Subfolders and hidden files are ignored.
 
-def read_template(
-    template: Template | str | os.PathLike[str] | None,
-    first_mesh: str | os.PathLike[str],
-    *,
-    unit: str | None = None,
-    up: str | None = None,
-) -> Template:
-    """Return the given template, or the first mesh if none is given."""
-    if isinstance(template, Template):
-        return template
-    file = first_mesh if template is None else template
-    read = Template.from_file(file)
-    return Template(upright(read.vertices, unit, up), read.faces) if unit or up else read
+    Parameters
+    ----------
+    folder : path_like
+        The folder.
 
+    Returns
+    -------
+    files : list of Path
+        At least one.
 
-def check_template(
-    template: Template, points: np.ndarray, faces: np.ndarray, scale: str | None = "template"
-) -> None:
-    """Refuse a template to which meshes are not registered."""
-    if template.n_vertices != points.shape[1]:
-        raise ArgumentError(
-            f"template has {template.n_vertices} vertices; the meshes have {points.shape[1]}"
-        )
-    difference = face_difference(template.faces, faces)
-    if difference:
-        raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
-    if scale is not None:
-        check_same_scale(points, template.vertices, "the mesh", "the template")
+    Raises
+    ------
+    FileError
+        If the folder does not exist, cannot be read, or has no mesh files.
+    ArgumentTypeError
+        If `folder` is not a path.
 
-
-def existing_folder(folder: str | os.PathLike[str]) -> Path:
-    """Return the path of a folder after checking that it is one."""
-    root = file_path(folder, "folder", "folder")
-    if not root.is_dir():
-        raise FileError(
-            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
-        )
-    return root
-
-
-def natural_key(name: str) -> tuple[object, ...]:
-    """Return a sorting key that compares numbers within names as numbers."""
-    # The key alternates text and numbers, so that text is compared with text.
-    texts = re.split(r"[0-9]+", name.casefold())
-    digits = [found.lstrip("0") for found in re.findall(r"[0-9]+", name)]
-    # A number with more digits is larger; Python refuses to convert thousands of digits.
-    numbers = [(len(found), found) for found in digits]
-    return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=(-1, ""))),), name
-
-
-_N_SUBJECTS = 10
-_N_POSES = 10
-_LEVELS = (".", "registrations", "training/registrations", "MPI-FAUST/training/registrations")
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.save_mesh("body_1.ply", bodies[0], bodies.template.faces)
+    >>> [file.name for file in rh.datasets.find_meshes(".")]
+    ['body_1.ply']
+    """
+    root = existing_folder(folder)
+    try:
+        files = [file for file in root.iterdir() if is_visible(file, MESH_ENDINGS)]
+    except OSError as error:
+        raise FileError(f"{root} cannot be read: {error.strerror}") from error
+    if not files:
+        raise FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
+    return sorted(files, key=lambda file: natural_key(file.name))
 
 
 def load_faust(
@@ -245,66 +242,25 @@ def load_faust(
     ...     print(error)
     there is no folder MPI-FAUST
     """
-    files = _find_registrations(folder)
-    if not allow_missing:
-        _refuse_missing(files)
+    files = _find_faust(folder)
+    n_bodies = _FAUST_SUBJECTS * _FAUST_POSES
+    missing = [f"tr_reg_{number:03d}" for number in range(n_bodies) if number not in files]
+    if missing and not allow_missing:
+        raise FileError(
+            f"{next(iter(files.values())).parent}: {len(missing)} of {n_bodies} registrations are "
+            f"missing: {join_names(missing, 5)}; allow_missing=True loads the others"
+        )
     numbers = np.array(sorted(files))
-    reference = read_template(template, files[numbers[0]])
-    points, faces = load_registered([files[number] for number in numbers])
-
-    check_template(reference, points, faces)
-    if align:
-        points = procrustes(points, to=reference.vertices, scale=None)
+    points, reference = _load([files[number] for number in numbers], template, align=align)
     return Bodies(
         points=points,
-        subject=numbers // _N_POSES,
-        pose=numbers % _N_POSES,
+        subject=numbers // _FAUST_POSES,
+        pose=numbers % _FAUST_POSES,
         template=reference,
-        subject_names=tuple(f"subject {i}" for i in range(_N_SUBJECTS)),
-        pose_names=tuple(f"pose {i}" for i in range(_N_POSES)),
+        subject_names=tuple(f"subject {i}" for i in range(_FAUST_SUBJECTS)),
+        pose_names=tuple(f"pose {i}" for i in range(_FAUST_POSES)),
         ids=tuple(f"tr_reg_{number:03d}" for number in numbers),
     )
-
-
-def _find_registrations(folder: str | os.PathLike[str]) -> dict[int, Path]:
-    """Return the registration files by number, from the first level that holds any."""
-    root = existing_folder(folder)
-    for level in _LEVELS:
-        if not (root / level).is_dir():
-            continue
-        found: dict[int, Path] = {}
-        for file in (root / level).iterdir():
-            match = re.fullmatch(r"tr_reg_(0\d\d)", file.stem)
-            if match and file.suffix.lower() in MESH_ENDINGS:
-                number = int(match[1])
-                found[number] = min(found.get(number, file), file, key=_preference)
-        if found:
-            return found
-    raise FileError(
-        f"{root} holds no registrations: files named tr_reg_000.ply to tr_reg_099.ply (or .obj, "
-        f".off) were looked for in it and in its subfolders {', '.join(_LEVELS[1:])}"
-    )
-
-
-def _preference(file: Path) -> tuple[int, str]:
-    """Return a sorting key for files of one registration in several formats."""
-    return MESH_ENDINGS.index(file.suffix.lower()), file.name
-
-
-def _refuse_missing(files: dict[int, Path]) -> None:
-    missing = sorted(set(range(_N_SUBJECTS * _N_POSES)) - set(files))
-    if missing:
-        names = join_names([f"tr_reg_{number:03d}" for number in missing], 5)
-        folder = next(iter(files.values())).parent
-        raise FileError(
-            f"{folder}: {len(missing)} of {_N_SUBJECTS * _N_POSES} registrations are missing: "
-            f"{names}; allow_missing=True loads the others"
-        )
-
-
-_LABELS = "labels.csv"
-_COLUMNS = ("file", "subject", "pose")
-_SEPARATORS = (",", ";", "\t")
 
 
 def load_bodies(
@@ -337,7 +293,7 @@ def load_bodies(
         Whether the meshes are rotated and translated (never scaled) onto the template.
     scale : {"template"} or None
         With "template", a mesh more than eight times as large or as small as the first or the
-        template is refused, because it is evidently in another unit.
+        template raises an error, because it is evidently in another unit.
     unit : {"metres", "centimetres", "millimetres", "inches"}, optional
         Unit of the files, converted to metres; by default coordinates are not scaled.
     up : {"x", "y", "z", "-x", "-y", "-z"}, optional
@@ -390,16 +346,13 @@ def load_bodies(
             f"there is no table of labels {table}; write one with the columns "
             f"{', '.join(_COLUMNS)}, or give its path"
         )
-    matched = _matched(files, _read_rows(table), table, allow_missing)
-    files, rows = list(matched), list(matched.values())
-    units: dict[str, Any] = {"unit": unit, "up": up}
-    reference = read_template(template, files[0], **units)
-    points, faces = load_registered(files, scale=scale, progress=progress, **units)
-    check_template(reference, points, faces, scale)
-    if align:
-        points = procrustes(points, to=reference.vertices, scale=None)
-    subject, subject_names = _numbered([row.subject for row in rows])
-    pose, pose_names = _numbered([row.pose for row in rows])
+    rows = _match_rows(files, _read_rows(table), table, allow_missing)
+    files = list(rows)
+    points, reference = _load(
+        files, template, align=align, scale=scale, unit=unit, up=up, progress=progress
+    )
+    subject, subject_names = _number_labels([row.subject for row in rows.values()])
+    pose, pose_names = _number_labels([row.pose for row in rows.values()])
     return Bodies(
         points=points,
         subject=subject,
@@ -414,16 +367,139 @@ def load_bodies(
 def read_labels(
     table: str | os.PathLike[str], names: Sequence[str], *, allow_missing: bool = False
 ) -> tuple[list[int], dict[str, list[str]]]:
-    """Read the subjects and poses of files from a table, as for `load_bodies`."""
+    """Read the subjects and poses of files from a table, as for `load_bodies`.
+
+    Parameters
+    ----------
+    table : path_like
+        The table.
+    names : sequence of str
+        Names of the files.
+    allow_missing : bool
+        Whether to leave out names without a row and rows without a name.
+
+    Returns
+    -------
+    numbers : list of int
+        Indices of the names that have labels, ascending.
+    labels : dict of str to list of str
+        The columns "subject" and "pose", with one entry for each of these names.
+
+    Raises
+    ------
+    FileError
+        If the table cannot be read.
+    FileFormatError
+        If it is damaged, or does not match the names.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> with open("labels.csv", "w") as table:
+    ...     print("file,subject,pose", file=table)
+    ...     print("a.ply,anna,sits", file=table)
+    >>> rh.datasets.read_labels("labels.csv", ["a.ply"])
+    ([0], {'subject': ['anna'], 'pose': ['sits']})
+    """
     path = file_path(table, "labels")
-    found = _matched([Path(name) for name in names], _read_rows(path), path, allow_missing)
-    numbers = [number for number, name in enumerate(names) if Path(name) in found]
-    rows = found.values()
-    return numbers, {"subject": [row.subject for row in rows], "pose": [row.pose for row in rows]}
+    rows = _match_rows([Path(name) for name in names], _read_rows(path), path, allow_missing)
+    numbers = [number for number, name in enumerate(names) if Path(name) in rows]
+    columns = {name: [getattr(row, name) for row in rows.values()] for name in _COLUMNS[1:]}
+    return numbers, columns
+
+
+def existing_folder(folder: str | os.PathLike[str]) -> Path:
+    """Return the path of a folder; raise an error if there is none."""
+    root = file_path(folder, "folder", "folder")
+    if not root.is_dir():
+        raise FileError(
+            f"{root} is a file, not a folder" if root.exists() else f"there is no folder {root}"
+        )
+    return root
+
+
+def is_visible(file: Path, endings: tuple[str, ...]) -> bool:
+    """Return whether a path has one of these suffixes and is not hidden."""
+    return file.suffix.lower() in endings and not file.name.startswith(".")
+
+
+def preferred_formats(files: Iterable[tuple[str, Path]]) -> dict[str, Path]:
+    """Return one file for each key, the first in the order of `MESH_ENDINGS`."""
+    chosen: dict[str, Path] = {}
+    for key, file in files:
+        several = (chosen.get(key, file), file)
+        chosen[key] = min(several, key=lambda f: (MESH_ENDINGS.index(f.suffix.lower()), f.name))
+    return chosen
+
+
+def natural_key(name: str) -> tuple[object, ...]:
+    """Return a sorting key that compares numbers within names as numbers."""
+    # The key alternates text and numbers, so that text is compared with text.
+    texts = re.split(r"[0-9]+", name.casefold())
+    digits = [number.lstrip("0") for number in re.findall(r"[0-9]+", name)]
+    # A number with more digits is larger; Python refuses to convert thousands of digits.
+    numbers = [(len(number), number) for number in digits]
+    return (*itertools.chain(*itertools.zip_longest(texts, numbers, fillvalue=(-1, ""))),), name
+
+
+def _load(
+    files: Sequence[Path],
+    template: Template | str | os.PathLike[str] | None,
+    *,
+    align: bool,
+    scale: str | None = "template",
+    unit: str | None = None,
+    up: str | None = None,
+    progress: bool = False,
+) -> tuple[np.ndarray, Template]:
+    """Return the vertices of registered meshes, shape (n, V, 3), and their template.
+
+    A template must be a body. The mean of the vertices is not a body if poses differ: its arms
+    shrink, and their triangles lose their weight in every integral over the template. Unlike a
+    medoid, the first body needs no computation and stays the same when bodies are added.
+    """
+    if not isinstance(template, Template):
+        read = Template.from_file(files[0] if template is None else template)
+        template = Template(upright(read.vertices, unit, up), read.faces) if unit or up else read
+    meshes = RegisteredMeshes(files, scale=scale, unit=unit, up=up)
+    numbers = ProgressBar(range(len(meshes)), desc="Meshes", unit="mesh", disable=not progress)
+    points = np.empty((len(meshes), *meshes.reference.shape))
+    for number in numbers:
+        points[number] = meshes[number]
+    if template.n_vertices != points.shape[1]:
+        raise ArgumentError(
+            f"template has {template.n_vertices} vertices; the meshes have {points.shape[1]}"
+        )
+    difference = face_difference(template.faces, meshes.faces)
+    if difference:
+        raise ArgumentError(f"template must have the triangles of the meshes: {difference}")
+    if scale is not None:
+        check_same_scale(points, template.vertices, "the mesh", "the template")
+    if align:
+        points = procrustes(points, to=template.vertices, scale=None)
+    return points, template
+
+
+def _find_faust(folder: str | os.PathLike[str]) -> dict[int, Path]:
+    """Return the registration files by number, from the first folder that holds any."""
+    root = existing_folder(folder)
+    for level in _FAUST_FOLDERS:
+        if (root / level).is_dir():
+            files = preferred_formats(
+                (file.stem, file)
+                for file in (root / level).iterdir()
+                if re.fullmatch(r"tr_reg_0\d\d", file.stem) and is_visible(file, MESH_ENDINGS)
+            )
+            if files:
+                return {int(name[-3:]): file for name, file in files.items()}
+    raise FileError(
+        f"{root} holds no registrations: files named tr_reg_000.ply to tr_reg_099.ply (or .obj, "
+        f".off) were looked for in it and in its subfolders {', '.join(_FAUST_FOLDERS[1:])}"
+    )
 
 
 class _Row(NamedTuple):
-    """One line of the table."""
+    """One line of a table of labels."""
 
     line: int
     file: str
@@ -461,23 +537,23 @@ def _read_rows(table: Path) -> list[_Row]:
     for line, entries in lines[1:]:
         if not any(entries):
             continue
-        found = [entries[column] if column < len(entries) else "" for column in columns]
-        empty = [name for name, entry in zip(_COLUMNS, found, strict=True) if not entry]
+        wanted = [entries[column] if column < len(entries) else "" for column in columns]
+        empty = [name for name, entry in zip(_COLUMNS, wanted, strict=True) if not entry]
         if empty:
             raise FileFormatError(f"{table}, line {line}: no {' and no '.join(empty)} given")
-        rows.append(_Row(line, *found))
+        rows.append(_Row(line, *wanted))
     return rows
 
 
-def _matched(
+def _match_rows(
     files: Sequence[Path], rows: Sequence[_Row], table: Path, allow_missing: bool = False
 ) -> dict[Path, _Row]:
-    """Return the row of every file; refuse or leave out files and rows without the other."""
+    """Return the row of every file; files and rows without the other are errors or left out."""
     names = {file.name: file for file in files}
     stems: dict[str, list[Path]] = {}
     for file in files:
         stems.setdefault(file.stem, []).append(file)
-    found: dict[Path, _Row] = {}
+    row_of_file: dict[Path, _Row] = {}
     unknown = []
     for row in rows:
         candidates = [names[row.file]] if row.file in names else stems.get(row.file, [])
@@ -488,26 +564,25 @@ def _matched(
             )
         if not candidates:
             unknown.append(row.file)
-            continue
-        file = candidates[0]
-        if file in found:
+        elif candidates[0] in row_of_file:
             raise FileFormatError(
                 f"{table}, line {row.line}: {row.file[:60]} has a label already, on line "
-                f"{found[file].line}"
+                f"{row_of_file[candidates[0]].line}"
             )
-        found[file] = row
-    unlabelled = [file.name for file in files if file not in found]
-    if not found or ((unknown or unlabelled) and not allow_missing):
+        else:
+            row_of_file[candidates[0]] = row
+    unlabelled = [file.name for file in files if file not in row_of_file]
+    if not row_of_file or ((unknown or unlabelled) and not allow_missing):
         problems = []
         if unlabelled:
             problems.append(f"meshes without a row: {join_names(unlabelled, 5)}")
         if unknown:
             problems.append(f"rows without a mesh: {join_names(unknown, 5)}")
         raise FileFormatError(f"{table} does not match the meshes: {'; '.join(problems)}")
-    return {file: found[file] for file in files if file in found}
+    return {file: row_of_file[file] for file in files if file in row_of_file}
 
 
-def _numbered(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
+def _number_labels(labels: Sequence[str]) -> tuple[np.ndarray, tuple[str, ...]]:
     """Return the number of each label, and the labels by number."""
     names = sorted(set(labels), key=natural_key)
     numbers = {name: number for number, name in enumerate(names)}

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
 from riemhuman.checks import Rng, generator, whole_number
-from riemhuman.datasets.open_poses import pose_vectors
+from riemhuman.datasets import pose_vectors
 
 # Axes, and least and largest angles in degrees from the T-pose, in the notation of `open_poses`,
 # for joints without a side and for left joints.

@@ -19,8 +19,7 @@ import numpy as np
 from numpy import ndarray
 
 from riemhuman.bodies import BodyModel
-from riemhuman.datasets import load_open_model
-from riemhuman.datasets.open_poses import joint_turns, pose_vectors
+from riemhuman.datasets import joint_rotations, load_open_model, pose_vectors
 from riemhuman.errors import FileError
 from riemhuman.measurements.landmarks import LandmarkedBodies, Place
 from riemhuman.measurements.measurement_set import MeasurementSet
@@ -237,7 +236,7 @@ def standard_pose(model: BodyModel) -> ndarray:
     array, shape (J, 3)
         Axis-angle vectors, radians.
     """
-    return pose_vectors(joint_turns(STANDARD_POSE, model), model)
+    return pose_vectors(joint_rotations(STANDARD_POSE, model), model)
 
 
 def _bare(model: BodyModel) -> MeasurementSet:

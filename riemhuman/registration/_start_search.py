@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from riemhuman.bodies import BodyModel, rotation_matrix
-from riemhuman.datasets.open_poses import Angles, joint_turns, pose_vectors
+from riemhuman.datasets import joint_rotations, pose_vectors
 from riemhuman.kernels.threads import mapped
 from riemhuman.registration._fitting_steps import Prior, annealed
 from riemhuman.registration._posed_body import ModelSamples, Pose, posed, rotation, sample_model
@@ -235,9 +236,12 @@ def _turn_between(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return rotation(vector)
 
 
-_DOWN: dict[str, Angles] = {"shoulder": ("xz", 10, -78), "elbow": ("y", -10), "hip": ("z", 3)}
-_A: dict[str, Angles] = {"shoulder": ("xz", 10, -50), "elbow": ("y", -18), "hip": ("z", 6)}
-_WALK: dict[str, Angles] = {
+# Axes and degrees of joints from the T-pose, as for `riemhuman.datasets.joint_rotations`.
+_Angles = dict[str, tuple[Any, ...]]
+
+_DOWN: _Angles = {"shoulder": ("xz", 10, -78), "elbow": ("y", -10), "hip": ("z", 3)}
+_A: _Angles = {"shoulder": ("xz", 10, -50), "elbow": ("y", -18), "hip": ("z", 6)}
+_WALK: _Angles = {
     "left_hip": ("x", -32),
     "left_knee": ("x", 15),
     "right_hip": ("x", 22),
@@ -247,10 +251,10 @@ _WALK: dict[str, Angles] = {
     "left_elbow": ("y", -30),
     "right_elbow": ("y", 30),
 }
-_KNEE: dict[str, Angles] = {**_A, "left_hip": ("x", -85), "left_knee": ("x", 85)}
-_ONE_ARM: dict[str, Angles] = {**_DOWN, "right_shoulder": ("z", -55), "right_elbow": ("y", 15)}
+_KNEE: _Angles = {**_A, "left_hip": ("x", -85), "left_knee": ("x", 85)}
+_ONE_ARM: _Angles = {**_DOWN, "right_shoulder": ("z", -55), "right_elbow": ("y", 15)}
 
-_START_POSES: dict[str, dict[str, Angles]] = {
+_START_POSES: dict[str, _Angles] = {
     "a": _A,
     "down": _DOWN,
     "t": {"shoulder": ("z", -5), "hip": ("z", 6)},
@@ -348,13 +352,12 @@ def start_poses(model: BodyModel) -> dict[str, np.ndarray]:
     written = dict(_START_POSES)
     for name in _SIDED:
         written[f"{name}_right"] = _mirrored(_START_POSES[name])
-    return {
-        name: np.ascontiguousarray(rotation_matrix(pose_vectors(joint_turns(known, model), model)))
-        for name, known in (
-            (name, {k: v for k, v in angles.items() if _has(names, k)})
-            for name, angles in written.items()
-        )
-    }
+    poses = {}
+    for name, angles in written.items():
+        known = {joint: own for joint, own in angles.items() if _has(names, joint)}
+        vectors = pose_vectors(joint_rotations(known, model), model)
+        poses[name] = np.ascontiguousarray(rotation_matrix(vectors))
+    return poses
 
 
 def joint_precisions(model: BodyModel) -> np.ndarray:
@@ -371,9 +374,9 @@ def _has(names: tuple[str, ...], joint: str) -> bool:
     return joint in names or f"left_{joint}" in names
 
 
-def _mirrored(angles: dict[str, Angles]) -> dict[str, Angles]:
+def _mirrored(angles: _Angles) -> _Angles:
     """Return angles with left and right exchanged."""
-    swapped: dict[str, Angles] = {}
+    swapped: _Angles = {}
     for name, (axes, *degrees) in angles.items():
         side, _, joint = name.partition("_")
         if side in ("left", "right"):

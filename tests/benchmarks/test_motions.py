@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import make_lsq_spline
 
 import riemhuman as rh
-from riemhuman.datasets.open_poses import pose_vectors
+from riemhuman.datasets import pose_vectors
 from riemhuman.motions._velocity_curves import even_segments
 from riemhuman.motions.motion_representations import random_places, retime_at_random
 from riemhuman.motions.rate_invariant_metric import _Curve
@@ -109,10 +109,8 @@ def test_growth_is_linear_in_pairs():
 
 def at_places(motion, places):
     """Return an open motion between its frames too: its curves are known at all times."""
-    turns = motion._performance.joint_turns(
-        places / motion.frames_per_second, motion.model.joint_names
-    )
-    return motion.model(motion.betas, pose_vectors(turns, motion.model))
+    rotations = motion._performance.joint_rotations(places / motion.frames_per_second)
+    return motion.model(motion.betas, pose_vectors(rotations, motion.model))
 
 
 def pairs_of_motions():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from riemhuman.datasets import Motion
-from riemhuman.datasets.motions import chosen
+from riemhuman.datasets.motions import choose_names
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FrameIndexError
 
 FACES = np.array([[0, 1, 2], [0, 2, 3]])
@@ -99,10 +99,10 @@ def test_a_motion_without_frames_to_make_cannot_be_built():
 
 def test_names_chosen():
     known = ("run", "walk", "jump")
-    assert chosen(None, "sequences", known) == known
-    assert chosen("walk", "sequences", known) == ("walk",)
-    assert chosen(["jump", "run"], "sequences", known) == ("jump", "run")
-    assert chosen((name for name in ["jump"]), "sequences", known) == ("jump",)
+    assert choose_names(None, "sequences", known) == known
+    assert choose_names("walk", "sequences", known) == ("walk",)
+    assert choose_names(["jump", "run"], "sequences", known) == ("jump", "run")
+    assert choose_names((name for name in ["jump"]), "sequences", known) == ("jump",)
 
 
 @pytest.mark.parametrize(
@@ -118,9 +118,9 @@ def test_names_chosen():
 )
 def test_names_refused(wanted, message):
     with pytest.raises(ArgumentError, match=message):
-        chosen(wanted, "sequences", ("run", "walk"), " in file")
+        choose_names(wanted, "sequences", ("run", "walk"), " in file")
 
 
 def test_names_of_another_type():
     with pytest.raises(ArgumentTypeError, match="sequences must be a list of names; found 3"):
-        chosen(3, "sequences", ("run", "walk"))
+        choose_names(3, "sequences", ("run", "walk"))

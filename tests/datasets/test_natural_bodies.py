@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.datasets.open_poses import NATURAL_POSES, TOUCHED
+from riemhuman.datasets.open_poses import read_table
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
@@ -32,7 +32,7 @@ def joint_numbers(bodies, names):
 
 
 def test_ten_people_in_ten_poses(bodies, plain):
-    assert bodies.pose_names == tuple(NATURAL_POSES)
+    assert bodies.pose_names == tuple(read_table("open_poses")["natural"])
     np.testing.assert_array_equal(bodies.subject, plain.subject)
     np.testing.assert_array_equal(bodies.pose, plain.pose)
     assert len(set(bodies.subject_names)) == len(set(bodies.pose_names)) == 10
@@ -88,7 +88,7 @@ def test_hands_touch_hips_and_head():
     bodies = load_open_bodies("full", "natural")
     arms = [n for n in bodies.model.joint_names if n.endswith(("shoulder", "elbow", "wrist"))]
     elsewhere = bodies.model.weights[:, joint_numbers(bodies, arms)].sum(axis=1) < 0.01
-    for name, places in TOUCHED.items():
+    for name, places in read_table("open_poses")["touched"].items():
         shown = bodies.points[bodies.pose == bodies.pose_names.index(name)]
         for side in places:
             hand = bodies.model.weights[:, joint_numbers(bodies, [f"{side}_wrist"])[0]] > 0.9

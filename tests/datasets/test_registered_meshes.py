@@ -4,12 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from riemhuman.datasets.registered_meshes import (
-    RegisteredMeshes,
-    find_meshes,
-    load_registered,
-    natural_key,
-)
+from riemhuman.datasets import RegisteredMeshes, find_meshes
+from riemhuman.datasets.registered_meshes import natural_key
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
 from riemhuman.io import save_mesh
 

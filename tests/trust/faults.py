@@ -91,7 +91,7 @@ def convert_model(inputs, outputs):
 
 
 def neighbors(inputs, outputs):
-    from riemhuman.datasets.registered_meshes import RegisteredMeshes, find_meshes
+    from riemhuman.datasets import RegisteredMeshes, find_meshes
     from riemhuman.errors import RiemhumanError
     from riemhuman.geometry import AlignedSurfaces, ElasticMetric
     from riemhuman.retrieval import NearestNeighbors
