@@ -237,7 +237,8 @@ def load_mesh_motions(
     root = existing_folder(folder)
     if _holds_meshes(root):
         return Motions([MeshMotion(root, rate, unit=unit, up=up)])
-    inner = sorted((each for each in root.iterdir() if each.is_dir()), key=lambda each: natural_key(each.name))
+    inner = [each for each in root.iterdir() if each.is_dir()]
+    inner.sort(key=lambda each: natural_key(each.name))
     motions = [MeshMotion(each, rate, unit=unit, up=up) for each in inner if _holds_meshes(each)]
     if not motions:
         raise FileError(

@@ -98,8 +98,7 @@ def mirror_angles(angles: Sequence[Any]) -> tuple[Any, ...]:
     """Return axes and angles, or curves, of the joint on the other side: y and z change sign."""
     axes, *degrees = angles
     mirrored = (
-        each if axis == "x" else np.negative(each)
-        for axis, each in zip(axes, degrees, strict=True)
+        each if axis == "x" else np.negative(each) for axis, each in zip(axes, degrees, strict=True)
     )
     return axes, *mirrored
 

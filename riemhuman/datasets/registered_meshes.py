@@ -1,4 +1,4 @@
-"""Registered meshes in files: one loader for folders of meshes, for FAUST and for labelled folders."""
+"""Registered meshes in files: folders of meshes, FAUST and labelled folders, by one loader."""
 
 from __future__ import annotations
 
@@ -31,7 +31,12 @@ from riemhuman.units import SCALES, check_same_scale
 MESH_ENDINGS = (".ply", ".obj", ".off")
 
 _FAUST_SUBJECTS, _FAUST_POSES = 10, 10
-_FAUST_FOLDERS = (".", "registrations", "training/registrations", "MPI-FAUST/training/registrations")
+_FAUST_FOLDERS = (
+    ".",
+    "registrations",
+    "training/registrations",
+    "MPI-FAUST/training/registrations",
+)
 
 _LABELS = "labels.csv"
 _COLUMNS = ("file", "subject", "pose")

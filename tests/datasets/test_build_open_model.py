@@ -3,10 +3,11 @@
 import sys
 from types import SimpleNamespace
 
+import build_open_model
 import numpy as np
 import pytest
 
-from riemhuman.datasets import build_open_model, load_open_model
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import FileError, FileFormatError, MissingDependencyError
 
 

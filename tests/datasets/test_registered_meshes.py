@@ -1,109 +1,366 @@
-"""Meshes of a folder: found in natural order, and read only if they share one triangulation."""
+"""Folders of registered meshes: FAUST, labelled folders and motions, in every layout and unit."""
+
+import shutil
 
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial.transform import Rotation
 
-from riemhuman.datasets import RegisteredMeshes, find_meshes
+import riemhuman as rh
+from riemhuman.datasets import Bodies, RegisteredMeshes, find_meshes, load_bodies, load_faust
 from riemhuman.datasets.registered_meshes import natural_key
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.io import save_mesh
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    DegenerateSurfaceError,
+    FileError,
+    FileFormatError,
+)
+from riemhuman.io.meshes import save_mesh
+from riemhuman.surfaces import Template, procrustes
+from riemhuman.surfaces.distortion import triangle_areas
 
-NAMES = ("body_2.obj", "body_10.ply", "body_10a.off")
+LEVELS = ["", "registrations", "training/registrations", "MPI-FAUST/training/registrations"]
+FILES = ["b2.ply", "b10.obj", "b11.off", "b20.ply"]
+TABLE = (
+    "file,subject,pose\nb2.ply,Ben,pose 10\nb10.obj,Anna,pose 2\nb11.off,Ben,pose 2\n"
+    "b20.ply,Anna,pose 10\n"
+)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def mesh():
+    """Return 100 registered surfaces, each of its own position, and their triangles."""
+    rng = np.random.default_rng(5)
     sphere = trimesh.creation.icosphere(subdivisions=1)
-    return np.asarray(sphere.vertices) * np.arange(1, 4)[:, None, None], np.asarray(sphere.faces)
+    shapes = np.asarray(sphere.vertices) * [0.3, 0.9, 0.2]
+    shapes = shapes + rng.normal(scale=0.02, size=(100, *shapes.shape))
+    rotations = Rotation.from_rotvec(rng.normal(scale=0.2, size=(100, 3))).as_matrix()
+    points = np.einsum("nij,nvj->nvi", rotations, shapes) + rng.normal(size=(100, 1, 3))
+    return points, rng.permutation(np.asarray(sphere.faces))
 
 
 @pytest.fixture
 def folder(mesh, tmp_path):
-    for name, vertices in zip(NAMES, mesh[0], strict=True):
-        save_mesh(tmp_path / name, vertices, mesh[1])
+    """Return a folder of four labelled meshes, beside files that are no meshes."""
+    for name, points in zip(FILES, mesh[0], strict=False):
+        save_mesh(tmp_path / name, points, mesh[1])
+    (tmp_path / "labels.csv").write_text(TABLE, encoding="utf-8")
     (tmp_path / ".hidden.ply").touch()
     (tmp_path / "notes.txt").touch()
     (tmp_path / "inner").mkdir()
-    save_mesh(tmp_path / "inner" / "body_1.ply", mesh[0][0], mesh[1])
+    save_mesh(tmp_path / "inner" / "b1.ply", mesh[0][0], mesh[1])
     return tmp_path
 
 
-def test_found_in_natural_order(folder):
-    assert [file.name for file in find_meshes(folder)] == list(NAMES)
-    assert [file.name for file in find_meshes(str(folder))] == list(NAMES)
+def write_faust(folder, mesh, ending="ply", numbers=range(100)):
+    folder.mkdir(parents=True, exist_ok=True)
+    for number in numbers:
+        save_mesh(folder / f"tr_reg_{number:03d}.{ending}", mesh[0][number], mesh[1])
+    return folder
 
 
-def test_natural_order():
+@pytest.fixture(scope="module")
+def faust(tmp_path_factory, mesh):
+    return write_faust(tmp_path_factory.mktemp("faust"), mesh)
+
+
+@pytest.fixture
+def own_faust(faust, tmp_path):
+    return shutil.copytree(faust, tmp_path / "registrations")
+
+
+def test_natural_order(folder):
     ordered = ["", "1", "2", "10", "10a", "a", "a1b2", "A1b10", "a2", "a²", "b"]
     shuffled = [ordered[i] for i in (4, 10, 2, 7, 0, 9, 1, 8, 3, 6, 5)]
     assert sorted(shuffled, key=natural_key) == ordered
+    assert [file.name for file in find_meshes(str(folder))] == FILES
 
 
-def test_read_together_or_one_by_one(folder, mesh):
-    files = find_meshes(folder)
-    for progress in (False, True):
-        points, faces = load_registered(files, progress=progress)
-        np.testing.assert_array_equal(points, mesh[0])
-        np.testing.assert_array_equal(faces, mesh[1])
-    meshes = RegisteredMeshes(files)
-    assert len(meshes) == 3
-    assert meshes.files == tuple(files)
-    np.testing.assert_array_equal(meshes[1], mesh[0][1])
-    np.testing.assert_array_equal(meshes[::-2], mesh[0][::-2])
-    assert meshes[3:].shape == (0, 42, 3)
-
-
-def test_files_are_read_when_they_are_asked_for(folder):
+def test_meshes_are_read_on_access(folder, mesh):
     meshes = RegisteredMeshes(find_meshes(folder))
-    (folder / NAMES[1]).unlink()
-    assert meshes[0].shape == (42, 3)
-    with pytest.raises(FileError, match=r"body_10\.ply"):
+    assert len(meshes) == 4
+    np.testing.assert_array_equal(meshes[:], mesh[0][:4])
+    np.testing.assert_array_equal(meshes[::-2], mesh[0][3::-2])
+    np.testing.assert_array_equal(meshes.faces, mesh[1])
+    assert meshes[4:].shape == (0, 42, 3)
+    (folder / FILES[1]).unlink()
+    np.testing.assert_array_equal(meshes[0], meshes.reference)
+    with pytest.raises(FileError, match=r"b10\.obj"):
         meshes[:]
 
 
-def test_the_first_that_differs_is_named(folder, mesh):
+def test_the_first_mesh_that_differs_is_named(folder, mesh):
     files = find_meshes(folder)
     points, faces = mesh
-    save_mesh(files[1], points[1], np.roll(faces, 1, axis=1))
-    with pytest.raises(
-        FileFormatError,
-        match=r"body_10\.ply is not registered to .*body_2\.obj: the corners of all triangles",
+    for vertices, triangles, difference in (
+        (points[1], np.roll(faces, 1, axis=1), "the corners of all triangles"),
+        (points[1], faces[1:], "79 triangles found, 80 expected"),
+        (np.vstack([points[1], points[1][:1]]), faces, "it has 43 vertices, that one has 42"),
     ):
-        load_registered(files)
-    save_mesh(files[1], points[1], faces[1:])
-    with pytest.raises(FileFormatError, match=r"body_10\.ply .*79 triangles found, 80 expected"):
-        load_registered(files)
-    save_mesh(files[1], np.vstack([points[1], points[1][:1]]), faces)
-    with pytest.raises(FileFormatError, match=r"body_10\.ply .*has 43 vertices, that one has 42"):
-        load_registered(files)
-    load_registered(files[1:2])
-    with pytest.raises(FileFormatError, match=r"body_10\.ply .* registered to .*body_10a\.off"):
-        load_registered(files[1:2], files[2])
+        save_mesh(files[1], vertices, triangles)
+        message = rf"b10\.obj is not registered to .*b2\.ply: {difference}.*riemhuman register"
+        with pytest.raises(FileFormatError, match=message):
+            RegisteredMeshes(files)[:]
+    assert len(RegisteredMeshes(files[1:2])[:]) == 1
+    with pytest.raises(FileFormatError, match=r"b10\.obj .* registered to .*b11\.off"):
+        RegisteredMeshes(files[1:2], files[2])[:]
 
 
 def test_folders_and_files_that_cannot_be_read(folder):
     with pytest.raises(FileError, match="no folder .*nowhere"):
         find_meshes(folder / "nowhere")
     with pytest.raises(FileError, match="is a file, not a folder"):
-        find_meshes(folder / NAMES[0])
+        find_meshes(folder / FILES[0])
     (folder / "empty").mkdir()
     with pytest.raises(FileError, match=r"empty holds no mesh: .*\.ply, \.obj, \.off"):
         find_meshes(folder / "empty")
     with pytest.raises(ArgumentTypeError, match="found 3"):
         find_meshes(3)
     with pytest.raises(ArgumentError, match="no mesh file"):
-        load_registered([])
-    (folder / NAMES[1]).write_bytes(b"ply\n")
-    with pytest.raises(FileFormatError, match=r"body_10\.ply"):
-        load_registered(find_meshes(folder))
+        RegisteredMeshes([])
+    (folder / FILES[0]).write_bytes(b"ply\n")
+    with pytest.raises(FileFormatError, match=r"b2\.ply"):
+        RegisteredMeshes(find_meshes(folder))
+
+
+def test_faust(faust, mesh):
+    points, faces = mesh
+    bodies = load_faust(faust)
+    assert isinstance(bodies, Bodies)
+    np.testing.assert_array_equal(bodies.points, procrustes(points, to=points[0]))
+    np.testing.assert_array_equal(bodies.template.vertices, points[0])
+    np.testing.assert_array_equal(bodies.template.faces, faces)
+    np.testing.assert_array_equal(10 * bodies.subject + bodies.pose, np.arange(100))
+    assert bodies.ids[7] == "tr_reg_007"
+    np.testing.assert_array_equal(load_faust(faust, align=False).points, points)
+    template = Template(points[2], faces)
+    for given in (template, faust / "tr_reg_002.ply"):
+        np.testing.assert_array_equal(
+            load_faust(faust, given).points, procrustes(points, to=points[2])
+        )
+
+
+@pytest.mark.parametrize(("level", "ending"), [(0, "off"), (1, "obj"), (2, "ply"), (3, "ply")])
+def test_faust_in_every_layout(mesh, tmp_path, level, ending):
+    for folder in (tmp_path / LEVELS[level], tmp_path / "training" / "scans"):
+        folder.mkdir(parents=True, exist_ok=True)
+    write_faust(tmp_path / LEVELS[level], mesh, ending)
+    (tmp_path / LEVELS[level] / "._tr_reg_000.ply").write_bytes(b"not a mesh")
+    (tmp_path / LEVELS[level] / "tr_reg_000.png").write_bytes(b"not a mesh")
+    np.testing.assert_array_equal(load_faust(tmp_path, align=False).points, mesh[0])
+
+
+def test_faust_in_several_formats_is_read_from_ply(own_faust, mesh):
+    write_faust(own_faust, (mesh[0] + 1.0, mesh[1]), "obj", numbers=[3, 4])
+    write_faust(own_faust, (mesh[0] + 2.0, mesh[1]), "off", numbers=[4])
+    (own_faust / "tr_reg_004.ply").unlink()
+    offsets = load_faust(own_faust, align=False).points - mesh[0]
+    np.testing.assert_allclose(offsets[[3, 4, 5], 0, 0], [0.0, 1.0, 0.0], atol=1e-15)
+
+
+def test_missing_registrations_of_faust_are_named(own_faust, mesh):
+    missing = [1, 4, 20, 33, 50, 99]
+    for number in missing:
+        (own_faust / f"tr_reg_{number:03d}.ply").unlink()
+    with pytest.raises(FileError, match=r"6 of 100 .*tr_reg_001, .*tr_reg_050 and 1 more; allow"):
+        load_faust(own_faust)
+    bodies = load_faust(own_faust, allow_missing=True, align=False)
+    present = np.setdiff1d(np.arange(100), missing)
+    np.testing.assert_array_equal(bodies.points, mesh[0][present])
+    np.testing.assert_array_equal(10 * bodies.subject + bodies.pose, present)
+
+
+def test_folders_without_faust(tmp_path, faust):
+    with pytest.raises(FileError, match=r"is a file, not a folder"):
+        load_faust(faust / "tr_reg_000.ply")
+    with pytest.raises(FileError, match=r"holds no registrations: .*training/registrations"):
+        load_faust(tmp_path, allow_missing=True)
+    with pytest.raises(ArgumentTypeError, match="folder must be the path of a folder; found 3"):
+        load_faust(3)
+    with pytest.raises(ArgumentTypeError, match="found 3"):
+        load_faust(faust, 3)
+
+
+def check_labels(bodies):
+    assert bodies.subject_names == ("Anna", "Ben")
+    assert bodies.pose_names == ("pose 2", "pose 10")
+    assert bodies.subject.tolist() == [1, 0, 1, 0]
+    assert bodies.pose.tolist() == [1, 0, 0, 1]
+
+
+def test_a_labelled_folder(folder, mesh):
+    points = mesh[0][:4]
+    bodies = load_bodies(folder)
+    check_labels(bodies)
+    np.testing.assert_array_equal(bodies.points, procrustes(points, to=points[0]))
+    np.testing.assert_array_equal(bodies.template.vertices, points[0])
+    assert bodies.ids == ("b2", "b10", "b11", "b20")
+    np.testing.assert_array_equal(load_bodies(folder, align=False, progress=True).points, points)
+    template = Template(points[2], mesh[1])
+    np.testing.assert_array_equal(
+        load_bodies(folder, template=template).points, procrustes(points, to=points[2])
+    )
+
+
+def test_the_default_template_is_a_body_not_a_mean_whose_arms_shrink(tmp_path):
+    natural = rh.datasets.load_open_bodies("coarse", "natural")
+    faces = natural.template.faces
+    rows = ["file,subject,pose"]
+    for number, points in enumerate(natural.points):
+        save_mesh(tmp_path / f"{number}.ply", points, faces)
+        rows.append(f"{number},{natural.subject[number]},{natural.pose[number]}")
+    (tmp_path / "labels.csv").write_text("\n".join(rows), encoding="utf-8")
+    bodies = load_bodies(tmp_path)
+    usual = np.mean([triangle_areas(points, faces) for points in natural.points], axis=0)
+    # Of the mean of all vertices, a quarter of the triangles keep less than 0.44 of their area.
+    assert np.quantile(bodies.template.face_areas / usual, 0.25) > 0.9
+
+
+def test_without_alignment_no_rotation_is_computed(tmp_path):
+    # An octahedron and its mirror image, which no single rotation brings closest together.
+    vertices = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1.0]])
+    faces = [[a, b, c] for a in (0, 1) for b in (2, 3) for c in (4, 5)]
+    points = vertices * np.array([[[1, 1, 1]], [[1, 1, -1]]])
+    for name, surface in zip(("a", "b"), points, strict=True):
+        save_mesh(tmp_path / f"{name}.ply", surface, faces)
+    (tmp_path / "labels.csv").write_text("file,subject,pose\na,1,1\nb,1,2", encoding="utf-8")
+    np.testing.assert_array_equal(load_bodies(tmp_path, align=False).points, points)
+    with pytest.raises(ArgumentError, match="no single best alignment"):
+        load_bodies(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: text.replace(",", ";"),
+        lambda text: text.replace(",", "\t"),
+        lambda text: "\ufeff" + text.replace("\n", "\r\n"),
+        lambda text: text.replace("file,subject,pose", " File , SUBJECT,Pose"),
+        lambda text: text.replace(".ply", "").replace(".obj", "").replace(".off", ""),
+        lambda text: text.replace("\n", ",remark\n") + "\n,,\n",
+        lambda text: "\n".join([text.splitlines()[0], *text.splitlines()[:0:-1]]),
+        lambda text: text.replace("Anna", '"Anna"'),
+        lambda text: "\n".join(
+            f"{pose},1.8,{file},{subject}"
+            for file, subject, pose in (line.split(",") for line in text.splitlines())
+        ),
+    ],
+)
+def test_spellings_of_a_table(folder, change):
+    table = folder / "table.txt"
+    table.write_bytes(change(TABLE).encode())
+    check_labels(load_bodies(folder, table))
+
+
+BAD_TABLES = {
+    "b10.obj renamed": (
+        TABLE.replace("b10.obj", "b99.obj"),
+        r"labels.csv does not match .*: meshes without a row: b10.obj; rows without a mesh: b99.o",
+    ),
+    "unknown files": (
+        "file,subject,pose\n" + "".join(f"c{i},a,b\n" for i in range(7)),
+        r"b20.ply; rows .* c0, c1, c2, c3, c4 and 2 more",
+    ),
+    "a file twice": (
+        TABLE + "b10.obj,Ben,pose 2\n",
+        "line 6: b10.obj has a label already, on line 3",
+    ),
+    "no subject": (TABLE.replace("Ben,pose 2", ",pose 2"), r"line 4: no subject given"),
+    "a short line": (
+        TABLE.replace("b20.ply,Anna,pose 10", "b20.ply"),
+        "line 5: no subject and no pose given",
+    ),
+    "another column": ("file,who,pose\n", "lacks the columns subject; .* 'file,who,pose'"),
+    "nothing": ("", "lacks the columns file, subject, pose"),
+    "not text": (b"\xff\xfe\x00", "not text in UTF-8"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_TABLES)
+def test_tables_that_do_not_match(folder, case):
+    text, message = BAD_TABLES[case]
+    (folder / "labels.csv").write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(FileFormatError, match=message):
+        load_bodies(folder)
+
+
+def test_names_without_a_suffix_may_be_ambiguous(folder, mesh):
+    save_mesh(folder / "b2.obj", mesh[0][0], mesh[1])
+    text = TABLE.replace("b2.ply", "b2") + "b2.obj,Ben,pose 2\n"
+    (folder / "labels.csv").write_text(text, encoding="utf-8")
+    with pytest.raises(FileFormatError, match=r"line 2: b2 may be b2.obj, b2.ply; name one"):
+        load_bodies(folder)
+
+
+def test_tables_that_cannot_be_read(folder):
+    with pytest.raises(FileError, match="no table of labels .*absent.csv"):
+        load_bodies(folder, folder / "absent.csv")
+    with pytest.raises(FileError, match="is a folder; a table"):
+        load_bodies(folder, folder)
+    with pytest.raises(ArgumentTypeError, match="labels must be the path of a file; found 3"):
+        load_bodies(folder, 3)
+    (folder / "labels.csv").unlink()
+    with pytest.raises(FileError, match=r"labels.csv; write one with the columns file, subject"):
+        load_bodies(folder)
+
+
+def test_missing_meshes_may_be_left_out(folder):
+    table = folder / "some.csv"
+    table.write_text(TABLE.replace("b10.obj,Anna", "b12.obj,Anna"), encoding="utf-8")
+    bodies = load_bodies(folder, table, allow_missing=True)
+    assert bodies.ids == ("b2", "b11", "b20")
+    np.testing.assert_array_equal(bodies.points, load_bodies(folder).points[[0, 2, 3]])
+    table.write_text("file,subject,pose\nother.ply,Anna,sits\n", encoding="utf-8")
+    with pytest.raises(FileFormatError, match="meshes without a row"):
+        load_bodies(folder, table, allow_missing=True)
+
+
+def test_templates_and_meshes_that_do_not_fit(folder, mesh):
+    points, faces = mesh
+    with pytest.raises(ArgumentError, match="template must have the triangles .* 79 triangles"):
+        load_bodies(folder, template=Template(points[0], faces[1:]))
+    more = Template(np.vstack([points[0], [[9.0, 9.0, 9.0]]]), faces)
+    with pytest.raises(ArgumentError, match="template has 43 vertices; the meshes have 42"):
+        load_bodies(folder, template=more)
+    flat = points[0].copy()
+    flat[faces[3]] = flat[faces[3][0]]
+    save_mesh(folder / FILES[0], flat, faces)
+    with pytest.raises(DegenerateSurfaceError, match=FILES[0]):
+        load_bodies(folder)
 
 
 def test_meshes_in_another_unit_are_refused(folder, mesh):
-    vertices, faces = mesh[0][0], mesh[1]
-    files = [*find_meshes(folder)[:1], folder / "in_mm.ply"]
-    save_mesh(files[1], 1000 * vertices, faces)
-    with pytest.raises(FileFormatError, match=r"in_mm.ply is .*one were in millimetres and the"):
-        load_registered(files)
-    points, _ = load_registered(files, scale=None)
-    np.testing.assert_array_equal(points[1], 1000 * vertices)
+    template = Template(1000 * mesh[0][0], mesh[1])
+    with pytest.raises(ArgumentError, match=r"the mesh\[0\] is 1e\+03 times as small as the temp"):
+        load_bodies(folder, template=template)
+    save_mesh(folder / FILES[2], 100 * mesh[0][2], mesh[1])
+    with pytest.raises(FileFormatError, match=r"b11\.off is .*centimetres and the other in metres"):
+        load_bodies(folder)
+    bodies = load_bodies(folder, template=template, align=False, scale=None)
+    np.testing.assert_array_equal(bodies.points[2], 100 * mesh[0][2])
+
+
+def test_units_and_axes_are_converted(folder, mesh, tmp_path):
+    rotated = tmp_path / "rotated"
+    rotated.mkdir()
+    for name, (x, y, z) in zip(FILES, np.moveaxis(mesh[0][:4], -1, 1), strict=True):
+        save_mesh(rotated / name, 100 * np.stack([x, -z, y], axis=-1), mesh[1])
+    (rotated / "labels.csv").write_text(TABLE, encoding="utf-8")
+    bodies = load_bodies(rotated, unit="centimetres", up="z")
+    np.testing.assert_allclose(bodies.points, load_bodies(folder).points, atol=1e-6)
+
+
+def test_folders_of_meshes_are_motions(tmp_path):
+    with pytest.raises(FileError, match="holds no motion"):
+        rh.datasets.load_mesh_motions(tmp_path)
+    knees = rh.datasets.load_open_motions("coarse", sequences="knees")[0]
+    for name in ("anna", "ben"):
+        (tmp_path / name).mkdir()
+        for number in (1, 2, 10):
+            save_mesh(tmp_path / name / f"frame_{number}.ply", knees[number], knees.faces)
+    motion = rh.datasets.load_mesh_motions(tmp_path / "anna", frames_per_second=30)[0]
+    np.testing.assert_array_equal(motion[:], np.stack([knees[k] for k in (1, 2, 10)]))
+    assert motion.frames_per_second == 30
+    assert [m.sequence for m in rh.datasets.load_mesh_motions(tmp_path)] == ["anna", "ben"]

