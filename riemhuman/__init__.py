@@ -49,7 +49,7 @@ _ROOM_OF_NAME = {
     "FrechetMean": "solvers.means",
     "GeometricMedian": "solvers.means",
     "GeodesicRegression": "solvers.geodesic_regression",
-    "MetricWeights": "statistics.metric_weights",
+    "LearnedMetric": "statistics.learned_metric",
     "TangentPCA": "solvers.tangent_pca",
     "ConvergenceWarning": "errors",
     "RiemhumanError": "errors",

@@ -19,7 +19,7 @@ from riemhuman.statistics import (
     GeometricMedian,
     HierarchicalClustering,
     KMedoids,
-    MetricWeights,
+    LearnedMetric,
     NearestSurface,
     TangentPCA,
 )
@@ -29,7 +29,7 @@ ESTIMATORS = [
     GeodesicRegression(VectorSpace((2,)), max_iter=3),
     KMedoids(3, rng=np.random.default_rng(2)),
     HierarchicalClustering(None, distance_threshold=0.5),
-    MetricWeights(VectorSpace((2,)), (1.0, 2.0), n_folds=3),
+    LearnedMetric(VectorSpace((2,)).metric, shrinkage=0.1, n_folds=3),
     FrechetMean(VectorSpace((2,)), GradientDescentMean()),
     NearestNeighbors(VectorSpace((2,)).metric, 3, n_pivots=2),
     MotionComponents(MotionMean(MotionSpace(AlignedSurfaces(triangle_template()))), 2),

@@ -4,7 +4,7 @@ from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.pairwise_jobs import pairwise_job
 from riemhuman.retrieval.path_jobs import path_job
 from riemhuman.retrieval.rankings import confusion, precision_recall
-from riemhuman.retrieval.scores import RetrievalScores, scores
+from riemhuman.retrieval.scores import RetrievalScores, local_scaling, scores
 from riemhuman.retrieval.tables import TableRow, format_table, retrieval_table
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "TableRow",
     "confusion",
     "format_table",
+    "local_scaling",
     "pairwise_job",
     "path_job",
     "precision_recall",

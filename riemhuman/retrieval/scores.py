@@ -1,4 +1,4 @@
-"""Retrieval scores: nearest neighbour, first and second tier, mean average precision."""
+"""Retrieval scores of distances, and local scaling of distances."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array
+from riemhuman.checks import real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 
@@ -51,7 +51,11 @@ class RetrievalScores:
         )
 
 
-def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> RetrievalScores:
+def scores(
+    distances: ArrayLike,
+    labels: Sequence[Hashable] | np.ndarray,
+    groups: Sequence[Hashable] | np.ndarray | None = None,
+) -> RetrievalScores:
     """Score a distance matrix by leave-one-out retrieval.
 
     Each item in turn is the query and ranks all others by their distance from it. With C the size
@@ -71,6 +75,9 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
         diagonal is not read.
     labels : sequence of hashable, length n
         Class of each item.
+    groups : sequence of hashable, length n, optional
+        Group of each item, such as the person: items of the query's group are then not ranked. With
+        poses as labels and people as groups, the scores are those among other people only.
 
     Returns
     -------
@@ -82,7 +89,7 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
         If distances are not numbers or labels are not hashable.
     ArgumentError
         If the matrix is not square, a distance off the diagonal is negative, NaN or infinite,
-        the number of labels is not n, or no two items share a class.
+        the number of labels or of groups is not n, or no query has another item of its class.
 
     References
     ----------
@@ -99,18 +106,21 @@ def scores(distances: ArrayLike, labels: Sequence[Hashable] | np.ndarray) -> Ret
     100.0
     """
     matrix, classes = labelled_distances(distances, labels)
-    n_relevant = np.bincount(classes)[classes] - 1
-    queries = np.flatnonzero(n_relevant)
+    ranked = ~np.eye(len(matrix), dtype=bool)
+    if groups is not None:
+        members = _numbers(groups, "groups", len(matrix))
+        ranked = members[:, None] != members
+    relevant = ranked & (classes[:, None] == classes)
+    queries = np.flatnonzero(relevant.any(axis=1))
     if len(queries) == 0:
         raise ArgumentError(
-            f"labels must have a class of two items; found {len(classes)} classes of one item each"
+            f"labels must have a class of two items; found none among {len(matrix)} items"
         )
     rows = []
     for query in queries:
-        others = np.arange(len(matrix)) != query
-        relevant = classes[others] == classes[query]
-        hits, average_precision = _expected_hits(matrix[query, others], relevant)
-        n = n_relevant[query]
+        items = ranked[query]
+        hits, average_precision = _expected_hits(matrix[query, items], relevant[query, items])
+        n = np.count_nonzero(relevant[query])
         rows.append([hits[0], hits[:n].sum() / n, hits[: 2 * n].sum() / n, average_precision])
     nn, first_tier, second_tier, mean_average_precision = 100.0 * np.mean(rows, axis=0)
     return RetrievalScores(
@@ -174,15 +184,69 @@ def labelled_distances(
             f"distances must be finite and not negative; distances[{row}, {column}] is "
             f"{matrix[row, column]:g}, the first of {len(bad)} wrong entries"
         )
+    return matrix, _numbers(labels, "labels", len(matrix))
+
+
+def _numbers(labels: Sequence[Hashable] | np.ndarray, name: str, count: int) -> np.ndarray:
+    """Number classes in the order of their first items."""
     try:
-        names = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
-        numbers = {name: number for number, name in enumerate(dict.fromkeys(names))}
+        values = list(labels.tolist() if isinstance(labels, np.ndarray) else labels)
+        numbers = {value: number for number, value in enumerate(dict.fromkeys(values))}
     except TypeError as error:
         raise ArgumentTypeError(
-            f"labels must be a sequence of hashable class labels ({error})"
+            f"{name} must be a sequence of hashable class labels ({error})"
         ) from error
-    if len(names) != len(matrix):
+    if len(values) != count:
+        raise ArgumentError(f"{len(values)} {name} found; distances is a matrix of {count} items")
+    return np.array([numbers[value] for value in values], dtype=np.int64)
+
+
+def local_scaling(distances: ArrayLike, n_neighbors: int = 7) -> np.ndarray:
+    r"""Return distances relative to the distances around both items.
+
+    .. math:: d'_{ij} = d_{ij} / \sqrt{\sigma_i \sigma_j}
+
+    with σ the distance of an item from its n-th nearest neighbour [1]_. Items far from all others,
+    and items near to many, then no longer dominate rankings. No labels are used.
+
+    Parameters
+    ----------
+    distances : array_like, shape (n, n)
+        Symmetric distances.
+    n_neighbors : int
+        Number of the neighbour whose distance is the scale.
+
+    Returns
+    -------
+    array, shape (n, n)
+
+    Raises
+    ------
+    ArgumentError
+        If the distances are not valid, there are too few items, or the scale of an item is 0.
+
+    References
+    ----------
+    .. [1] Zelnik-Manor, Perona, "Self-tuning spectral clustering", NIPS 2004.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> D = np.array([[0.0, 1.0, 8.0], [1.0, 0.0, 4.0], [8.0, 4.0, 0.0]])
+    >>> rh.retrieval.local_scaling(D, n_neighbors=1)[1:, 1:].tolist()
+    [[0.0, 2.0], [2.0, 0.0]]
+    """
+    matrix, _ = labelled_distances(distances, range(len(np.asarray(distances))))
+    n_neighbors = whole_number(n_neighbors, "n_neighbors", minimum=1)
+    if n_neighbors >= len(matrix):
         raise ArgumentError(
-            f"{len(names)} labels found; distances is a matrix of {len(matrix)} items"
+            f"n_neighbors must be less than the number of items, {len(matrix)}; found {n_neighbors}"
         )
-    return matrix, np.array([numbers[name] for name in names], dtype=np.int64)
+    scales = np.sqrt(np.partition(matrix, n_neighbors, axis=1)[:, n_neighbors])
+    if not scales.all():
+        raise ArgumentError(
+            f"item {int(np.argmin(scales))} coincides with its {n_neighbors} nearest neighbours, "
+            "so that it has no scale; use more neighbours"
+        )
+    return matrix / scales[:, None] / scales

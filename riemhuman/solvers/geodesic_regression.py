@@ -92,7 +92,7 @@ class GeodesicRegression(Estimator):
         mean: Any = None,
         image: str = "auto",
         nearest: NearestSurface | None = None,
-        tolerance: float = 1e-8,
+        tolerance: float = 1e-6,
         max_iter: int = 200,
     ) -> None:
         self.space = space
@@ -242,6 +242,7 @@ class GeodesicRegression(Estimator):
             return np.stack([moved, space.to_tangent(velocity + changes[1], moved)])
 
         def misfit(start: ndarray, columns: ndarray, images: ndarray) -> Any:
+            # A single column predicts all images of its block.
             predictions = metric.exp(columns * start[1], start[0])
             return np.sum(metric.squared_dist(predictions, images)) / (len(times) * spread)
 
@@ -249,9 +250,8 @@ class GeodesicRegression(Estimator):
             """Return the sum of squared distances and its gradient, a few points at a time."""
             pull_back, start = make_vjp(line, changes)
             value, gradient = 0.0, np.zeros_like(start)
-            for first in range(0, len(times), _BLOCK):
-                block = slice(first, first + _BLOCK)
-                part, change = slope_in_line(start, columns[block], images[block])
+            for chosen, numbers in blocks:
+                part, change = slope_in_line(start, columns[chosen], images[numbers])
                 value, gradient = value + part, gradient + change
             return value, pull_back(gradient)
 
@@ -261,6 +261,7 @@ class GeodesicRegression(Estimator):
             return np.stack([rows[0], slowness * rows[1]]).reshape(2, *shape)
 
         slope_in_line = value_and_grad(misfit)
+        blocks = _blocks(times)
 
         def objective(variables: ndarray) -> tuple[float, ndarray]:
             try:
@@ -293,6 +294,21 @@ def _tangent_regression(
     slope = np.tensordot(times, logs, axes=1) / (times @ times)
     point = metric.exp(offset, base)
     return point, metric.log(metric.exp(offset + slope, base), point)
+
+
+def _blocks(times: ndarray) -> list[tuple[ndarray, ndarray]]:
+    """Return numbers of times and of the points that they predict, a few points at a time.
+
+    Points of one time, such as poses of one person, share a prediction.
+    """
+    _, group, counts = np.unique(times, return_inverse=True, return_counts=True)
+    alone = np.flatnonzero(counts[group] == 1)
+    blocks = [(alone[k : k + _BLOCK],) * 2 for k in range(0, len(alone), _BLOCK)]
+    for number in np.flatnonzero(counts > 1):
+        points = np.flatnonzero(group == number)
+        for k in range(0, len(points), 2 * _BLOCK):
+            blocks.append((points[:1], points[k : k + 2 * _BLOCK]))
+    return blocks
 
 
 def _numbers(X: ndarray) -> ndarray:

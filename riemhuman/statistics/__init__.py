@@ -6,7 +6,7 @@ from riemhuman.solvers.means import FrechetMean, GeometricMedian
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.statistics.clustering import HierarchicalClustering, KMedoids
-from riemhuman.statistics.metric_weights import MetricWeights
+from riemhuman.statistics.learned_metric import LearnedMetric
 from riemhuman.statistics.two_sample_test import TwoSampleResult, two_sample_test
 
 __all__ = [
@@ -15,7 +15,7 @@ __all__ = [
     "GeometricMedian",
     "HierarchicalClustering",
     "KMedoids",
-    "MetricWeights",
+    "LearnedMetric",
     "NearestSurface",
     "TangentPCA",
     "TwoSampleResult",

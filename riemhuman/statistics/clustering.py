@@ -7,56 +7,18 @@ from typing import Self
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
+from scipy.cluster import hierarchy
+from scipy.spatial.distance import squareform
 
 from riemhuman.checks import Rng, generator, one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
-from riemhuman.optional import import_optional
-from riemhuman.statistics.distance_matrices import distance_matrix
+from riemhuman.statistics._distance_matrix import distance_matrix
 
-LINKAGES = ("average", "complete", "single")
-
-
-class _Clustering(Estimator):
-    """Clusters by the distances of points."""
-
-    labels_: ndarray
-
-    def fit(self, X: ArrayLike, y: object = None) -> Self:
-        """Find the clusters.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        Estimator
-            The estimator itself.
-        """
-        raise NotImplementedError
-
-    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
-        """Fit, and return the labels.
-
-        Parameters
-        ----------
-        X : array_like, shape (n, n)
-            Symmetric distances.
-        y : object
-            Not used.
-
-        Returns
-        -------
-        array of int, shape (n,)
-        """
-        return self.fit(X).labels_
+LINKAGES = ("ward", "average", "complete", "single", "weighted")
 
 
-class KMedoids(_Clustering):
+class KMedoids(Estimator):
     """The k points that minimise the sum of distances of all points to the nearest of them.
 
     Partitioning around medoids [1]_: medoids are chosen one by one, always the best, and then
@@ -99,6 +61,7 @@ class KMedoids(_Clustering):
     """
 
     medoid_indices_: ndarray
+    labels_: ndarray
     inertia_: float
     n_iter_: int
 
@@ -109,6 +72,18 @@ class KMedoids(_Clustering):
 
     def fit(self, X: ArrayLike, y: object = None) -> Self:
         """Find the medoids.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        KMedoids
+            The estimator itself.
 
         Raises
         ------
@@ -129,6 +104,10 @@ class KMedoids(_Clustering):
         self.labels_ = self.predict(distances)
         self.labels_[self.medoid_indices_] = np.arange(k)
         return self
+
+    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+        """Fit, and return the labels."""
+        return self.fit(X).labels_
 
     def predict(self, X: ArrayLike) -> ndarray:
         """Return the nearest medoid of points.
@@ -152,27 +131,27 @@ class KMedoids(_Clustering):
         return np.argmin(distances[:, self.medoid_indices_], axis=1)
 
 
-class HierarchicalClustering(_Clustering):
-    """Agglomerative clusters, by scikit-learn.
+class HierarchicalClustering(Estimator):
+    """Clusters joined one after the other, the two nearest first, by SciPy.
 
     Parameters
     ----------
     n_clusters : int, optional
-        Number of clusters; None where `distance_threshold` is given.
-    linkage : {"average", "complete", "single"}
-        Distance of two clusters: the mean, largest or smallest of their points.
+        Number of clusters; None if a threshold is given.
+    linkage : {"ward", "average", "complete", "single", "weighted"}
+        Distance of clusters, see `scipy.cluster.hierarchy.linkage`. "ward" joins the two clusters
+        that increase the sum of squares least; its recursion needs distances alone, not Euclidean
+        ones, and it does not lump far points together as "average" does.
     distance_threshold : float, optional
-        Clusters at this distance or more are not joined.
+        Distance from which clusters are not joined.
 
     Attributes
     ----------
     labels_ : array of int, shape (n,)
-        Cluster of each point.
-    children_ : array of int, shape (n - 1, 2)
-        The two clusters joined at each step; below n they are points, n + i is the result of
-        step i.
-    distances_ : array, shape (n - 1,)
-        Distance of the two clusters.
+        Cluster of each point, numbered in the order of their first points.
+    linkage_matrix_ : array, shape (n - 1, 4)
+        The tree in the format of SciPy: the two clusters joined at each step, their distance, and
+        the number of points.
 
     Examples
     --------
@@ -180,17 +159,17 @@ class HierarchicalClustering(_Clustering):
     >>> import riemhuman as rh
     >>> D = np.array([[0, 1, 5, 6], [1, 0, 4, 5], [5, 4, 0, 1], [6, 5, 1, 0]])
     >>> rh.statistics.HierarchicalClustering(2).fit(D).labels_.tolist()
-    [1, 1, 0, 0]
+    [0, 0, 1, 1]
     """
 
-    children_: ndarray
-    distances_: ndarray
+    labels_: ndarray
+    linkage_matrix_: ndarray
 
     def __init__(
         self,
         n_clusters: int | None = 2,
         *,
-        linkage: str = "average",
+        linkage: str = "ward",
         distance_threshold: float | None = None,
     ) -> None:
         self.n_clusters = n_clusters
@@ -200,13 +179,23 @@ class HierarchicalClustering(_Clustering):
     def fit(self, X: ArrayLike, y: object = None) -> Self:
         """Join the clusters.
 
+        Parameters
+        ----------
+        X : array_like, shape (n, n)
+            Symmetric distances.
+        y : object
+            Not used.
+
+        Returns
+        -------
+        HierarchicalClustering
+            The estimator itself.
+
         Raises
         ------
         ArgumentError
             If X is no matrix of distances, there are fewer points than clusters, or not exactly
             one of `n_clusters` and `distance_threshold` is given.
-        MissingDependencyError
-            If scikit-learn is not installed.
         """
         distances = distance_matrix(X, "X")
         one_of(self.linkage, "linkage", LINKAGES)
@@ -218,17 +207,20 @@ class HierarchicalClustering(_Clustering):
             raise ArgumentError(
                 f"X holds {len(distances)} points; at least {max(2, self.n_clusters or 0)} needed"
             )
-        cluster = import_optional("sklearn.cluster", "statistics")
-        found = cluster.AgglomerativeClustering(
-            n_clusters=self.n_clusters,
-            metric="precomputed",
-            linkage=self.linkage,
-            distance_threshold=self.distance_threshold,
-            compute_distances=True,
-        ).fit(distances)
-        self.labels_ = found.labels_
-        self.children_, self.distances_ = found.children_, found.distances_
+        tree = hierarchy.linkage(squareform(distances, checks=False), self.linkage)
+        if self.n_clusters is not None:
+            flat = hierarchy.cut_tree(tree, self.n_clusters)[:, 0]
+        else:
+            threshold = np.nextafter(self.distance_threshold, -np.inf)
+            flat = hierarchy.fcluster(tree, threshold, "distance")
+        _, first, labels = np.unique(flat, return_index=True, return_inverse=True)
+        self.labels_ = np.argsort(np.argsort(first))[labels]
+        self.linkage_matrix_ = tree
         return self
+
+    def fit_predict(self, X: ArrayLike, y: object = None) -> ndarray:
+        """Fit, and return the labels."""
+        return self.fit(X).labels_
 
 
 def _greedy_medoids(distances: ndarray, k: int) -> ndarray:

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from riemhuman.checks import Rng, generator, values_of, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.representation import Record
-from riemhuman.statistics.distance_matrices import distance_matrix
+from riemhuman.statistics._distance_matrix import distance_matrix
 
 # Splits whose statistics are computed at once.
 _BLOCK = 256

@@ -4,7 +4,9 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from sklearn.metrics import adjusted_rand_score
 
+import riemhuman as rh
 from riemhuman.errors import ArgumentError
 from riemhuman.statistics import HierarchicalClustering, KMedoids
 
@@ -70,18 +72,25 @@ def test_equal_points_keep_their_medoids():
     np.testing.assert_array_equal(everything.labels_, np.arange(5))
 
 
-@pytest.mark.parametrize("linkage", ["average", "complete", "single"])
+@pytest.mark.parametrize("linkage", ["ward", "average", "complete", "single", "weighted"])
 def test_hierarchy(linkage):
     distances, groups = three_groups()
     found = HierarchicalClustering(3, linkage=linkage).fit(distances)
     assert same_partition(found.labels_, groups)
-    assert found.children_.shape == (16, 2)
-    np.testing.assert_allclose(
-        found.distances_[0], distances[~np.eye(17, dtype=bool)].min(), rtol=1e-12
-    )
-    assert np.all(np.diff(found.distances_) >= 0)
-    cut = HierarchicalClustering(None, distance_threshold=15.0, linkage=linkage)
+    tree = found.linkage_matrix_
+    nearest = distances[~np.eye(17, dtype=bool)].min()
+    np.testing.assert_allclose(tree[0, 2], nearest, rtol=1e-12)
+    assert np.all(np.diff(tree[:, 2]) >= 0)
+    cut = HierarchicalClustering(None, distance_threshold=tree[-2, 2], linkage=linkage)
     np.testing.assert_array_equal(cut.fit_predict(distances), found.labels_)
+
+
+def test_both_find_people_by_default():
+    bodies = rh.datasets.load_open_bodies("coarse", "natural")
+    metric = rh.ElasticMetric(rh.AlignedSurfaces(bodies.template), a=1.0, lam=1e-4, c=0.0)
+    distances = metric.dist_pairwise(bodies.points)
+    for estimator in (KMedoids(10), HierarchicalClustering(10)):
+        assert adjusted_rand_score(bodies.subject, estimator.fit_predict(distances)) > 0.95
 
 
 def test_refusals():
@@ -95,6 +104,8 @@ def test_refusals():
             estimator.fit(distances - np.eye(17)[::-1] * (distances + 1.0) * (1 - np.eye(17)))
         with pytest.raises(ArgumentError, match="NaN"):
             estimator.fit(distances * np.nan)
+        with pytest.raises(ArgumentError, match="do not overflow; the largest is 1e\\+308"):
+            estimator.fit(np.where(np.eye(4), 0.0, 1e308))
     with pytest.raises(ArgumentError, match="n_clusters=18 exceeds the 17 points"):
         KMedoids(18).fit(distances)
     with pytest.raises(ArgumentError, match="n_clusters"):
@@ -108,4 +119,4 @@ def test_refusals():
     with pytest.raises(ArgumentError, match="exactly one"):
         HierarchicalClustering(2, distance_threshold=1.0).fit(distances)
     with pytest.raises(ArgumentError, match="linkage must be one of"):
-        HierarchicalClustering(2, linkage="ward").fit(distances)
+        HierarchicalClustering(2, linkage="centroid").fit(distances)

@@ -1,0 +1,151 @@
+"""A metric learned from labels, on people who were left out, and its properties."""
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+from sklearn.base import clone
+from sklearn.covariance import LedoitWolf
+from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+
+import riemhuman as rh
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.retrieval import local_scaling, scores
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return rh.datasets.load_open_bodies("coarse", "natural")
+
+
+@pytest.fixture(scope="module")
+def metrics(bodies):
+    space = rh.AlignedSurfaces(bodies.template)
+    return {
+        "pose": rh.ElasticMetric(space, a=0.0, lam=0.0, c=1.0),
+        "rotations": rh.RotationMetric(space),
+        "subject": rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.0),
+    }
+
+
+@pytest.mark.parametrize("shrinkage", ["ledoit-wolf", "cross-validation", 0.05, 0.2])
+@pytest.mark.parametrize(
+    ("name", "what"), [("pose", "pose"), ("rotations", "pose"), ("subject", "subject")]
+)
+def test_people_left_out_are_retrieved_better_than_without_labels(
+    bodies, metrics, name, what, shrinkage
+):
+    labels = getattr(bodies, what)
+    learned = rh.LearnedMetric(metrics[name], shrinkage=shrinkage)
+    found = scores(learned.held_out_distances(bodies.points, labels, bodies.subject), labels)
+    plain = scores(metrics[name].dist_pairwise(bodies.points), labels)
+    assert found.nn >= max(97.0, plain.nn)
+    assert found.first_tier >= max(95.0, plain.first_tier)
+    assert found.second_tier >= 99.4
+
+
+def test_people_of_a_query_are_not_in_its_metric(bodies, metrics):
+    """Labels of the people who are left out do not change their distances."""
+    learned = rh.LearnedMetric(metrics["pose"])
+    distances = learned.held_out_distances(bodies.points, bodies.pose, bodies.subject)
+    dealt = bodies.pose.copy()
+    held_out = bodies.subject % 5 == 3
+    dealt[held_out] = np.random.default_rng(0).permutation(dealt[held_out])
+    again = learned.held_out_distances(bodies.points, dealt, bodies.subject)
+    np.testing.assert_array_equal(again[held_out], distances[held_out])
+    assert not np.allclose(again[~held_out], distances[~held_out])
+    fitted = rh.LearnedMetric(metrics["pose"]).fit(bodies.points[~held_out], bodies.pose[~held_out])
+    codes = fitted.transform(bodies.points)
+    np.testing.assert_allclose(distances[held_out], cdist(codes[held_out], codes), atol=1e-4)
+
+
+def test_the_metric_is_a_metric_as_others_are(bodies, metrics):
+    learned = rh.LearnedMetric(metrics["pose"]).fit(bodies.points[:80], bodies.pose[:80])
+    metric, new = learned.metric_, bodies.points[80:]
+    codes = learned.transform(new)
+    expected = cdist(codes, codes)
+    np.testing.assert_allclose(metric.dist_pairwise(new), expected, atol=1e-4)
+    np.testing.assert_allclose(metric.dist(new[0], new[1:]), expected[0, 1:], rtol=1e-9)
+    distances, indices = rh.NearestNeighbors(metric, 3).fit(bodies.points).kneighbors(new[:2])
+    all_codes = learned.transform(bodies.points)
+    wanted = np.sort(cdist(codes[:2], all_codes), axis=1)[:, :3]
+    np.testing.assert_allclose(distances, wanted, atol=1e-4)
+    assert indices[:, 0].tolist() == [80, 81]
+    # ‖(differential of the coordinates) h‖, by finite differences.
+    h = 1e-6 * np.random.default_rng(1).standard_normal(new[0].shape)
+    change = learned.transform((new[0] + h)[None]) - learned.transform((new[0] - h)[None])
+    np.testing.assert_allclose(metric.norm(h, new[0]), np.linalg.norm(change) / 2, rtol=1e-4)
+
+
+def test_agrees_with_scikit_learn(bodies, metrics):
+    """Distances of linear discriminant analysis with the same shrinkage, and Ledoit and Wolf's."""
+    points, labels = bodies.points[::2], bodies.subject[::2]
+    learned = rh.LearnedMetric(metrics["subject"], shrinkage=0.3).fit(points, labels)
+    coordinates = metrics["subject"].lower_bound_coordinates(points)
+    principal = np.linalg.svd(coordinates - coordinates.mean(axis=0), full_matrices=False)[0]
+    centered = coordinates - coordinates.mean(axis=0)
+    reduced = principal.T @ centered @ np.linalg.svd(centered, full_matrices=False)[2].T
+    reduced = (principal * np.diag(reduced))[:, :-1]
+    means = np.stack([reduced[labels == label].mean(axis=0) for label in labels])
+    within = reduced - means
+    scatter = within.T @ within / len(within)
+    shrunk = 0.7 * scatter + 0.3 * np.trace(scatter) / len(scatter) * np.eye(len(scatter))
+    difference = reduced[0] - reduced[1:]
+    expected = np.sqrt(np.sum(difference * np.linalg.solve(shrunk, difference.T).T, axis=1))
+    codes = learned.transform(points)
+    np.testing.assert_allclose(np.linalg.norm(codes[0] - codes[1:], axis=1), expected, rtol=1e-6)
+    automatic = rh.LearnedMetric(metrics["subject"]).fit(points, labels)
+    wanted = LedoitWolf(assume_centered=True).fit(within).shrinkage_
+    assert automatic.shrinkage_ == pytest.approx(wanted)
+    lda = LinearDiscriminantAnalysis(solver="lsqr", shrinkage=0.3).fit(reduced, labels)
+    centres = np.stack([codes[labels == label].mean(axis=0) for label in lda.classes_])
+    nearest = lda.classes_[cdist(codes, centres).argmin(axis=1)]
+    np.testing.assert_array_equal(nearest, lda.predict(reduced))
+
+
+def test_follows_the_conventions_of_scikit_learn(bodies, metrics):
+    learned = rh.LearnedMetric(metrics["pose"], shrinkage=0.2, n_folds=3)
+    twin = clone(learned)
+    assert twin.get_params(deep=False) == learned.get_params(deep=False)
+    points, labels = bodies.points[:30], bodies.pose[:30]
+    before = points.copy()
+    codes = twin.fit_transform(points, labels.tolist(), groups=bodies.subject[:30])
+    np.testing.assert_array_equal(points, before)
+    np.testing.assert_array_equal(codes, learned.fit(points, labels).transform(points))
+    with pytest.raises(ArgumentError, match="must be fitted first"):
+        clone(learned).transform(points)
+
+
+def test_refusals(bodies, metrics):
+    points, labels = bodies.points[:20], bodies.pose[:20]
+    learned = rh.LearnedMetric(metrics["pose"])
+    for arguments, message in (
+        ((points, labels[:-1]), "y must hold a label for each of 20 points; found 19"),
+        ((points, np.zeros(20)), "at least two classes"),
+        ((points, np.arange(20)), "same class to two different points"),
+        ((points, labels, labels[:3]), "groups must hold"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            learned.fit(*arguments)
+    with pytest.raises(ArgumentError, match="n_folds=5 groups; found 2"):
+        learned.held_out_distances(points, labels, bodies.subject[:20])
+    for shrinkage in (0.0, 1.5, "none"):
+        with pytest.raises(ArgumentError, match="shrinkage must be"):
+            rh.LearnedMetric(metrics["pose"], shrinkage=shrinkage).fit(points, labels)
+    sobolev = rh.SobolevMetric(rh.AlignedSurfaces(bodies.template))
+    with pytest.raises(ArgumentTypeError, match="lower_bound_coordinates.*found SobolevMetric"):
+        rh.LearnedMetric(sobolev).fit(points, labels)
+
+
+def test_local_scaling_and_other_people_only(bodies, metrics):
+    space = metrics["pose"].space
+    shape = rh.ElasticMetric(space, a=1.0, lam=1e-4, c=0.0)
+    distances = shape.dist_pairwise(bodies.points)
+    plain, scaled = (
+        scores(distances, bodies.subject),
+        scores(local_scaling(distances), bodies.subject),
+    )
+    assert scaled.first_tier > plain.first_tier
+    # Whoever is nearest holds the same pose, once the query's own other poses do not count.
+    for name in ("pose", "rotations"):
+        found = scores(metrics[name].dist_pairwise(bodies.points), bodies.pose, bodies.subject)
+        assert found.nn >= 96.0
