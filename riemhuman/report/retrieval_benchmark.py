@@ -20,7 +20,8 @@ from riemhuman.geometry import (
     SRNFMetric,
 )
 from riemhuman.progress import ProgressBar
-from riemhuman.retrieval.scores import RetrievalScores, scores
+from riemhuman.retrieval import RetrievalScores, scores
+from riemhuman.statistics import LearnedMetric
 
 SHAPE_METRIC = "shape metric (1, 0.0001, 0)"
 """Name of the paper's metric for the retrieval of people."""
@@ -193,6 +194,42 @@ def table_metrics(bodies: Any) -> dict[str, Any]:
         "SRNF": SRNFMetric(space),
         ROTATION_METRIC: RotationMetric(space),
         GENERAL_METRIC: GeneralElasticMetric(space, a=1.0, b=1.0, c=1.0),
+    }
+
+
+LEARNED_METRIC = "learned from labels, other people"
+"""Name of the metrics learned from labels, each fitted without the people of the query."""
+
+
+def learned_distances(bodies: Any) -> dict[str, np.ndarray]:
+    """Return distances learned from labels, for each task, from people to whom they were not fitted.
+
+    For poses, the metric is learned from normals, for people from metric fields, see
+    `rh.LearnedMetric`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Registered surfaces with the labels ``subject`` and ``pose``.
+
+    Returns
+    -------
+    dict of str to array, shape (n, n)
+        Distances for "shape" and "pose"; a task is left out without its labels, and both without
+        five people.
+    """
+    subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
+    if subject is None or len(np.unique(subject)) < 5:
+        return {}
+    space = AlignedSurfaces(bodies.template, equip=False)
+    metrics = {
+        "shape": (ElasticMetric(space, a=1.0, lam=1.0, c=0.0), subject),
+        "pose": (ElasticMetric(space, a=0.0, lam=0.0, c=1.0), pose),
+    }
+    return {
+        task: LearnedMetric(metric).held_out_distances(bodies.points, labels, subject)
+        for task, (metric, labels) in metrics.items()
+        if labels is not None and 1 < len(np.unique(labels)) < len(labels)
     }
 
 
