@@ -10,8 +10,7 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import Manifold, RiemannianMetric
-from riemhuman.geometry.manifold import sample_count
-from riemhuman.geometry.manifold import stack_samples
+from riemhuman.geometry.manifold import sample_count, stack_samples
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.motions._frames import (

@@ -1,7 +1,6 @@
 """Pictures and interactive views of bodies, paths, motions and results."""
 
-from riemhuman.geometry.surface_metric import Contributions
-from riemhuman.geometry.surface_metric import contributions
+from riemhuman.geometry.surface_metric import Contributions, contributions
 from riemhuman.plots._figures import figure_files, figure_style, new_figure
 from riemhuman.plots._viewer_data import ViewedBody
 from riemhuman.plots.body_plots import per_area, plot_body, plot_measurement_lines, plot_path

@@ -12,8 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
-from riemhuman.geometry.strategies import PathEnergy
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import combine_rows, pair_with_rows, single_threaded_libraries
 from riemhuman.solvers.energies import SegmentEnergy
 from riemhuman.solvers.many_paths import ManyPaths

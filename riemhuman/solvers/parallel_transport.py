@@ -14,8 +14,7 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
-from riemhuman.geometry.strategies import TransportSolver
+from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
 from riemhuman.protocols import uninterrupted
 from riemhuman.solvers._geodesic_equation import MiddleEquation, Triple
 from riemhuman.solvers.results import Result, warn_unless_converged

@@ -15,8 +15,7 @@ from scipy.interpolate import make_interp_spline
 from riemhuman.checks import real_number, whole_number
 from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry.strategies import GeodesicSolver
-from riemhuman.geometry.strategies import PathEnergy
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.protocols import INTERRUPTED, uninterrupted, was_interrupted
 from riemhuman.solvers.energies import SegmentEnergy

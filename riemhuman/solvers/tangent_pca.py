@@ -13,8 +13,7 @@ from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold
-from riemhuman.geometry.manifold import sample_count
-from riemhuman.geometry.manifold import stack_samples
+from riemhuman.geometry.manifold import sample_count, stack_samples
 from riemhuman.protocols import uninterrupted
 from riemhuman.solvers.image_spaces import ImageSpace, image_space
 from riemhuman.solvers.nearest_surface import NearestSurface

@@ -12,9 +12,7 @@ from numpy import ndarray
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.estimator import Estimator
-from riemhuman.geometry import RiemannianMetric
-from riemhuman.geometry import PullbackMetric
-from riemhuman.geometry import VectorSpace
+from riemhuman.geometry import PullbackMetric, RiemannianMetric, VectorSpace
 from riemhuman.optional import import_optional
 
 LEDOIT_WOLF, CROSS_VALIDATION = "ledoit-wolf", "cross-validation"
@@ -221,11 +219,7 @@ class LearnedMetric(Estimator):
         return distances
 
     def _coordinates(self, X: Any) -> ndarray:
-        if not getattr(
-            self.metric,
-            "has_lower_bound_coordinates",
-            hasattr(self.metric, "lower_bound_coordinates"),
-        ):
+        if not self.metric.has_lower_bound_coordinates:
             raise ArgumentTypeError(
                 "metric must have coordinates (lower_bound_coordinates), as metrics of normals, of "
                 f"rotations and elastic metrics do; found {type(self.metric).__name__}"

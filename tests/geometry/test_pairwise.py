@@ -20,8 +20,7 @@ from riemhuman.geometry import (
     VectorSpace,
     pairwise,
 )
-from riemhuman.geometry.pairwise import features_in_threads
-from riemhuman.geometry.pairwise import squared_dist_rectangle
+from riemhuman.geometry.pairwise import features_in_threads, squared_dist_rectangle
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
