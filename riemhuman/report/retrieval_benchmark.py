@@ -202,7 +202,7 @@ LEARNED_METRIC = "learned from labels, other people"
 
 
 def learned_distances(bodies: Any) -> dict[str, np.ndarray]:
-    """Return distances learned from labels, for each task, from people to whom they were not fitted.
+    """Return distances learned from labels, by task, from people to whom they were not fitted.
 
     For poses, the metric is learned from normals, for people from metric fields, see
     `rh.LearnedMetric`.
