@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,17 +26,17 @@ _BODY, _FACE, _HANDS = len(_BODY_PARENTS), 3, 30
 # Parts of the joints of a file or a model, by the number of joints.
 _LAYOUTS = {
     _BODY: ("body",),
-    _BODY + 2: ("body", "still hands"),
+    _BODY + 2: ("body", "fists"),
     _BODY + _HANDS: ("body", "hands"),
     _BODY + _FACE + _HANDS: ("body", "face", "hands"),
 }
-_SIZES = {"body": _BODY, "still hands": 2, "face": _FACE, "hands": _HANDS}
+_SIZES = {"body": _BODY, "fists": 2, "face": _FACE, "hands": _HANDS}
 _RATES = ("mocap_framerate", "mocap_frame_rate")
 _POSES = {"root_orient": 3, "pose_body": 63, "pose_jaw": 3, "pose_eye": 6, "pose_hand": 90}
 _NEEDED_POSES = ("root_orient", "pose_body")
 _NOT_MOTIONS = ("shape.npz", "_stagei.npz")
 _ENDINGS = ("_poses", "_stageii")
-# The quarter turn about x that takes z up to y up.
+# The rotation by 90 degrees about x that takes z up to y up.
 _TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
 _FRAMES_AT_A_TIME = 16
 _FILES_KEPT = 4
@@ -45,56 +45,49 @@ _LARGEST_ANGLE = 1e12
 _LARGEST = 1e50
 
 
+class _Header(NamedTuple):
+    """The parts of a file that are read when it is loaded."""
+
+    gender: str
+    frames_per_second: float
+    n_frames: int
+
+
+class _Recording(NamedTuple):
+    """The arrays of a file."""
+
+    betas: np.ndarray
+    poses: np.ndarray  # (T, joints, 3)
+    translations: np.ndarray
+
+
 class AmassMotion(Motion):
-    """One motion of AMASS with a body model."""
+    """One motion of AMASS; frame i is ``model(betas, pose_vectors[i], translations[i])``."""
 
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        model: BodyModel,
-        gender: str,
-        recorded_frames_per_second: float,
-        numbers: np.ndarray,
-        frames_per_second: float,
-        up: str,
+        self, path: Path, model: BodyModel, header: _Header, frames_per_second: float, up: str
     ) -> None:
-        self._path = Path(path)
-        sequence = self._path.stem
+        sequence = path.stem
         for ending in _ENDINGS:
             sequence = sequence.removesuffix(ending)
-        subject = self._path.absolute().parent.name
-        super().__init__(subject, sequence, frames_per_second, len(numbers), model.faces)
-        self._model = model
-        self._gender = gender
-        self._recorded_frames_per_second = recorded_frames_per_second
-        self._numbers = numbers
+        # Of each wanted time, the recorded frame nearest in time.
+        recorded = header.frames_per_second
+        n_frames = int((header.n_frames - 1) * frames_per_second / recorded + 1e-9) + 1
+        numbers = np.rint(np.arange(n_frames) * (recorded / frames_per_second)).astype(np.int64)
+        subject = path.absolute().parent.name
+        super().__init__(subject, sequence, frames_per_second, n_frames, model.faces)
+        self._numbers = np.minimum(numbers, header.n_frames - 1)
         self._up = up
+        self.path = path
+        self.model = model
+        self.gender = header.gender
+        self.recorded_frames_per_second = recorded
 
     @property
-    def path(self) -> Path:
-        """The file."""
-        return self._path
-
-    @property
-    def model(self) -> BodyModel:
-        """The body model."""
-        return self._model
-
-    @property
-    def gender(self) -> str:
-        """Gender of the betas: "female", "male" or "neutral"."""
-        return self._gender
-
-    @property
-    def recorded_frames_per_second(self) -> float:
-        """Frame rate of the file."""
-        return self._recorded_frames_per_second
-
-    @cached_property
     def betas(self) -> np.ndarray:
         """Shape coefficients of the model, shape (B,); those missing in the file are zero."""
-        betas = self._recording().betas[: self._model.n_betas]
-        return np.pad(betas, (0, self._model.n_betas - len(betas)))
+        betas = _read(self.path).betas[: self.model.n_betas]
+        return np.pad(betas, (0, self.model.n_betas - len(betas)))
 
     @property
     def pose_vectors(self) -> np.ndarray:
@@ -106,44 +99,31 @@ class AmassMotion(Motion):
         """Translation in every frame, shape (n_frames, 3), metres."""
         return self._parameters(range(len(self)))[1]
 
-    @cached_property
-    def _root(self) -> np.ndarray:
-        return self._model.joints(self.betas)[0]
-
-    def _recording(self) -> _Recording:
-        try:
-            found = self._path.stat()
-        except OSError as error:
-            raise FileError(f"{self._path} cannot be read: {error.strerror}") from error
-        # A file with the same times, size and number is taken for unchanged.
-        state = (found.st_mtime_ns, found.st_ctime_ns, found.st_size, found.st_ino)
-        return _read(self._path, state)
-
     def _parameters(self, numbers: range) -> tuple[np.ndarray, np.ndarray]:
         """Return the pose vectors and translations of some frames."""
-        recording = self._recording()
+        recording = _read(self.path)
         chosen = self._numbers[np.asarray(numbers, dtype=np.int64)]
         if len(recording.translations) <= self._numbers[-1]:
-            raise FileError(f"{self._path} has changed: it has fewer frames than it had")
-        pose = _of_model(recording.poses[chosen], self._model.n_joints)
+            raise FileError(f"{self.path} has changed: it has fewer frames than it had")
+        pose = _of_model(recording.poses[chosen], self.model.n_joints)
         translations = recording.translations[chosen]
         if self._up == "y":
-            # Poses turn the root about itself, but a turn of space also moves it.
-            root = self._root
-            turn = Rotation.from_matrix(_TO_Y_UP)
-            pose[:, 0] = (turn * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
+            # Poses rotate the root about itself, but a rotation of space also moves it.
+            root = self.model.joints(self.betas)[0]
+            rotation = Rotation.from_matrix(_TO_Y_UP)
+            pose[:, 0] = (rotation * Rotation.from_rotvec(pose[:, 0])).as_rotvec()
             translations = (translations + root) @ _TO_Y_UP.T - root
         return pose, translations
 
     def _frames(self, numbers: range) -> np.ndarray:
-        frames = np.empty((len(numbers), self._model.n_vertices, 3))
+        frames = np.empty((len(numbers), self.model.n_vertices, 3))
         for some in slices(len(numbers), _FRAMES_AT_A_TIME):
             # Numbers too large for any body are recognised by their coordinates below.
             with np.errstate(over="ignore", invalid="ignore"):
-                frames[some] = self._model(self.betas, *self._parameters(numbers[some]))
+                frames[some] = self.model(self.betas, *self._parameters(numbers[some]))
         if not np.abs(frames).max(initial=0.0) <= _LARGEST:
             raise FileFormatError(
-                f"{self._path}: its numbers lead to coordinates beyond {_LARGEST:g}"
+                f"{self.path}: its numbers lead to coordinates beyond {_LARGEST:g}"
             )
         return frames
 
@@ -161,7 +141,7 @@ def load_amass(
     Files in the layouts of SMPL-H (``poses``) and SMPL-X (``root_orient``, ``pose_body``, …) are
     read. Rotations of the 22 joints of SMPL's body are used, and those of the 30 joints of the
     hands and the 3 of the face if both the model and the file have them; other joints of the model
-    do not turn. Soft-tissue coefficients (``dmpls``) are not used.
+    do not rotate. Soft-tissue coefficients (``dmpls``) are not used.
 
     Parameters
     ----------
@@ -175,7 +155,7 @@ def load_amass(
         Frame rate, at most that of the files: the frames nearest in time are used. By default all
         frames are used.
     up : {"y", "z"}
-        "y" turns the motions of the files, whose z axis points up, to y up; "z" leaves them
+        "y" rotates the motions of the files, whose z axis points up, to y up; "z" leaves them
         unchanged.
 
     Returns
@@ -223,47 +203,22 @@ def load_amass(
             problems.append(str(error))
     if problems:
         raise FileFormatError("; ".join(problems))
-    return Motions(_motion(file, header, models, wanted, up) for file, header in headers.items())
-
-
-class _Header(NamedTuple):
-    """The parts of a file that are read when it is loaded."""
-
-    gender: str
-    frames_per_second: float
-    n_frames: int
-
-
-class _Recording(NamedTuple):
-    """The arrays of a file."""
-
-    betas: np.ndarray
-    poses: np.ndarray  # (T, joints, 3)
-    translations: np.ndarray
-
-
-def _motion(
-    file: Path,
-    header: _Header,
-    models: Mapping[str | None, BodyModel],
-    wanted: float | None,
-    up: str,
-) -> AmassMotion:
-    model = models.get(header.gender, models.get(None))
-    if model is None:
-        known = ", ".join(map(repr, models))
-        raise ArgumentError(f"model must have one for {header.gender!r}, as in {file}; has {known}")
-    recorded = header.frames_per_second
-    rate = recorded if wanted is None else wanted
-    if rate > recorded:
-        raise ArgumentError(
-            f"frames_per_second must be at most that of the files; {file} has {recorded:g}, "
-            f"found {rate:g}"
-        )
-    n_frames = int((header.n_frames - 1) * rate / recorded + 1e-9) + 1
-    numbers = np.rint(np.arange(n_frames) * (recorded / rate)).astype(np.int64)
-    numbers = np.minimum(numbers, header.n_frames - 1)
-    return AmassMotion(file, model, header.gender, recorded, numbers, rate, up)
+    motions = []
+    for file, header in headers.items():
+        own = models.get(header.gender, models.get(None))
+        if own is None:
+            known = ", ".join(map(repr, models))
+            raise ArgumentError(
+                f"model must have one for {header.gender!r}, as in {file}; has {known}"
+            )
+        rate = header.frames_per_second if wanted is None else wanted
+        if rate > header.frames_per_second:
+            raise ArgumentError(
+                f"frames_per_second must be at most that of the files; {file} has "
+                f"{header.frames_per_second:g}, found {rate:g}"
+            )
+        motions.append(AmassMotion(file, own, header, rate, up))
+    return Motions(motions)
 
 
 def _models(model: Any) -> dict[str | None, BodyModel]:
@@ -294,8 +249,8 @@ def _of_model(poses: np.ndarray, n_joints: int) -> np.ndarray:
     for part in _LAYOUTS[poses.shape[1]]:
         parts[part] = poses[:, start : start + _SIZES[part]]
         start += _SIZES[part]
-    still = {part: np.zeros((len(poses), size, 3)) for part, size in _SIZES.items()}
-    return np.concatenate([parts.get(part, still[part]) for part in _LAYOUTS[n_joints]], axis=1)
+    zero = {part: np.zeros((len(poses), size, 3)) for part, size in _SIZES.items()}
+    return np.concatenate([parts.get(part, zero[part]) for part in _LAYOUTS[n_joints]], axis=1)
 
 
 def _find_files(path: str | os.PathLike[str]) -> list[Path]:
@@ -320,8 +275,8 @@ def _read_header(file: Path) -> _Header:
     needed += _NEEDED_POSES if any(name in shapes for name in _NEEDED_POSES) else ["poses"]
     missing = [name for name in needed if name not in shapes]
     if missing:
-        found = ", ".join(sorted(shapes)) or "none"
-        raise FileFormatError(f"{file} lacks the fields {', '.join(missing)}; found {found}")
+        present = ", ".join(sorted(shapes)) or "none"
+        raise FileFormatError(f"{file} lacks the fields {', '.join(missing)}; found {present}")
     n_frames = (*shapes["trans"], 0)[0]
     widths = {"trans": (3,), "poses": tuple(3 * number for number in _LAYOUTS)}
     widths |= {name: (width,) for name, width in _POSES.items()}
@@ -351,9 +306,17 @@ def _gender(value: np.ndarray | None, file: Path) -> str:
     return text.removeprefix("b'").removesuffix("'").strip().lower()
 
 
-@lru_cache(maxsize=_FILES_KEPT)
-def _read(file: Path, state: tuple[int, ...]) -> _Recording:
+def _read(file: Path) -> _Recording:
     """Return the arrays of a file, which are cached while the file does not change."""
+    try:
+        status = file.stat()
+    except OSError as error:
+        raise FileError(f"{file} cannot be read: {error.strerror}") from error
+    return _read_unchanged(file, status.st_mtime_ns, status.st_size)
+
+
+@lru_cache(maxsize=_FILES_KEPT)
+def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     try:
         betas = real_array(fields["betas"], "betas").ravel()
