@@ -5,7 +5,7 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.datasets._natural_bodies import surface_noise
-from riemhuman.registration._start_search import _SMPL_TREE, _renamed
+from riemhuman.registration._start_poses import _SMPL_TREE, rename_joints
 from riemhuman.registration.simulated_scans import remeshed
 from riemhuman.surfaces.nearest_places import nearest_places
 
@@ -138,4 +138,4 @@ def with_smpls_tree(model):
 
 def with_other_names(model):
     """Return a model whose joints have names that no other model has."""
-    return _renamed(model, tuple(f"bone_{k}" for k in range(model.n_joints)))
+    return rename_joints(model, tuple(f"bone_{k}" for k in range(model.n_joints)))

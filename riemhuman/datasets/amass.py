@@ -312,11 +312,12 @@ def _read(file: Path) -> _Recording:
         status = file.stat()
     except OSError as error:
         raise FileError(f"{file} cannot be read: {error.strerror}") from error
-    return _read_unchanged(file, status.st_mtime_ns, status.st_size)
+    state = (status.st_mtime_ns, status.st_ctime_ns, status.st_size, status.st_ino)
+    return _read_unchanged(file, state)
 
 
 @lru_cache(maxsize=_FILES_KEPT)
-def _read_unchanged(file: Path, _time: int, _size: int) -> _Recording:
+def _read_unchanged(file: Path, _state: tuple[int, ...]) -> _Recording:
     fields = load_arrays(file, ("trans", "betas"), ("poses", *_POSES))
     try:
         betas = real_array(fields["betas"], "betas").ravel()

@@ -34,66 +34,39 @@ _SPAN = 64
 
 
 class DynamicFaustMotion(Motion):
-    """One sequence of Dynamic FAUST, whose frames are read on access."""
+    """One sequence of Dynamic FAUST, of which every `step`-th frame is read on access."""
 
     def __init__(
-        self,
-        path: str | os.PathLike[str],
-        subject: str,
-        sequence: str,
-        n_frames: int,
-        faces: np.ndarray,
-        step: int = 1,
+        self, path: Path, subject: str, sequence: str, n_frames: int, faces: np.ndarray, step: int
     ) -> None:
         rate, n_used = _FRAMES_PER_SECOND / step, -(-n_frames // step)
         super().__init__(subject, sequence, rate, n_used, faces)
-        self._path = Path(path)
+        self.path = path
         self._n_recorded = n_frames
         self._step = step
 
-    @property
-    def path(self) -> Path:
-        """The file."""
-        return self._path
-
     def _frames(self, numbers: range) -> np.ndarray:
-        first, end, step = (
-            self._step * part for part in (numbers.start, numbers.stop, numbers.step)
-        )
-        return self._recorded_frames(range(first, end, step))
+        ends = (self._step * part for part in (numbers.start, numbers.stop, numbers.step))
+        return self._recorded_frames(range(*ends))
 
     def _recorded_frames(self, numbers: range) -> np.ndarray:
         key = f"{self.subject}_{self.sequence}"
         n_vertices = int(self.faces.max()) + 1
         frames = np.empty((len(numbers), n_vertices, 3))
         run = max(1, _SPAN // abs(numbers.step))
-        with _opened(self._path) as file:
-            if key not in file or _Entry.of(file, key, self._path).shape != (
-                n_vertices,
-                3,
-                self._n_recorded,
-            ):
-                raise FileError(f"{self._path} has changed: {key} is not what it was")
+        with _open(self.path) as file:
+            if key not in file or _inspect(file, key, n_vertices) != (self._n_recorded, ""):
+                raise FileError(f"{self.path} has changed: {key} is not what it was")
             for start in range(0, len(numbers), run):
                 some = np.asarray(numbers[start : start + run])
                 first, end = int(some.min()), int(some.max()) + 1
-                try:
-                    read = file[key][:, :, first:end]
-                except (OSError, RuntimeError) as error:
-                    raise FileError(
-                        f"{self._path}: frames {first} to {end - 1} of {key} cannot be read: "
-                        f"{short_message(error)}"
-                    ) from error
+                read = file[key][:, :, first:end]
                 frames[start : start + run] = np.moveaxis(read[:, :, some - first], -1, 0)
-        bad = [
-            number
-            for number, frame in zip(numbers, frames, strict=True)
-            if not np.isfinite(frame).all()
-        ]
-        if bad:
+        finite = np.isfinite(frames).all(axis=(1, 2))
+        if not finite.all():
+            bad = [str(number) for number, good in zip(numbers, finite, strict=True) if not good]
             raise FileFormatError(
-                f"{self._path}: NaN or infinite coordinates in frames "
-                f"{join_names([str(number) for number in bad])} of {key}"
+                f"{self.path}: NaN or infinite coordinates in frames {join_names(bad)} of {key}"
             )
         return frames
 
@@ -162,87 +135,118 @@ def load_dfaust(
     """
     step = _step(frames_per_second)
     files = _find_files(path)
-    found: dict[str, dict[str, _Entry]] = {}
+    places = " and ".join(str(file) for file in files)
+    recorded: dict[str, dict[str, _Entry]] = {}
     faces: np.ndarray | None = None
     for file in files:
-        with _opened(file) as contents:
-            faces = _read_faces(contents, file, faces)
-            for key in _names(contents, file):
+        with _open(file) as contents:
+            # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
+            names = [name for name in contents if isinstance(name, str)]
+            faces = _read_faces(contents, names, file, faces)
+            for key in names:
                 match = re.fullmatch(r"(\d+)_(\w+)", key)
                 if match:
-                    entry = _Entry.of(contents, key, file)
-                    found.setdefault(match[1], {})[match[2]] = entry
-    if faces is None or not found:
-        raise FileFormatError(f"{_listed(files)} holds no sequence, such as 50002_hips")
-    pairs = _wanted(found, subjects, sequences, f" in {_listed(files)}")
-    _refuse_malformed(found, pairs, int(faces.max()) + 1)
+                    entry = _Entry(file, *_inspect(contents, key, int(faces.max()) + 1))
+                    recorded.setdefault(match[1], {})[match[2]] = entry
+    if faces is None or not recorded:
+        raise FileFormatError(f"{places} holds no sequence, such as 50002_hips")
+    pairs = _choose_pairs(recorded, subjects, sequences, f" in {places}")
+    entries = [recorded[subject][sequence] for subject, sequence in pairs]
+    problems = [
+        f"{subject}_{sequence} of {entry.file} {entry.problem}"
+        for (subject, sequence), entry in zip(pairs, entries, strict=True)
+        if entry.problem
+    ]
+    if problems:
+        raise FileFormatError(
+            f"sequences must be numbers of shape ({int(faces.max()) + 1}, 3, n_frames), as their "
+            f"triangles ask for; {'; '.join(problems)}"
+        )
     return Motions(
-        DynamicFaustMotion(entry.file, subject, sequence, entry.shape[-1], faces, step)
-        for subject, sequence in pairs
-        for entry in [found[subject][sequence]]
+        DynamicFaustMotion(entry.file, subject, sequence, entry.n_frames, faces, step)
+        for (subject, sequence), entry in zip(pairs, entries, strict=True)
     )
 
 
 class _Entry(NamedTuple):
-    """The file of a sequence, and shape and type of its data."""
+    """A sequence in a file."""
 
     file: Path
-    shape: tuple[int, ...]
-    kind: str
-    elsewhere: bool = False
-
-    @classmethod
-    def of(cls, contents: Any, key: str, file: Path) -> _Entry:
-        with _damage_named(file, key):
-            if not _lies_here(contents, key):
-                return cls(file, (), "", elsewhere=True)
-            dataset = contents[key]
-            kind = dataset.dtype.kind if hasattr(dataset, "dtype") else ""
-            return cls(file, tuple(getattr(dataset, "shape", None) or ()), kind)
-
-    def problem(self, n_vertices: int) -> str | None:
-        """Describe what is wrong with the data, or return None."""
-        if self.elsewhere:
-            return "lies outside the file, or is larger than it can hold"
-        if self.kind not in ("f", "i", "u"):
-            return "does not hold numbers"
-        if len(self.shape) != 3 or self.shape[:2] != (n_vertices, 3) or self.shape[2] == 0:
-            return f"has shape {self.shape}"
-        return None
+    n_frames: int
+    problem: str  # what is wrong with its data, or empty
 
 
-def _lies_here(contents: Any, key: str) -> bool:
-    """Tell whether data are in the file itself, and not much larger than their storage."""
+def _inspect(contents: Any, key: str, n_vertices: int) -> tuple[int, str]:
+    """Return the number of frames of a sequence, and what is wrong with its data, if anything."""
+    if not _is_stored_here(contents, key):
+        return 0, "lies outside the file, or is larger than it can hold"
+    dataset = contents[key]
+    shape = tuple(getattr(dataset, "shape", None) or ())
+    if getattr(dataset, "dtype", np.dtype(object)).kind not in "fiu":
+        return 0, "does not hold numbers"
+    if len(shape) != 3 or shape[:2] != (n_vertices, 3) or shape[2] == 0:
+        return 0, f"has shape {shape}"
+    return shape[2], ""
+
+
+def _is_stored_here(contents: Any, key: str) -> bool:
+    """Return whether data are in the file itself, and not much larger than their storage."""
     h5py = import_optional("h5py", "data")
     if not isinstance(contents.get(key, getlink=True), h5py.HardLink):
         return False
-    found = contents[key]
-    if not isinstance(found, h5py.Dataset):
+    dataset = contents[key]
+    if not isinstance(dataset, h5py.Dataset):
         return True
-    room = memory_limit(found.id.get_storage_size())
+    limit = memory_limit(dataset.id.get_storage_size())
     # HDF5 unpacks a whole chunk to read a part of it, even if it is much larger than the data.
-    shapes = [shape for shape in (found.shape, found.chunks) if shape is not None]
-    fits = all(memory_size(shape, found.dtype) <= room for shape in shapes)
-    return fits and not found.external and not found.is_virtual
+    shapes = [shape for shape in (dataset.shape, dataset.chunks) if shape is not None]
+    fits = all(memory_size(shape, dataset.dtype) <= limit for shape in shapes)
+    return fits and not dataset.external and not dataset.is_virtual
 
 
 @contextmanager
-def _damage_named(file: Path, what: str) -> Iterator[None]:
-    """Raise a `FileFormatError` for any error of the HDF5 library."""
+def _open(path: Path) -> Iterator[Any]:
+    """Open an HDF5 file for reading; any error of the HDF5 library becomes a `FileFormatError`."""
+    h5py = import_optional("h5py", "data")
+    check_file(path)
     try:
-        yield
+        if not h5py.is_hdf5(path):
+            raise FileFormatError(f"{path} is not an HDF5 file")
+        with h5py.File(path, "r") as file:
+            yield file
     except RiemhumanError:
         raise
     except Exception as error:
+        raise FileFormatError(f"cannot read {path}: {short_message(error)}") from error
+
+
+def _read_faces(
+    contents: Any, names: Sequence[str], file: Path, expected: np.ndarray | None
+) -> np.ndarray:
+    """Return the triangles of a file, which must be the expected ones."""
+    if _FACES not in names:
         raise FileFormatError(
-            f"{file} is damaged: {what} cannot be read: {short_message(error)}"
-        ) from (error)
-
-
-def _names(contents: Any, file: Path) -> list[str]:
-    with _damage_named(file, "its table of contents"):
-        # h5py returns names that are not UTF-8 as bytes; no sequence has such a name.
-        return [name for name in contents if isinstance(name, str)]
+            f"{file} holds no dataset {_FACES!r} of triangles; found "
+            f"{join_names(sorted(names)) or 'nothing'}"
+        )
+    if not _is_stored_here(contents, _FACES):
+        raise FileFormatError(
+            f"{_FACES} of {file} lies outside the file, or is larger than it can hold"
+        )
+    try:
+        stored = np.asarray(contents[_FACES])
+        faces = integer_array(stored, f"{_FACES} of {file}", ("n_faces", 3))
+    except (ArgumentError, ArgumentTypeError) as error:
+        raise FileFormatError(str(error)) from error
+    if not faces.size or faces.min() < 0:
+        raise FileFormatError(
+            f"{_FACES} of {file} must be numbers of vertices, from 0 on; found "
+            f"{faces.min() if faces.size else 'none'}"
+        )
+    difference = None if expected is None else face_difference(faces, expected)
+    if difference:
+        raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
+    return read_only(faces)
 
 
 def _step(frames_per_second: float) -> int:
@@ -256,7 +260,7 @@ def _step(frames_per_second: float) -> int:
     return step
 
 
-def _named(subjects: Any) -> Any:
+def _as_names(subjects: Any) -> Any:
     """Return subjects with numbers converted to names."""
     if isinstance(subjects, (int, np.integer)):
         return str(subjects)
@@ -277,87 +281,21 @@ def _find_files(path: str | os.PathLike[str]) -> list[Path]:
     return files
 
 
-@contextmanager
-def _opened(path: Path) -> Iterator[Any]:
-    """Open an HDF5 file for reading, and close it in the end."""
-    h5py = import_optional("h5py", "data")
-    check_file(path)
-    try:
-        if not h5py.is_hdf5(path):
-            raise FileFormatError(f"{path} is not an HDF5 file")
-        file = h5py.File(path, "r")
-    except (OSError, RuntimeError) as error:
-        raise FileError(f"cannot read {path}: {short_message(error)}") from error
-    with file:
-        yield file
-
-
-def _read_faces(contents: Any, file: Path, expected: np.ndarray | None) -> np.ndarray:
-    """Return the triangles of a file, which must be the expected ones."""
-    names = _names(contents, file)
-    if _FACES not in names:
-        raise FileFormatError(
-            f"{file} holds no dataset {_FACES!r} of triangles; found "
-            f"{join_names(sorted(names)) or 'nothing'}"
-        )
-    with _damage_named(file, _FACES):
-        if not _lies_here(contents, _FACES):
-            raise FileFormatError(
-                f"{_FACES} of {file} lies outside the file, or is larger than it can hold"
-            )
-        found = np.asarray(contents[_FACES])
-    try:
-        faces = integer_array(found, f"{_FACES} of {file}", ("n_faces", 3))
-    except (ArgumentError, ArgumentTypeError) as error:
-        raise FileFormatError(str(error)) from error
-    if not faces.size or faces.min() < 0:
-        raise FileFormatError(
-            f"{_FACES} of {file} must be numbers of vertices, from 0 on; found "
-            f"{faces.min() if faces.size else 'none'}"
-        )
-    difference = None if expected is None else face_difference(faces, expected)
-    if difference:
-        raise FileFormatError(f"{file}: triangles must be those of {_FILES[0]}: {difference}")
-    return read_only(faces)
-
-
-def _wanted(
-    found: Mapping[str, Mapping[str, Any]], subjects: Any, sequences: Any, source: str
+def _choose_pairs(
+    recorded: Mapping[str, Mapping[str, Any]], subjects: Any, sequences: Any, source: str
 ) -> list[tuple[str, str]]:
-    """Return the pairs of subject and sequence to load; refuse unknown ones."""
-    performed = sorted(set().union(*found.values()))
+    """Return the pairs of subject and sequence to load; unknown names raise an error."""
+    performed = sorted(set().union(*recorded.values()))
     names = choose_names(sequences, "sequences", performed, source)
-    people = choose_names(_named(subjects), "subjects", tuple(found), source)
+    people = choose_names(_as_names(subjects), "subjects", tuple(recorded), source)
     missing = []
     for subject in people if sequences is not None and subjects is not None else ():
-        lacking = [name for name in names if name not in found[subject]]
+        lacking = [name for name in names if name not in recorded[subject]]
         if lacking:
-            there = ", ".join(sorted(found[subject]))
-            missing.append(f"{subject} lacks {', '.join(lacking)} and has {there}")
+            present = ", ".join(sorted(recorded[subject]))
+            missing.append(f"{subject} lacks {', '.join(lacking)} and has {present}")
     if missing:
         raise ArgumentError(
             f"sequences must be there for all subjects asked for{source}; {'; '.join(missing)}"
         )
-    return [(subject, name) for subject in people for name in names if name in found[subject]]
-
-
-def _refuse_malformed(
-    found: Mapping[str, Mapping[str, _Entry]], pairs: Sequence[tuple[str, str]], n_vertices: int
-) -> None:
-    """Refuse malformed sequences, and name them all."""
-    problems = [
-        f"{subject}_{sequence} of {entry.file} {problem}"
-        for subject, sequence in pairs
-        for entry in [found[subject][sequence]]
-        for problem in [entry.problem(n_vertices)]
-        if problem
-    ]
-    if problems:
-        raise FileFormatError(
-            f"sequences must be numbers of shape ({n_vertices}, 3, n_frames), as their triangles "
-            f"ask for; {'; '.join(problems)}"
-        )
-
-
-def _listed(files: Sequence[Path]) -> str:
-    return " and ".join(str(file) for file in files)
+    return [(subject, name) for subject in people for name in names if name in recorded[subject]]

@@ -11,7 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from riemhuman.checks import real_number
-from riemhuman.datasets.registered_meshes import MESH_ENDINGS, existing_folder, natural_key
+from riemhuman.datasets.registered_meshes import (
+    MESH_ENDINGS,
+    existing_folder,
+    is_visible,
+    natural_key,
+    preferred_formats,
+)
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import load_mesh
@@ -83,13 +89,13 @@ class LabelledMeshes(Record):
         dict of str to str
             Error messages by id.
         """
-        found = {}
+        messages = {}
         for index, name in enumerate(self.ids):
             try:
                 self[index]
             except RiemhumanError as error:
-                found[name] = str(error)
-        return found
+                messages[name] = str(error)
+        return messages
 
 
 def load_shrec14(
@@ -159,146 +165,147 @@ def load_shrec14(
     scale = real_number(scale, "scale", minimum=0.0, strict=True)
     class_file = _find_class_file(root) if classes is None else file_path(classes, "classes")
     members = read_classes(class_file)
-    names, files = _find_meshes(root)
+    files = _find_meshes(root)
+    by_name: dict[str, list[str]] = {}
+    for key in files:
+        for name in _names_of(key):
+            by_name.setdefault(name, []).append(key)
     ids = [name for each in members.values() for name in each]
-    found = {name: _file_of(name, names, class_file) for name in ids}
-    missing = tuple(name for name in ids if found[name] is None)
+    labels = [number for number, each in enumerate(members.values()) for _ in each]
+    keys = [_key_of(name, by_name, class_file) for name in ids]
+    missing = tuple(name for name, key in zip(ids, keys, strict=True) if key is None)
     if missing and (not allow_missing or len(missing) == len(ids)):
-        names_missing = join_names(missing, 20)
-        rest = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
+        remedy = "" if len(missing) == len(ids) else "; allow_missing=True goes on with the others"
         raise FileError(
             f"{root} lacks {len(missing)} of the {len(ids)} meshes that {class_file} lists: "
-            f"{names_missing}{rest}"
+            f"{join_names(missing, 20)}{remedy}"
         )
-    subjects = [number for number, each in enumerate(members.values()) for _ in each]
-    kept = [(name, label) for name, label in zip(ids, subjects, strict=True) if found[name]]
-    used = {found[name] for name, _ in kept}
+    present = [number for number, key in enumerate(keys) if key is not None]
     return LabelledMeshes(
-        files=tuple(files[str(found[name])] for name, _ in kept),
-        ids=tuple(name for name, _ in kept),
-        subject=np.array([label for _, label in kept], dtype=np.int64),
+        files=tuple(files[key] for key in keys if key is not None),
+        ids=tuple(ids[number] for number in present),
+        subject=np.array([labels[number] for number in present], dtype=np.int64),
         subject_names=tuple(members),
         scale=scale,
         missing=missing,
-        unlisted=tuple(files[name].name for name in files if name not in used),
+        unlisted=tuple(files[key].name for key in files if key not in set(keys)),
     )
 
 
 def read_classes(path: str | os.PathLike[str]) -> dict[str, tuple[str, ...]]:
-    """Read a class file of the Princeton Shape Benchmark."""
-    file = file_path(path, "classes")
-    words = _Words(file, read_text(file))
+    """Return the ids of meshes by class, from a class file of the Princeton Shape Benchmark.
+
+    Its first words are ``PSB 1`` and the numbers of classes and of meshes. The classes follow, each
+    with its name, the name of its parent class or 0, the number of its meshes, and their ids. Line
+    breaks have no meaning. Classes without meshes are left out.
+    """
+    words = _Words(file_path(path, "classes"))
     if words.next("the word PSB").upper() != "PSB":
-        words.refuse("a class file begins with PSB")
+        raise words.error("a class file begins with PSB")
     words.next("the version")
     n_classes = words.next_count("the number of classes")
     n_meshes = words.next_count("the number of meshes")
     members: dict[str, tuple[str, ...]] = {}
-    seen: set[str] = set()
+    known_ids: set[str] = set()
     for number in range(n_classes):
         name = words.next(f"the name of class {number + 1} of {n_classes}")
         if name in members:
-            words.refuse("this class is there already")
+            raise words.error("this class is there already")
         label = name[:60]
         parent = words.next(f"the parent of class {label}")
         if parent not in ("0", "-1") and parent not in members:
-            words.refuse(f"the parent of class {label} must be 0 or a class defined before")
+            raise words.error(f"the parent of class {label} must be 0 or a class defined before")
         ids = []
         for _ in range(words.next_count(f"the number of meshes of class {label}")):
             ids.append(words.next(f"the id of a mesh of class {label}"))
-            if ids[-1] in seen:
-                words.refuse("this mesh is in a class already")
-            seen.add(ids[-1])
+            if ids[-1] in known_ids:
+                raise words.error("this mesh is in a class already")
+            known_ids.add(ids[-1])
         members[name] = tuple(ids)
-    words.refuse_more()
-    if len(seen) != n_meshes:
+    if words.next():
+        raise words.error("the file has more words than its header declares")
+    if len(known_ids) != n_meshes:
         raise FileFormatError(
-            f"{file}: {len(seen)} meshes found in classes, the header declares {n_meshes}"
+            f"{path}: {len(known_ids)} meshes found in classes, the header declares {n_meshes}"
         )
     return {name: ids for name, ids in members.items() if ids}
 
 
 class _Words:
-    """The words of a text with their lines."""
+    """The words of a text file, one after the other, with their lines."""
 
-    def __init__(self, file: Path, text: str) -> None:
+    def __init__(self, file: Path) -> None:
         self._file = file
-        self._matches = re.finditer(r"\r\n|\r|\n|[^ \t\r\n\v\f]+", text)
+        self._matches = re.finditer(r"\r\n|\r|\n|[^ \t\r\n\v\f]+", read_text(file))
         self._line = 1
         self._word = ""
 
-    def next(self, meaning: str) -> str:
-        self._word = self._following()
-        if not self._word:
+    def next(self, meaning: str = "") -> str:
+        """Return the next word; at the end, "" or an error that names what was expected."""
+        line = self._line
+        self._word = ""
+        for match in self._matches:
+            if match[0] not in ("\r\n", "\r", "\n"):
+                self._line, self._word = line, match[0]
+                return self._word
+            line += 1
+        if meaning:
             raise FileFormatError(
                 f"{self._file}, line {self._line}: the file ends where {meaning} was expected"
             )
-        return self._word
+        return ""
 
     def next_count(self, meaning: str) -> int:
+        """Return the next word as a number."""
         word = self.next(meaning)
         if not re.fullmatch(r"[0-9]{1,9}", word):
-            self.refuse(f"{meaning} was expected")
+            raise self.error(f"{meaning} was expected")
         return int(word)
 
-    def refuse(self, reason: str) -> None:
-        raise FileFormatError(
+    def error(self, reason: str) -> FileFormatError:
+        """Return an error about the last word."""
+        return FileFormatError(
             f"{self._file}, line {self._line}: {self._word[:60]!r} found; {reason}"
         )
 
-    def refuse_more(self) -> None:
-        self._word = self._following()
-        if self._word:
-            self.refuse("the file has more words than its header declares")
-
-    def _following(self) -> str:
-        """Return the next word, empty at the end, and count the line ends before it."""
-        line = self._line
-        for match in self._matches:
-            if match[0] not in ("\r\n", "\r", "\n"):
-                self._line = line
-                return match[0]
-            line += 1
-        return ""
-
 
 def _find_class_file(root: Path) -> Path:
-    found = sorted(file for file in root.rglob("*") if _is_visible(file, (".cla",)))
-    if not found:
+    files = sorted(file for file in root.rglob("*") if is_visible(file, (".cla",)))
+    if not files:
         raise FileError(
             f"{root} holds no class file: no file there ends in .cla; name it, classes="
         )
-    if len(found) > 1:
-        several = ", ".join(str(file.relative_to(root)) for file in found)
-        raise FileError(f"{root} holds {len(found)} class files: {several}; choose one, classes=")
-    return found[0]
+    if len(files) > 1:
+        several = ", ".join(str(file.relative_to(root)) for file in files)
+        raise FileError(f"{root} holds {len(files)} class files: {several}; choose one, classes=")
+    return files[0]
 
 
-def _find_meshes(root: Path) -> tuple[dict[str, list[str]], dict[str, Path]]:
-    """Return keys of mesh files by name and last number, and files by key, the path but suffix."""
-    files: dict[str, Path] = {}
-    for file in root.rglob("*"):
-        if _is_visible(file, MESH_ENDINGS):
-            key = str(file.relative_to(root).with_suffix(""))
-            files[key] = min(files.get(key, file), file, key=_preference)
+def _find_meshes(root: Path) -> dict[str, Path]:
+    """Return mesh files by their path without suffix, in natural order."""
+    files = preferred_formats(
+        (str(file.relative_to(root).with_suffix("")), file)
+        for file in root.rglob("*")
+        if is_visible(file, MESH_ENDINGS) and file.is_file()
+    )
     if not files:
         raise FileError(f"{root} holds no mesh: no file there ends in {', '.join(MESH_ENDINGS)}")
-    files = {key: files[key] for key in sorted(files, key=natural_key)}
-    names: dict[str, list[str]] = {}
-    for key in files:
-        stem = Path(key).name
-        numbers = re.findall(r"[0-9]+", stem)
-        for name in {stem, _number(numbers[-1])} if numbers else {stem}:
-            names.setdefault(name, []).append(key)
-    return names, files
+    return {key: files[key] for key in sorted(files, key=natural_key)}
 
 
-def _file_of(name: str, names: Mapping[str, list[str]], class_file: Path) -> str | None:
+def _names_of(key: str) -> set[str]:
+    """Return the name of a mesh file and its last number, by which class files may name it."""
+    stem = Path(key).name
+    numbers = re.findall(r"[0-9]+", stem)
+    return {stem, _as_number(numbers[-1])} if numbers else {stem}
+
+
+def _key_of(name: str, by_name: Mapping[str, list[str]], class_file: Path) -> str | None:
     """Return the key of an id's mesh file, if there is one."""
     stem = Path(name).stem if Path(name).suffix.lower() in MESH_ENDINGS else Path(name).name
-    keys = names.get(stem, [])
+    keys = by_name.get(stem, [])
     if not keys and re.fullmatch(r"[0-9]+", stem):
-        keys = names.get(_number(stem), [])
+        keys = by_name.get(_as_number(stem), [])
     if len(keys) > 1:
         raise FileFormatError(
             f"{class_file}: the id {name[:60]} fits several meshes, "
@@ -307,14 +314,6 @@ def _file_of(name: str, names: Mapping[str, list[str]], class_file: Path) -> str
     return keys[0] if keys else None
 
 
-def _number(digits: str) -> str:
+def _as_number(digits: str) -> str:
     """Return a number as a key that differs from all names of files."""
     return f"/{digits.lstrip('0')}"
-
-
-def _is_visible(file: Path, endings: tuple[str, ...]) -> bool:
-    return file.suffix.lower() in endings and not file.name.startswith(".") and file.is_file()
-
-
-def _preference(file: Path) -> tuple[int, str]:
-    return MESH_ENDINGS.index(file.suffix.lower()), file.name

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 
 from riemhuman.geometry import ElasticMetric
 from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
-from riemhuman.registration._fitting_steps import Prior, add_normal_equations, add_prior, stepped
-from riemhuman.registration._posed_body import ModelSamples, Pose, posed
+from riemhuman.registration._fitting_steps import Prior, take_step
+from riemhuman.registration._posed_body import ModelSamples, Pose, pose_body
 
-# Distance in metres that counts as much as a turn of the normal by a radian.
+# Distance in metres that counts as much as a rotation of the normal by a radian.
 _NORMAL_METRES = 0.05
 # Number of scan points in an average, against noise.
 _N_NEIGHBOURS = 4
@@ -23,6 +23,8 @@ _MODEL_SCALES = (0.04, 0.03, 0.03, 0.03, *(0.02,) * 5, *(0.012,) * 4)
 _MODEL_ALONG = 0.05
 # Weight of the prior: one unit of a coefficient counts as much as this mean distance.
 _PRIOR_METRES = 1e-4
+# Largest rotation of a joint in a step, radians.
+_LONGEST = 0.3
 
 _STIFFNESSES = (1e-3, 1e-3, 5e-4, 5e-4, 2e-4, 2e-4, 1e-4, 1e-4)
 _FREE_ALONG = 0.05
@@ -33,9 +35,9 @@ _CONJUGATE_STEPS, _CONJUGATE_TOLERANCE = 60, 3e-2
 class Matches(NamedTuple):
     """The points of a scan that match the points of a body."""
 
-    gaps: np.ndarray
-    normals: np.ndarray
-    weights: np.ndarray
+    gaps: np.ndarray  # (n, 3) vectors from the points of the body to their matches, metres
+    normals: np.ndarray  # (n, 3) normals of the scan at the matches
+    weights: np.ndarray  # (n,) reliability of each match, between 0 and 1
 
 
 class ScanTree:
@@ -45,8 +47,8 @@ class ScanTree:
         self.points, self.normals = points, normals
         self._tree = cKDTree(np.concatenate([points, _NORMAL_METRES * normals], axis=1))
 
-    def matches(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
-        """Match the points of a body; far matches count less (Geman and McClure)."""
+    def match(self, points: np.ndarray, normals: np.ndarray, scale: float) -> Matches:
+        """Match the points of a body; a match at distance `scale` has a quarter of the weight."""
         places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
         count = min(_N_NEIGHBOURS, len(self.points))
         far, near = self._tree.query(places, k=count)
@@ -54,10 +56,10 @@ class ScanTree:
         shares = np.exp(-0.5 * (far**2 - far[:, :1] ** 2) / _BLUR_METRES**2)
         shares /= shares.sum(axis=1, keepdims=True)
         gaps = np.einsum("nk,nkx->nx", shares, self.points[near]) - points
-        found = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
-        cosines = np.einsum("nx,nx->n", found, normals)
+        mean_normals = unit_vectors(np.einsum("nk,nkx->nx", shares, self.normals[near]))
+        cosines = np.einsum("nx,nx->n", mean_normals, normals)
         weights = (scale**2 / (np.sum(gaps**2, axis=1) + scale**2)) ** 2
-        return Matches(gaps, found, weights * np.clip(cosines, 0.0, 1.0))
+        return Matches(gaps, mean_normals, weights * np.clip(cosines, 0.0, 1.0))
 
 
 def fit_closest(
@@ -67,18 +69,25 @@ def fit_closest(
     scan: ScanTree,
     scales: tuple[float, ...] = _MODEL_SCALES,
 ) -> Pose:
-    """Return the parameters that bring a body's points to the closest points of a scan."""
-    n_columns = 3 * len(body.parents) + len(pose.betas) + 3
+    """Return the parameters that bring a body's points to the closest points of a scan.
+
+    In each step, a match at the distance given by `scales` counts a quarter.
+    """
     for scale in scales:
-        points, normals = posed(body, pose)
-        found = scan.matches(points, normals, scale)
-        shares = body.areas * found.weights
-        matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
-        add_normal_equations(
-            body, pose, shares, found.gaps, found.normals, _MODEL_ALONG, matrix, right
+        points, normals = pose_body(body, pose)
+        matches = scan.match(points, normals, scale)
+        shares = body.areas * matches.weights
+        pose = take_step(
+            body,
+            pose,
+            prior,
+            _PRIOR_METRES**2,
+            shares,
+            matches.gaps,
+            matches.normals,
+            _MODEL_ALONG,
+            _LONGEST,
         )
-        add_prior(body, pose, prior, _PRIOR_METRES**2, matrix, right)
-        pose = stepped(body, pose, matrix, right, 0.3)
     return pose
 
 
@@ -90,19 +99,25 @@ def fit_elastic(
     stiffnesses: tuple[float, ...] = _STIFFNESSES,
     scale: float = _FREE_SCALE,
 ) -> tuple[np.ndarray, Matches]:
-    """Return a surface near a scan whose elastic distance from a reference is small."""
+    """Return a surface near a scan, elastically near a reference, and the matches of its vertices.
+
+    Gauss–Newton steps minimise Σ_i w_i ((n_i·r_i)² + τ |r_i|²) + α d²(f, f₀), with the gaps r to
+    the scan, its normals n, the elastic distance d from the reference f₀, and a stiffness α for
+    each step. They use the matrix of the metric at the reference, and conjugate gradients solve
+    the equations.
+    """
     template = metric.space.template
     faces, areas = template.faces, template.vertex_areas
     elastic = metric.metric_matrix(reference)
     diagonal = _diagonal_blocks(elastic)
     points = start
-    found = scan.matches(points, vertex_normals(points, faces), scale)
+    matches = scan.match(points, vertex_normals(points, faces), scale)
     for stiffness in stiffnesses:
-        weights = areas * found.weights
-        blocks = found.normals[:, :, np.newaxis] * found.normals[:, np.newaxis]
+        weights = areas * matches.weights
+        blocks = matches.normals[:, :, np.newaxis] * matches.normals[:, np.newaxis]
         blocks = weights[:, np.newaxis, np.newaxis] * (blocks + _FREE_ALONG * np.eye(3))
         pull = metric.energy_and_gradient(np.stack([reference, points]))[1][1]
-        right = np.einsum("nxy,ny->nx", blocks, found.gaps) - 0.5 * stiffness * pull
+        right = np.einsum("nxy,ny->nx", blocks, matches.gaps) - 0.5 * stiffness * pull
         inverse = np.linalg.inv(blocks + stiffness * diagonal)
 
         def apply(
@@ -124,8 +139,8 @@ def fit_elastic(
             M=LinearOperator(shape, matvec=precondition, dtype=float),
         )[0]
         points = points + step.reshape(-1, 3)
-        found = scan.matches(points, vertex_normals(points, faces), scale)
-    return points, found
+        matches = scan.match(points, vertex_normals(points, faces), scale)
+    return points, matches
 
 
 def _diagonal_blocks(matrix: object) -> np.ndarray:

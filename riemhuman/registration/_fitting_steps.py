@@ -1,4 +1,4 @@
-"""Steps of the fit of a posed body to loose points, compiled: equations, assignment, annealing.
+"""Steps of the fit of a pose_body body to loose points, compiled: equations, assignment, annealing.
 
 The equations are those of `riemhuman.bodies.fit_model`, here in loops that release the interpreter
 lock, so that many starts run in parallel. Joints have rotation matrices, and a step rotates a joint
@@ -25,24 +25,35 @@ from riemhuman.registration._posed_body import (
     Pose,
     joint_motions,
     multiply,
-    posed,
+    pose_body,
     rotation,
     rotation_vector,
     shaped_points,
 )
 
+# Concentration κ of the normals.
+KAPPA = 2.0
+# Expected share of scan points that do not belong to the body, spread over a cubic metre.
+OUTLIERS = 0.05
+# Number of independent points that the scan counts as, relative to the prior.
+_WORTH = 300.0
+# Largest rotation of a joint in a step, radians.
+_LONGEST = 0.6
+# Weight of a landmark, as a share of all scan points.
+_LANDMARK = 0.03
+
 
 class Prior(NamedTuple):
     """A normal prior of pose and shape."""
 
-    local: np.ndarray
-    precisions: np.ndarray
-    betas: np.ndarray
-    betas_precision: float
+    local: np.ndarray  # (J, 3, 3) mean rotations of the joints
+    precisions: np.ndarray  # (J,) inverse variances, inverse squared radians; 0 for the root
+    betas: np.ndarray  # (B,) mean
+    betas_precision: float  # inverse variance
 
 
 @compiled
-def add_normal_equations(
+def _add_equations(
     body: ModelSamples,
     pose: Pose,
     shares: np.ndarray,
@@ -52,23 +63,23 @@ def add_normal_equations(
     matrix: np.ndarray,
     right: np.ndarray,
 ) -> None:
-    """Add the equations of Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²) for small steps."""
-    turns, places, shifts, shift_shapes, _ = joint_motions(body, pose)
+    """Add the normal equations of a step without the prior."""
+    rotations, positions, shifts, shift_shapes, _ = joint_motions(body, pose)
     shaped = shaped_points(body, pose)
     n_joints, n_betas = len(body.parents), len(pose.betas)
-    n_turns = 3 * n_joints
-    n_columns = n_turns + n_betas + 3
+    n_angles = 3 * n_joints
+    n_columns = n_angles + n_betas + 3
     n_bones = body.bones.shape[1]
     patch = 256
     rows, sides = np.empty((3 * patch, n_columns)), np.empty(3 * patch)
     row = np.empty((3, n_columns))
-    arms, carried, blended = np.empty((n_joints, 3)), np.empty(3), np.empty((3, 3))
-    counted = np.empty(n_joints)
+    levers, moved, blended = np.empty((n_joints, 3)), np.empty(3), np.empty((3, 3))
+    weight_below = np.empty(n_joints)
     root = math.sqrt(along)
     filled = 0
     for i in range(len(shares)):
         if shares[i] > 0.0:
-            arms[:], counted[:], row[:], blended[:] = 0.0, 0.0, 0.0, 0.0
+            levers[:], weight_below[:], row[:], blended[:] = 0.0, 0.0, 0.0, 0.0
             for c in range(n_bones):
                 weight = body.weights[i, c]
                 if weight == 0.0:
@@ -77,28 +88,28 @@ def add_normal_equations(
                 for x in range(3):
                     value = shifts[k, x]
                     for y in range(3):
-                        value += turns[k, x, y] * shaped[i, y]
-                        blended[x, y] += weight * turns[k, x, y]
-                    carried[x] = weight * value
+                        value += rotations[k, x, y] * shaped[i, y]
+                        blended[x, y] += weight * rotations[k, x, y]
+                    moved[x] = weight * value
                     for b in range(n_betas):
-                        row[x, n_turns + b] += weight * shift_shapes[k, x, b]
+                        row[x, n_angles + b] += weight * shift_shapes[k, x, b]
                 while k >= 0:
                     for x in range(3):
-                        arms[k, x] += carried[x]
-                    counted[k] += weight
+                        levers[k, x] += moved[x]
+                    weight_below[k] += weight
                     k = body.parents[k]
             for k in range(n_joints):
-                if counted[k] > 0.0:
-                    a = arms[k, 0] - counted[k] * places[k, 0]
-                    b = arms[k, 1] - counted[k] * places[k, 1]
-                    c = arms[k, 2] - counted[k] * places[k, 2]
+                if weight_below[k] > 0.0:
+                    a = levers[k, 0] - weight_below[k] * positions[k, 0]
+                    b = levers[k, 1] - weight_below[k] * positions[k, 1]
+                    c = levers[k, 2] - weight_below[k] * positions[k, 2]
                     row[0, 3 * k + 1], row[0, 3 * k + 2] = c, -b
                     row[1, 3 * k], row[1, 3 * k + 2] = -c, a
                     row[2, 3 * k], row[2, 3 * k + 1] = b, -a
             for x in range(3):
                 for y in range(3):
                     for b in range(n_betas):
-                        row[x, n_turns + b] += blended[x, y] * body.shapedirs[i, y, b]
+                        row[x, n_angles + b] += blended[x, y] * body.shapedirs[i, y, b]
                 row[x, n_columns - 3 + x] = 1.0
             scale = math.sqrt(shares[i])
             across = 0.0
@@ -121,7 +132,7 @@ def add_normal_equations(
 
 
 @compiled
-def add_prior(
+def _add_prior(
     body: ModelSamples, pose: Pose, prior: Prior, size: float, matrix: np.ndarray, right: np.ndarray
 ) -> None:
     """Add the equations of the prior, in the same coordinates."""
@@ -143,36 +154,8 @@ def add_prior(
         right[3 * n_joints + b] -= precision * (pose.betas[b] - prior.betas[b])
 
 
-@compiled
-def stepped(
-    body: ModelSamples, pose: Pose, matrix: np.ndarray, right: np.ndarray, longest: float
-) -> Pose:
-    """Return the parameters after the step that solves the equations."""
-    n_joints, n_betas = len(body.parents), len(pose.betas)
-    for k in range(len(right)):
-        matrix[k, k] += 1e-4 * matrix[k, k] + 1e-9
-    step = _solved(matrix, right)
-    axes = joint_motions(body, pose)[4]
-    local = np.empty_like(pose.local)
-    turn = np.empty(3)
-    for k in range(n_joints):
-        for x in range(3):
-            turn[x] = 0.0
-            for y in range(3):
-                turn[x] += axes[k, y, x] * step[3 * k + y]
-        angle = math.sqrt(turn[0] ** 2 + turn[1] ** 2 + turn[2] ** 2)
-        if angle > longest:
-            turn *= longest / angle
-        multiply(rotation(turn), pose.local[k], local[k])
-    return Pose(
-        local,
-        pose.betas + step[3 * n_joints : 3 * n_joints + n_betas],
-        pose.trans + step[3 * n_joints + n_betas :],
-    )
-
-
 @compiled(forceinline=True, fastmath=SUM)
-def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve positive definite equations by Cholesky factors, which overwrite the matrix."""
     solution = right.copy()
     for i in range(len(right)):
@@ -194,11 +177,49 @@ def _solved(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     return solution
 
 
-KAPPA = 2.0
-"""Concentration κ of the normals."""
+@compiled
+def take_step(
+    body: ModelSamples,
+    pose: Pose,
+    prior: Prior,
+    prior_weight: float,
+    shares: np.ndarray,
+    gaps: np.ndarray,
+    directions: np.ndarray,
+    along: float,
+    longest: float,
+) -> Pose:
+    """Return the parameters after one damped Gauss–Newton step.
 
-OUTLIERS = 0.05
-"""Expected share of scan points that do not belong to the body, spread over a cubic metre."""
+    It decreases Σ_i s_i (τ |r_i|² + (1 − τ) (d_i·r_i)²), with shares s, gaps r, directions d and
+    τ = `along`, plus `prior_weight` (square metres) times the prior. No joint rotates by more than
+    `longest`, radians.
+    """
+    n_joints, n_betas = len(body.parents), len(pose.betas)
+    n_columns = 3 * n_joints + n_betas + 3
+    matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
+    _add_equations(body, pose, shares, gaps, directions, along, matrix, right)
+    _add_prior(body, pose, prior, prior_weight, matrix, right)
+    for k in range(len(right)):
+        matrix[k, k] += 1e-4 * matrix[k, k] + 1e-9
+    step = _solve(matrix, right)
+    axes = joint_motions(body, pose)[4]
+    local = np.empty_like(pose.local)
+    vector = np.empty(3)
+    for k in range(n_joints):
+        for x in range(3):
+            vector[x] = 0.0
+            for y in range(3):
+                vector[x] += axes[k, y, x] * step[3 * k + y]
+        angle = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
+        if angle > longest:
+            vector *= longest / angle
+        multiply(rotation(vector), pose.local[k], local[k])
+    return Pose(
+        local,
+        pose.betas + step[3 * n_joints : 3 * n_joints + n_betas],
+        pose.trans + step[3 * n_joints + n_betas :],
+    )
 
 
 @compiled(forceinline=True, fastmath=SUM)
@@ -213,7 +234,11 @@ def assign(
     masses: np.ndarray,
     targets: np.ndarray,
 ) -> float:
-    """Fill masses and targets of the body's points, and return the mean log-likelihood."""
+    """Fill masses and targets of the body's points, and return the mean log-likelihood.
+
+    Masses are the expected numbers of scan points that belong to each point of the body, targets
+    the sums of these scan points. Points and normals of the body are float32, shape (3, n).
+    """
     n = points.shape[1]
     share = np.empty(n, np.float32)
     # exp(−t) as (1 − t/1024)^1024, which needs only multiplications.
@@ -221,10 +246,10 @@ def assign(
     angular = np.float32(KAPPA / 1024.0)
     one, zero = np.float32(1.0), np.float32(0.0)
     # The mean of exp(κ (n·m − 1)) over all directions.
-    turned = (1.0 - math.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
-    volume = (2.0 * math.pi * sigma * sigma) ** 1.5 * turned / (1.0 - OUTLIERS)
+    mean_angular = (1.0 - math.exp(-2.0 * KAPPA)) / (2.0 * KAPPA)
+    volume = (2.0 * math.pi * sigma * sigma) ** 1.5 * mean_angular / (1.0 - OUTLIERS)
     outliers = np.float32(OUTLIERS * volume)
-    place_x, place_y, place_z = points[0], points[1], points[2]
+    point_x, point_y, point_z = points[0], points[1], points[2]
     normal_x, normal_y, normal_z = normals[0], normals[1], normals[2]
     target_x, target_y, target_z = targets[0], targets[1], targets[2]
     masses[:] = zero
@@ -235,7 +260,7 @@ def assign(
         p, q, r = scan_normals[j, 0], scan_normals[j, 1], scan_normals[j, 2]
         total = zero
         for i in range(n):
-            dx, dy, dz = place_x[i] - x, place_y[i] - y, place_z[i] - z
+            dx, dy, dz = point_x[i] - x, point_y[i] - y, point_z[i] - z
             cosine = normal_x[i] * p + normal_y[i] * q + normal_z[i] * r
             cosine = cosine if signed else abs(cosine)
             t = one - (dx * dx + dy * dy + dz * dz) * scale - (one - cosine) * angular
@@ -264,15 +289,8 @@ def assign(
     return likelihood / scan.shape[0] - math.log(volume)
 
 
-# Number of independent points that the scan counts as, relative to the prior.
-_WORTH = 300.0
-_LONGEST_TURN = 0.6
-# Weight of a landmark, as a share of all scan points.
-_LANDMARK = 0.03
-
-
 @compiled
-def annealed(
+def anneal(
     body: ModelSamples,
     start: Pose,
     prior: Prior,
@@ -282,15 +300,19 @@ def annealed(
     signed: bool,
     landmarks: np.ndarray,
 ) -> tuple[Pose, float]:
-    """Fit a body to a scan, and return it with the likelihood before the last step."""
+    """Fit a body to a scan, and return it with the mean log-likelihood before the last step.
+
+    There is a step for each standard deviation, metres. Landmarks are known positions of points of
+    the body, shape (n, 3), NaN for all others. `signed` is whether the signs of the scan's normals
+    are known.
+    """
     n = len(body.areas)
-    n_columns = 3 * len(body.parents) + len(start.betas) + 3
     areas = body.areas.astype(np.float32)
     masses, targets = np.empty(n, np.float32), np.empty((3, n), np.float32)
     shares, gaps = np.empty(n), np.empty((n, 3))
     pose, likelihood = start, -np.inf
     for sigma in sigmas:
-        points, normals = posed(body, pose)
+        points, normals = pose_body(body, pose)
         likelihood = assign(
             np.ascontiguousarray(points.T).astype(np.float32),
             np.ascontiguousarray(normals.T).astype(np.float32),
@@ -311,8 +333,6 @@ def annealed(
                 shares[i] = _LANDMARK
                 for x in range(3):
                     gaps[i, x] = landmarks[i, x] - points[i, x]
-        matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
-        add_normal_equations(body, pose, shares, gaps, normals, 1.0, matrix, right)
-        add_prior(body, pose, prior, sigma * sigma / _WORTH, matrix, right)
-        pose = stepped(body, pose, matrix, right, _LONGEST_TURN)
+        weight = sigma * sigma / _WORTH
+        pose = take_step(body, pose, prior, weight, shares, gaps, normals, 1.0, _LONGEST)
     return pose, likelihood

@@ -16,24 +16,24 @@ from scipy.spatial import cKDTree
 from riemhuman.bodies import BodyModel
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.vertex_normals import vertex_normals
-from riemhuman.registration._scan_points import thinned
+from riemhuman.registration._scan_preparation import thinned
 
 
 class ModelSamples(NamedTuple):
-    """Points of a model's surface, in the rest pose and with zero betas."""
+    """Points of a model's surface and its joints, in the rest pose and with zero betas."""
 
-    numbers: np.ndarray
-    rest: np.ndarray
-    normals: np.ndarray
-    areas: np.ndarray
-    shapedirs: np.ndarray
-    posedirs: np.ndarray
-    bones: np.ndarray
-    weights: np.ndarray
-    rest_joints: np.ndarray
-    joint_shapes: np.ndarray
-    parents: np.ndarray
-    order: np.ndarray
+    numbers: np.ndarray  # (n,) vertices of the model; -1 for a joint
+    rest: np.ndarray  # (n, 3) positions, metres
+    normals: np.ndarray  # (n, 3) unit normals
+    areas: np.ndarray  # (n,) shares of the surface, which sum to one; 0 for joints
+    shapedirs: np.ndarray  # (n, 3, B)
+    posedirs: np.ndarray  # (n, 3, P); P is 0 for a model without posedirs
+    bones: np.ndarray  # (n, k) joints that move the point
+    weights: np.ndarray  # (n, k) skinning weights of these joints
+    rest_joints: np.ndarray  # (J, 3) metres
+    joint_shapes: np.ndarray  # (J, 3, B) displacements of joints for each shape coefficient
+    parents: np.ndarray  # (J,) -1 for the root
+    order: np.ndarray  # (J,) joints, parents before children
 
 
 def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
@@ -81,9 +81,9 @@ def sample_model(model: BodyModel, n_samples: int | None) -> ModelSamples:
 class Pose(NamedTuple):
     """Parameters of a body."""
 
-    local: np.ndarray
-    betas: np.ndarray
-    trans: np.ndarray
+    local: np.ndarray  # (J, 3, 3) rotation of each joint relative to its parent
+    betas: np.ndarray  # (B,)
+    trans: np.ndarray  # (3,) metres
 
 
 @compiled
@@ -100,8 +100,8 @@ def joint_motions(
         for x in range(3):
             for b in range(n_betas):
                 joints[k, x] += body.joint_shapes[k, x, b] * pose.betas[b]
-    turns, axes = np.empty((n_joints, 3, 3)), np.empty((n_joints, 3, 3))
-    places, shifts = joints.copy(), np.empty((n_joints, 3))
+    rotations, axes = np.empty((n_joints, 3, 3)), np.empty((n_joints, 3, 3))
+    positions, shifts = joints.copy(), np.empty((n_joints, 3))
     shapes = body.joint_shapes.copy()
     shift_shapes = np.empty((n_joints, 3, n_betas))
     for k in body.order:
@@ -109,29 +109,29 @@ def joint_motions(
         for x in range(3):
             for y in range(3):
                 own = 1.0 if x == y else 0.0
-                axes[k, x, y] = turns[parent, x, y] if parent >= 0 else own
+                axes[k, x, y] = rotations[parent, x, y] if parent >= 0 else own
         if parent >= 0:
             for x in range(3):
-                place = places[parent, x]
+                position = positions[parent, x]
                 for y in range(3):
-                    place += axes[k, x, y] * (joints[k, y] - joints[parent, y])
-                places[k, x] = place
+                    position += axes[k, x, y] * (joints[k, y] - joints[parent, y])
+                positions[k, x] = position
                 for b in range(n_betas):
                     value = shapes[parent, x, b]
                     for y in range(3):
                         difference = body.joint_shapes[k, y, b] - body.joint_shapes[parent, y, b]
                         value += axes[k, x, y] * difference
                     shapes[k, x, b] = value
-        multiply(axes[k], pose.local[k], turns[k])
+        multiply(axes[k], pose.local[k], rotations[k])
         for x in range(3):
-            shifts[k, x] = places[k, x]
+            shifts[k, x] = positions[k, x]
             for y in range(3):
-                shifts[k, x] -= turns[k, x, y] * joints[k, y]
+                shifts[k, x] -= rotations[k, x, y] * joints[k, y]
             for b in range(n_betas):
                 shift_shapes[k, x, b] = shapes[k, x, b]
                 for y in range(3):
-                    shift_shapes[k, x, b] -= turns[k, x, y] * body.joint_shapes[k, y, b]
-    return turns, places, shifts, shift_shapes, axes
+                    shift_shapes[k, x, b] -= rotations[k, x, y] * body.joint_shapes[k, y, b]
+    return rotations, positions, shifts, shift_shapes, axes
 
 
 @compiled
@@ -144,37 +144,37 @@ def shaped_points(body: ModelSamples, pose: Pose) -> np.ndarray:
     n_features = body.posedirs.shape[2]
     if n_features:
         feature = np.empty(n_features)
-        place = 0
+        position = 0
         for k in range(len(body.parents)):
             if body.parents[k] >= 0:
                 for x in range(3):
                     for y in range(3):
-                        feature[place] = pose.local[k, x, y] - (1.0 if x == y else 0.0)
-                        place += 1
+                        feature[position] = pose.local[k, x, y] - (1.0 if x == y else 0.0)
+                        position += 1
         shaped += body.posedirs.reshape(3 * n, n_features) @ feature
     return shaped.reshape(n, 3)
 
 
 @compiled
-def posed(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
-    """Return the points of a posed body and their normals."""
-    turns, _, shifts, _, _ = joint_motions(body, pose)
+def pose_body(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
+    """Return the points of a pose_body body and their normals."""
+    rotations, _, shifts, _, _ = joint_motions(body, pose)
     shaped = shaped_points(body, pose)
     n, n_bones = body.bones.shape
     points, normals = np.empty((n, 3)), np.empty((n, 3))
     for i in range(n):
         size = 0.0
         for x in range(3):
-            place, normal = pose.trans[x], 0.0
+            position, normal = pose.trans[x], 0.0
             for c in range(n_bones):
                 weight, k = body.weights[i, c], body.bones[i, c]
-                moved, turned = shifts[k, x], 0.0
+                moved, rotated = shifts[k, x], 0.0
                 for y in range(3):
-                    moved += turns[k, x, y] * shaped[i, y]
-                    turned += turns[k, x, y] * body.normals[i, y]
-                place += weight * moved
-                normal += weight * turned
-            points[i, x], normals[i, x] = place, normal
+                    moved += rotations[k, x, y] * shaped[i, y]
+                    rotated += rotations[k, x, y] * body.normals[i, y]
+                position += weight * moved
+                normal += weight * rotated
+            points[i, x], normals[i, x] = position, normal
             size += normal * normal
         if size > 0.0:
             for x in range(3):
@@ -186,18 +186,18 @@ def posed(body: ModelSamples, pose: Pose) -> tuple[np.ndarray, np.ndarray]:
 def rotation(vector: np.ndarray) -> np.ndarray:
     """Return the rotation matrix of an axis-angle vector."""
     angle = math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2)
-    first, second = 1.0, 0.5
+    sine, cosine = 1.0, 0.5  # sin(angle) / angle and (1 - cos(angle)) / angle²
     if angle > 1e-6:
-        first = math.sin(angle) / angle
-        second = 2.0 * (math.sin(0.5 * angle) / angle) ** 2
+        sine = math.sin(angle) / angle
+        cosine = 2.0 * (math.sin(0.5 * angle) / angle) ** 2
     x, y, z = vector
-    turn = first * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    matrix = sine * np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     # The square of the matrix of v × is v vᵀ − |v|².
     for i in range(3):
-        turn[i, i] += 1.0 - second * angle * angle
+        matrix[i, i] += 1.0 - cosine * angle * angle
         for j in range(3):
-            turn[i, j] += second * vector[i] * vector[j]
-    return turn
+            matrix[i, j] += cosine * vector[i] * vector[j]
+    return matrix
 
 
 @compiled
@@ -215,11 +215,11 @@ def rotation_vector(matrix: np.ndarray) -> np.ndarray:
 
 # A loop, since numba takes seconds to compile products of arrays.
 @compiled
-def multiply(one: np.ndarray, other: np.ndarray, product: np.ndarray) -> None:
+def multiply(first: np.ndarray, second: np.ndarray, product: np.ndarray) -> None:
     """Fill the product of two matrices."""
     for x in range(3):
         for y in range(3):
             total = 0.0
             for z in range(3):
-                total += one[x, z] * other[z, y]
+                total += first[x, z] * second[z, y]
             product[x, y] = total

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 # Likelihoods are compared for bodies of this area, because the density falls as the area grows.
 AREA = 1.8
 # On simulated scans, naked and in clothes of up to 3 cm, right bodies have likelihoods from 2.8 and
@@ -14,8 +12,8 @@ LEAST_LIKELIHOOD = 2.6
 LEAST_MARGIN = 0.10
 RIVAL_METRES = 0.15
 NEAR_METRES, LEAST_NEAR = 0.05, 0.97
-# A limb held elsewhere has few matches, and leaves part of the scan far from the body.
-HELD_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
+# A limb that is elsewhere has few matches, and leaves part of the scan far from the body.
+LIMB_ELSEWHERE, LEAST_NEAR_OF_LIMB = 0.3, 0.995
 LARGEST_STRAIN = 0.006
 LARGEST_BETA = 3.0
 
@@ -35,7 +33,7 @@ class Evidence:
     limb_matched: float
 
 
-def doubts(evidence: Evidence) -> list[str]:
+def find_doubts(evidence: Evidence) -> list[str]:
     """Return the reasons to distrust a registration; none if it is trusted."""
     reasons = []
     if evidence.near < LEAST_NEAR:
@@ -56,12 +54,12 @@ def doubts(evidence: Evidence) -> list[str]:
             "a body that faces or stands another way fits nearly as well (log-likelihood less by "
             f"{evidence.margin:.2f}); {_REMEDY}"
         )
-    if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < HELD_ELSEWHERE:
+    if evidence.near < LEAST_NEAR_OF_LIMB and evidence.limb_matched < LIMB_ELSEWHERE:
         reasons.append(
             f"{100 * (1.0 - evidence.near):.1f} % of the scan lies more than "
-            f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} found next to nothing "
-            f"in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may be held "
-            f"elsewhere; {_REMEDY}"
+            f"{100 * NEAR_METRES:.0f} cm from the body, and {evidence.limb} matches hardly "
+            f"anything in the scan ({100 * evidence.limb_matched:.0f} % of its vertices): it may "
+            f"be elsewhere; {_REMEDY}"
         )
     if evidence.strain > LARGEST_STRAIN:
         reasons.append(
@@ -75,8 +73,3 @@ def doubts(evidence: Evidence) -> list[str]:
             "deviations a coefficient)"
         )
     return reasons
-
-
-def distance_apart(points: np.ndarray, others: np.ndarray) -> float:
-    """Return the mean distance between two bodies' corresponding points."""
-    return float(np.linalg.norm(points - others, axis=1).mean())

@@ -23,7 +23,7 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.meshes import save_mesh
 from riemhuman.progress import ProgressBar
-from riemhuman.registration._scan_points import thinned
+from riemhuman.registration._scan_preparation import thinned
 from riemhuman.registration.scan_registration import RegisteredScan, ScanRegistration
 from riemhuman.registration.scans import SUFFIXES, Scan, in_metres, read_scan
 

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel, ModelFit, correspondence_matrix, joint_motions
 from riemhuman.checks import one_of, real_array
-from riemhuman.datasets.open_bodies import load_open_model
+from riemhuman.datasets import load_open_model
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.kernels.rotations import rotation_matrix
@@ -22,24 +22,12 @@ from riemhuman.kernels.threads import mapped, single_threaded_libraries
 from riemhuman.kernels.vertex_normals import vertex_normals
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._closest_points import ScanTree, fit_closest, fit_elastic
-from riemhuman.registration._posed_body import Pose, posed
-from riemhuman.registration._start_search import (
-    N_THREADS,
-    Candidate,
-    StartSearch,
-    arms_of,
-    joint_names,
-    turned_forearms,
-)
-from riemhuman.registration._trust import (
-    AREA,
-    NEAR_METRES,
-    RIVAL_METRES,
-    Evidence,
-    distance_apart,
-    doubts,
-)
-from riemhuman.registration.scans import ReadyScan, Scan, as_scan, made_ready
+from riemhuman.registration._posed_body import Pose, pose_body
+from riemhuman.registration._scan_preparation import PreparedScan, prepare_scan
+from riemhuman.registration._start_poses import arms_of, joint_names, rotate_forearm
+from riemhuman.registration._start_search import N_THREADS, Candidate, StartSearch, Target
+from riemhuman.registration._trust import AREA, NEAR_METRES, RIVAL_METRES, Evidence, find_doubts
+from riemhuman.registration.scans import Scan, as_scan
 from riemhuman.surfaces.distortion import triangle_areas
 from riemhuman.surfaces.nearest_places import SurfacePlaces, nearest_places
 from riemhuman.surfaces.procrustes import procrustes
@@ -116,9 +104,12 @@ class RegisteredScan:
 _UP = dict(zip(AXES, (*np.eye(3), *-np.eye(3)), strict=True))
 
 _N_DENSE = 3000
-# Forearms are turned by so many points, and so often while the likelihood gains as much.
-_N_TURNED, _N_PASSES, _LEAST_GAIN = 1000, 2, 0.002
+# Rotations of forearms are compared on so many points, and repeated while the likelihood gains as
+# much.
+_N_ROTATED, _N_PASSES, _LEAST_GAIN = 1000, 2, 0.002
 _MATCHED_METRES = 0.02
+# A landmark farther from the scan's median point is in another unit, or of another scan.
+_FARTHEST_LANDMARK = 5.0
 # Joints that move a smaller share of the vertices are ignored.
 _LIMB = 0.01
 # A frame whose likelihood falls by more than this below the one before is searched from scratch.
@@ -210,11 +201,11 @@ class ScanRegistration:
             If the file is damaged.
         """
         whole = as_scan(scan, self.unit)
-        known = self._landmarks(landmarks or {}, whole.unit)
-        ready = made_ready(whole)
+        known = self._landmark_positions({} if landmarks is None else landmarks, whole)
+        prepared = prepare_scan(whole)
         with single_threaded_libraries():
-            candidates, ready = self._candidates(ready, known, start)
-            return self._registered(whole, ready, candidates)
+            candidates, prepared = self._search_candidates(prepared, known, start)
+            return self._refine(whole, prepared, candidates)
 
     def solve_sequence(
         self, scans: Iterable[Any], *, progress: bool = False
@@ -258,131 +249,136 @@ class ScanRegistration:
     def _metric(self) -> ElasticMetric:
         return ElasticMetric(AlignedSurfaces(self.model.template), a=1.0, lam=1.0, c=1.0)
 
-    def _landmarks(self, landmarks: Mapping[str, Any], unit: str) -> dict[int, np.ndarray]:
+    def _landmark_positions(
+        self, landmarks: Mapping[str, Any], scan: Scan
+    ) -> dict[int, np.ndarray]:
+        """Return the positions of joints by number, metres."""
+        if not isinstance(landmarks, Mapping):
+            raise ArgumentTypeError(
+                "landmarks must be a mapping of joints to positions, {'left_wrist': [x, y, z]}; "
+                f"found {type(landmarks).__name__}"
+            )
         names = joint_names(self.model)
-        places = {}
-        for name, place in landmarks.items():
+        centre = np.median(scan.points, axis=0)
+        positions = {}
+        for name, given in landmarks.items():
             if name not in names:
                 raise ArgumentError(
                     f"landmarks has {name!r}; the joints of the model are {', '.join(names)}"
                 )
-            where = real_array(place, f"landmarks[{name!r}]", (3,), batched=False)
-            places[names.index(name)] = np.asarray(where, dtype=float) / UNITS[unit]
-        return places
-
-    def _candidates(
-        self, ready: ReadyScan, landmarks: dict[int, np.ndarray], start: RegisteredScan | None
-    ) -> tuple[list[Candidate], ReadyScan]:
-        """Return the likeliest bodies, and the scan with normals oriented like theirs."""
-        up = ready.up if self.up is None else _UP[self.up]
-
-        def found(signed: bool) -> list[Candidate]:
-            if start is not None and start.fit is not None:
-                warm = self._search.run_from(
-                    _pose(start.fit),
-                    start.up,
-                    ready.points,
-                    ready.normals,
-                    signed=signed,
-                    landmarks=landmarks,
+            position = real_array(given, f"landmarks[{name!r}]", (3,), batched=False)
+            position = np.asarray(position, dtype=float) / UNITS[scan.unit]
+            if np.abs(position - centre).max() > _FARTHEST_LANDMARK:
+                raise ArgumentError(
+                    f"landmarks[{name!r}] must be in the scan, in its unit, {scan.unit}; found "
+                    f"{np.asarray(given).tolist()}, more than {_FARTHEST_LANDMARK:g} m away"
                 )
-                if self._likelihood(warm, ready) > start.likelihood - _WARM_LOSS:
+            positions[names.index(name)] = position
+        return positions
+
+    def _search_candidates(
+        self, scan: PreparedScan, landmarks: dict[int, np.ndarray], start: RegisteredScan | None
+    ) -> tuple[list[Candidate], PreparedScan]:
+        """Return the likeliest bodies, and the scan with normals oriented like theirs."""
+        up = scan.up if self.up is None else _UP[self.up]
+
+        def search(signed: bool) -> list[Candidate]:
+            target = Target(scan.points, scan.normals, signed, landmarks)
+            if start is not None and start.fit is not None:
+                warm = self._search.run_from(_pose(start.fit), start.up, target)
+                if self._likelihood(warm.pose, scan) > start.likelihood - _WARM_LOSS:
                     return [warm]
-            return self._search.run(
-                ready.points, ready.normals, up=up, signed=signed, landmarks=landmarks
-            )
+            return self._search.run(target, up)
 
-        candidates = found(True)
-        if not ready.estimated:
-            return candidates, ready
-        faced, agreement = self._faced(ready, candidates[0].pose)
+        candidates = search(True)
+        if not scan.estimated:
+            return candidates, scan
+        normals, agreement = self._orient_normals(scan, candidates[0].pose)
         if agreement < _AGREEMENT:
-            candidates = found(False)
-            faced, _ = self._faced(ready, candidates[0].pose)
-        return candidates, replace(ready, normals=faced)
+            candidates = search(False)
+            normals, _ = self._orient_normals(scan, candidates[0].pose)
+        return candidates, replace(scan, normals=normals)
 
-    def _faced(self, ready: ReadyScan, pose: Pose) -> tuple[np.ndarray, float]:
+    def _orient_normals(self, scan: PreparedScan, pose: Pose) -> tuple[np.ndarray, float]:
         """Return estimated normals oriented like the body's, and the share that were before."""
-        n_vertices, body = _N_DENSE, self._search.samples(_N_DENSE)
-        points, normals = (each[body.numbers >= 0] for each in posed(body, pose))
-        near = cKDTree(points).query(ready.points, k=min(5, n_vertices))[1]
-        cosines = np.einsum("nkx,nx->n", normals[near], ready.normals)
+        body = self._search.samples(_N_DENSE)
+        points, normals = (each[body.numbers >= 0] for each in pose_body(body, pose))
+        near = cKDTree(points).query(scan.points, k=min(5, len(points)))[1]
+        cosines = np.einsum("nkx,nx->n", normals[near], scan.normals)
         signs = np.where(cosines < 0, -1.0, 1.0)
-        return signs[:, np.newaxis] * ready.normals, float(np.mean(cosines >= 0))
+        return signs[:, np.newaxis] * scan.normals, float(np.mean(cosines >= 0))
 
-    def _likelihood(self, candidate: Candidate, ready: ReadyScan) -> float:
+    def _likelihood(self, pose: Pose, scan: PreparedScan) -> float:
         """Return the log-likelihood for a body of the standard area."""
-        likelihood = self._search.likelihood(candidate.pose, ready.points, ready.normals)
-        return likelihood + float(np.log(self._area(candidate.pose) / AREA))
-
-    def _area(self, pose: Pose) -> float:
-        """Return the area of the skin in the rest pose."""
-        return float(triangle_areas(self.model(pose.betas), self.model.faces).sum())
+        area = triangle_areas(self.model(pose.betas), self.model.faces).sum()
+        likelihood = self._search.likelihood(pose, scan.points, scan.normals)
+        return likelihood + float(np.log(area / AREA))
 
     def _least_matched(self, matched: np.ndarray) -> tuple[str, float]:
         """Return the joint with the smallest share of matched vertices, and this share."""
         owners = self.model.weights.argmax(axis=1)
         counts = np.bincount(owners, minlength=self.model.n_joints)
-        found = np.bincount(owners, matched, minlength=self.model.n_joints)
-        shares = np.where(counts >= _LIMB * len(owners), found / np.maximum(counts, 1), 1.0)
+        matches = np.bincount(owners, matched, minlength=self.model.n_joints)
+        shares = np.where(counts >= _LIMB * len(owners), matches / np.maximum(counts, 1), 1.0)
         least = int(np.argmin(shares))
         return joint_names(self.model)[least], float(shares[least])
 
-    def _with_forearms_turned(
-        self, best: Candidate, pose: Pose, ready: ReadyScan, tree: ScanTree
+    def _rotate_forearms(
+        self, best: Candidate, pose: Pose, scan: PreparedScan, tree: ScanTree
     ) -> Pose:
-        """Return a dense fit with forearms turned about themselves where that is likelier."""
-        few, dense = self._search.samples(_N_TURNED), self._search.samples(_N_DENSE)
+        """Return a dense fit with forearms rotated about themselves where that is likelier."""
+        few, dense = self._search.samples(_N_ROTATED), self._search.samples(_N_DENSE)
 
-        def fitted(pose: Pose) -> tuple[float, Pose]:
+        def fit(pose: Pose) -> tuple[float, Pose]:
             pose = fit_closest(few, pose, best.prior, tree)
-            return likelihood(pose), pose
+            return self._likelihood(pose, scan), pose
 
-        def likelihood(pose: Pose) -> float:
-            return self._likelihood(replace(best, pose=pose), ready)
-
-        reached = likelihood(pose)
+        reached = self._likelihood(pose, scan)
         for arm in arms_of(self.model):
             for _ in range(_N_PASSES):
-                others = turned_forearms(pose, arm, few.rest_joints)
-                found, other = max(mapped(fitted, others, N_THREADS), key=itemgetter(0))
-                if found > reached - _LEAST_GAIN:
+                others = rotate_forearm(pose, arm, few.rest_joints)
+                likelihood, other = max(mapped(fit, others, N_THREADS), key=itemgetter(0))
+                if likelihood > reached - _LEAST_GAIN:
                     other = fit_closest(dense, other, best.prior, tree)
-                    found = likelihood(other)
-                if found < reached + _LEAST_GAIN:
+                    likelihood = self._likelihood(other, scan)
+                if likelihood < reached + _LEAST_GAIN:
                     break
-                reached, pose = found, other
+                reached, pose = likelihood, other
         return pose
 
-    def _registered(
-        self, whole: Scan, ready: ReadyScan, candidates: list[Candidate]
-    ) -> RegisteredScan:
-        best = candidates[0]
-        tree = ScanTree(ready.points, ready.normals)
-        pose = fit_closest(self._search.samples(_N_DENSE), best.pose, best.prior, tree)
-        pose = self._with_forearms_turned(best, pose, ready, tree)
-        model_points = posed(self._search.samples(None), pose)[0][: self.model.n_vertices]
-        points, found = fit_elastic(self._metric, model_points, model_points, tree)
-        places, distances = nearest_places(whole.points, points, self.model.faces)
-        background = ready.background
+    def _margin(self, candidates: list[Candidate]) -> float:
+        """Return how much likelier the best body is than all that are elsewhere."""
         body = self._search.samples(1000)
-        own = posed(body, best.pose)[0]
-        rivals = [
+        own = pose_body(body, candidates[0].pose)[0]
+        others = [
             each.likelihood
             for each in candidates[1:]
-            if distance_apart(posed(body, each.pose)[0], own) > RIVAL_METRES
+            if np.linalg.norm(pose_body(body, each.pose)[0] - own, axis=1).mean() > RIVAL_METRES
         ]
-        likelihood = self._likelihood(replace(best, pose=pose), ready)
+        return candidates[0].likelihood - max(others, default=-np.inf)
+
+    def _refine(
+        self, whole: Scan, scan: PreparedScan, candidates: list[Candidate]
+    ) -> RegisteredScan:
+        """Return the result of the dense fits that start from the likeliest body."""
+        best = candidates[0]
+        tree = ScanTree(scan.points, scan.normals)
+        pose = fit_closest(self._search.samples(_N_DENSE), best.pose, best.prior, tree)
+        pose = self._rotate_forearms(best, pose, scan, tree)
+        model_points = pose_body(self._search.samples(None), pose)[0][: self.model.n_vertices]
+        points, matches = fit_elastic(self._metric, model_points, model_points, tree)
+        places, distances = nearest_places(whole.points, points, self.model.faces)
+        likelihood = self._likelihood(pose, scan)
         moved = np.linalg.norm(points - model_points, axis=1)
-        gaps = np.linalg.norm(found.gaps, axis=1)
-        matched = (gaps < _MATCHED_METRES) & (found.weights > 0.1)
+        gaps = np.linalg.norm(matches.gaps, axis=1)
+        matched = (gaps < _MATCHED_METRES) & (matches.weights > 0.1)
         limb, limb_matched = self._least_matched(matched)
-        reasons = doubts(
+        doubts = find_doubts(
             Evidence(
                 strain=float(moved.mean()),
                 likelihood=likelihood,
-                margin=best.likelihood - max(rivals, default=-np.inf),
-                near=float(np.mean(distances[~background] < NEAR_METRES)),
+                margin=self._margin(candidates),
+                near=float(np.mean(distances[~scan.background] < NEAR_METRES)),
                 betas=float(np.sqrt(np.mean(pose.betas**2))) if len(pose.betas) else 0.0,
                 limb=limb,
                 limb_matched=limb_matched,
@@ -390,8 +386,8 @@ class ScanRegistration:
         )
         return RegisteredScan(
             points=points,
-            trusted=not reasons,
-            message="; ".join(reasons),
+            trusted=not doubts,
+            message="; ".join(doubts),
             likelihood=likelihood,
             fit=ModelFit(
                 betas=pose.betas,
@@ -404,7 +400,7 @@ class ScanRegistration:
             distances=distances,
             matched=matched,
             correspondence=places,
-            background=background,
+            background=scan.background,
             up=best.up,
             unit=whole.unit,
         )
@@ -495,9 +491,9 @@ class TemplateRegistration:
             shape = (template.n_vertices, 3)
             points = np.asarray(real_array(start, "start", shape, batched=False), dtype=float)
         scaled = replace(whole, points=whole.points * self._factor)
-        ready = made_ready(scaled, surroundings=False)
+        prepared = prepare_scan(scaled, surroundings=False)
         with single_threaded_libraries():
-            return self._solved(whole, ready, points * self._factor)
+            return self._fit(whole, prepared, points * self._factor)
 
     @cached_property
     def _factor(self) -> float:
@@ -509,26 +505,28 @@ class TemplateRegistration:
         scaled = Template(self.template.vertices * self._factor, self.template.faces)
         return ElasticMetric(AlignedSurfaces(scaled), a=1.0, lam=1.0, c=1.0)
 
-    def _solved(self, whole: Scan, ready: ReadyScan, points: np.ndarray) -> RegisteredScan:
+    def _fit(self, whole: Scan, prepared: PreparedScan, points: np.ndarray) -> RegisteredScan:
         faces = self.template.faces
-        tree = ScanTree(ready.points, ready.normals)
+        tree = ScanTree(prepared.points, prepared.normals)
         for scale in _RIGID_SCALES:
-            found = tree.matches(points, vertex_normals(points, faces), scale)
-            weights = found.weights * self.template.vertex_areas
+            matches = tree.match(points, vertex_normals(points, faces), scale)
+            weights = matches.weights * self.template.vertex_areas
             if not weights.any():
                 raise ArgumentError("no part of start faces the same way as the scan near it")
-            points = procrustes(points, to=points + found.gaps, scale=None, weights=weights)
+            points = procrustes(points, to=points + matches.gaps, scale=None, weights=weights)
         reference = points
         for scale in _FREE_SCALES:
-            points, found = fit_elastic(self._metric, points, reference, tree, _STIFFNESSES, scale)
-        near = np.linalg.norm(found.gaps, axis=1) < _NEAR_METRES
-        matched = near & (found.weights > 0.1)
+            points, matches = fit_elastic(
+                self._metric, points, reference, tree, _STIFFNESSES, scale
+            )
+        near = np.linalg.norm(matches.gaps, axis=1) < _NEAR_METRES
+        matched = near & (matches.weights > 0.1)
         points = points / self._factor
         places, distances = nearest_places(whole.points, points, faces)
         close = float(np.mean(distances * self._factor < _NEAR_METRES))
         reasons = []
         if matched.mean() < _LEAST_MATCHED:
-            reasons.append(f"only {100 * matched.mean():.0f} % of the template have found scan")
+            reasons.append(f"only {100 * matched.mean():.0f} % of the template match the scan")
         if close < _LEAST_NEAR:
             reasons.append(f"only {100 * close:.0f} % of the scan lies near the template")
         return RegisteredScan(
@@ -602,16 +600,16 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
     shapedirs = _combined(forth, model.shapedirs)
     posedirs = None if model.posedirs is None else _combined(forth, model.posedirs)
 
-    rotations = rotation_matrix(fit.pose)
+    local = rotation_matrix(fit.pose)
     joints = model.joints(fit.betas)
-    turns, places = joint_motions(joints, rotations, model.parents, model.joint_order)
-    shifts = places - np.einsum("jxy,jy->jx", turns, joints)
-    blended = np.einsum("vj,jxy->vxy", weights, turns)
+    rotations, positions = joint_motions(joints, local, model.parents, model.joint_order)
+    shifts = positions - np.einsum("jxy,jy->jx", rotations, joints)
+    blended = np.einsum("vj,jxy->vxy", weights, rotations)
     moved = vertices - fit.trans - weights @ shifts
     rest = np.linalg.solve(blended, moved[..., None])[..., 0] - shapedirs @ fit.betas
     if posedirs is not None:
         limbs = model.parents >= 0
-        rest = rest - posedirs @ (rotations[limbs] - np.eye(3)).ravel()
+        rest = rest - posedirs @ (local[limbs] - np.eye(3)).ravel()
     return BodyModel(
         rest,
         faces,

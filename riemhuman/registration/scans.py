@@ -1,4 +1,4 @@
-"""Scans and their landmarks: files, units, and removal of floor and stray points."""
+"""Scans and their landmarks: files, arrays and units."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import ndimage
 
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
@@ -18,32 +17,19 @@ from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.io.meshes import load_mesh
 from riemhuman.io.text_tables import read_named_rows
-from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
-from riemhuman.registration._scan_points import (
-    estimated_normals,
-    has_one_side,
-    outward,
-    smoothed_normals,
-    thinned,
-)
+from riemhuman.kernels.vertex_normals import unit_vectors
 from riemhuman.units import UNITS
 
+# Suffixes of the files of scans.
+SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
 FEWEST_POINTS = 200
-# A fit gains nothing from more points.
-MOST_POINTS = 20_000
-_FIRST_POINTS = 80_000
 
 # Smallest and largest extent of a body with its surroundings, metres. Their ratio is 10, as between
 # centimetres and millimetres, so that one unit fits at most.
 _EXTENTS = (0.4, 4.0)
-_NOTICED = ("metres", "centimetres", "millimetres")
+_INFERRED_UNITS = ("metres", "centimetres", "millimetres")
 
-_CELL_METRES = 0.05
-# Separate parts with a smaller share of the points count as strays.
-_STRAY = 0.004
-_FLOOR_METRES, _NEAR_FLOOR_METRES = 0.01, 0.02
-_FLOOR_SHARE, _ABOVE_FLOOR = 0.04, 0.97
-_N_PLANES = 200
+_Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,17 +62,6 @@ class Scan:
 
     def __len__(self) -> int:
         return len(self.points)
-
-
-@dataclass(frozen=True, eq=False)
-class ReadyScan:
-    """Evenly spread points of a scan, ready for registration."""
-
-    points: np.ndarray
-    normals: np.ndarray
-    background: np.ndarray
-    up: np.ndarray | None
-    estimated: bool
 
 
 def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
@@ -127,6 +102,46 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     return in_metres(*read_scan(path), unit=unit, name=os.fspath(path))
 
 
+def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """Read landmarks of a scan for `ScanRegistration.solve`.
+
+    Parameters
+    ----------
+    path : path_like
+        A .csv file with a line ``name,x,y,z`` for each landmark: a joint of the body model, and its
+        position in the scan, in the unit of the scan. A first line that begins with ``name`` is a
+        header.
+
+    Returns
+    -------
+    dict of str to array, shape (3,)
+
+    Raises
+    ------
+    ArgumentTypeError
+        If `path` is not a path.
+    FileError
+        If the file is missing or cannot be read.
+    FileFormatError
+        If a name is missing or repeated, or a line has no three finite numbers.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> with open("landmarks.csv", "w") as file:
+    ...     print("left_wrist,0.62,1.31,0.05", file=file)
+    >>> rh.registration.load_landmarks("landmarks.csv")["left_wrist"].tolist()
+    [0.62, 1.31, 0.05]
+    """
+    file = file_path(path)
+    rows = read_named_rows(file, "name")
+    try:
+        positions = real_array(list(rows.values()), "landmarks", (len(rows), 3), batched=False)
+    except ArgumentError as error:
+        raise FileFormatError(f"{file}: {error}") from error
+    return dict(zip(rows, positions, strict=True))
+
+
 def as_scan(scan: Any, unit: str | None = None) -> Scan:
     """Return a scan in metres."""
     if isinstance(scan, Scan):
@@ -162,7 +177,7 @@ def in_metres(
     if unit is None:
         fitting = [
             each
-            for each in _NOTICED
+            for each in _INFERRED_UNITS
             if _EXTENTS[0] * UNITS[each] <= extent < _EXTENTS[1] * UNITS[each]
         ]
         if not fitting:
@@ -175,117 +190,14 @@ def in_metres(
     return Scan(points / size, faces, None if normals is None else unit_vectors(normals), unit)
 
 
-def made_ready(scan: Scan, *, surroundings: bool = True) -> ReadyScan:
-    """Return the points of the body, spread evenly, with normals."""
-    rng = np.random.default_rng(0)
-    numbers = np.arange(len(scan.points))
-    if scan.faces is not None:
-        numbers = np.unique(scan.faces)
-    if len(numbers) > _FIRST_POINTS:
-        numbers = np.sort(rng.choice(numbers, _FIRST_POINTS, replace=False))
-    numbers = numbers[thinned(scan.points[numbers], MOST_POINTS, rng)]
-    points = scan.points[numbers]
-    estimated = scan.normals is None and (scan.faces is None or not has_one_side(scan.faces))
-    normals = estimated_normals(points) if estimated else _normals(scan, numbers)
-    background = np.zeros(len(scan.points), dtype=bool)
-    if not surroundings:
-        return ReadyScan(points, normals, background, None, estimated)
-    floor = _floor(points, normals, rng)
-    up = None
-    if floor is not None:
-        up, height = floor
-        background |= scan.points @ up < height + _NEAR_FLOOR_METRES
-        keep = ~background[numbers]
-        points, normals, numbers = points[keep], normals[keep], numbers[keep]
-    background |= _strays(scan.points, ~background)
-    keep = ~background[numbers]
-    if keep.sum() < FEWEST_POINTS:
-        raise ArgumentError(
-            f"scan has {int(keep.sum())} points without the floor and strays; at least "
-            f"{FEWEST_POINTS} are needed"
-        )
-    points, normals = points[keep], normals[keep]
-    if estimated and background.any():
-        normals = estimated_normals(points)  # the background may have flipped signs
-    return ReadyScan(points, normals, background, up, estimated)
-
-
-def _normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
-    """Return the normals of a scan or of its triangles, smoothed and outward."""
-    points = scan.points[numbers]
-    if scan.normals is not None:
-        normals = scan.normals[numbers]
-    else:
-        assert scan.faces is not None
-        normals = vertex_normals(scan.points, scan.faces)[numbers]
-    normals = smoothed_normals(points, normals)
-    return normals if outward(points, normals) else -normals
-
-
-def _floor(
-    points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, float] | None:
-    """Return the upward normal and the height of a wide plane with all other points above it."""
-    best, support = None, _FLOOR_SHARE * len(points)
-    for start in rng.choice(len(points), min(_N_PLANES, len(points)), replace=False):
-        across = normals[start]
-        heights = points @ across
-        near = np.abs(heights - heights[start]) < _FLOOR_METRES
-        near &= np.abs(normals @ across) > 0.9
-        if near.sum() > support:
-            best, support = start, near.sum()
-    if best is None:
-        return None
-    up = normals[best]
-    near = np.abs((points - points[best]) @ up) < _FLOOR_METRES
-    centre = points[near].mean(axis=0)
-    up = np.linalg.svd(points[near] - centre, full_matrices=False)[2][2]
-    heights = (points - centre) @ up
-    if np.median(heights[~near]) < 0:
-        up, heights = -up, -heights
-    above = heights[~near] > -_NEAR_FLOOR_METRES
-    spread = points[near].std(axis=0)
-    is_wide = np.sort(spread)[1] > 0.2
-    if above.mean() < _ABOVE_FLOOR or not is_wide:
-        return None
-    return up, float(centre @ up)
-
-
-def _strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-    """Tell which points belong to small separate parts."""
-    strays = np.zeros(len(points), dtype=bool)
-    chosen = points[wanted]
-    if not len(chosen):
-        return strays
-    low, high = np.percentile(chosen, [0.5, 99.5], axis=0)
-    low, high = low - 0.5, high + 0.5
-    inside = ((chosen >= low) & (chosen <= high)).all(axis=1)
-    cells = np.floor((chosen[inside] - low) / _CELL_METRES).astype(np.int64)
-    grid = np.zeros(np.ceil((high - low) / _CELL_METRES).astype(int) + 1, dtype=bool)
-    grid[tuple(cells.T)] = True
-    labels, _ = ndimage.label(grid, structure=np.ones((3, 3, 3)))
-    own = labels[tuple(cells.T)]
-    sizes = np.bincount(own)
-    is_stray = np.ones(len(chosen), dtype=bool)
-    is_stray[inside] = sizes[own] < _STRAY * len(chosen)
-    strays[wanted] = is_stray
-    return strays
-
-
-SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
-"""Suffixes of the files of scans."""
-
-_Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
-
-
 def read_scan(path: str | os.PathLike[str]) -> _Parts:
     """Return the points, triangles and normals of a file, in its unit."""
     file = file_path(path)
     suffix = file.suffix.lower()
     if suffix not in SUFFIXES:
-        found = repr(file.suffix) if file.suffix else "none"
         raise FileFormatError(
-            f"{file}: the ending must be one of {', '.join(SUFFIXES)}; found {found}"
+            f"{file}: the ending must be one of {', '.join(SUFFIXES)}; "
+            f"found {file.suffix or 'none'!r}"
         )
     if file.is_dir():
         raise FileError(f"{file} is a folder; a scan was expected")
@@ -352,43 +264,3 @@ def _checked(points: np.ndarray, file: Path) -> np.ndarray:
             f"{points[first].tolist()}"
         )
     return points
-
-
-def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """Read landmarks of a scan for `ScanRegistration.solve`.
-
-    Parameters
-    ----------
-    path : path_like
-        A .csv file with a line ``name,x,y,z`` for each landmark: a joint of the body model, and its
-        place in the scan, in the unit of the scan. A first line that begins with ``name`` is a
-        header.
-
-    Returns
-    -------
-    dict of str to array, shape (3,)
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `path` is not a path.
-    FileError
-        If the file is missing or cannot be read.
-    FileFormatError
-        If a name is missing or repeated, or a line has no three finite numbers.
-
-    Examples
-    --------
-    >>> import riemhuman as rh
-    >>> with open("landmarks.csv", "w") as file:
-    ...     print("left_wrist,0.62,1.31,0.05", file=file)
-    >>> rh.registration.load_landmarks("landmarks.csv")["left_wrist"].tolist()
-    [0.62, 1.31, 0.05]
-    """
-    file = file_path(path)
-    rows = read_named_rows(file, "name")
-    try:
-        places = real_array(list(rows.values()), "landmarks", (len(rows), 3), batched=False)
-    except ArgumentError as error:
-        raise FileFormatError(f"{file}: {error}") from error
-    return dict(zip(rows, places, strict=True))

@@ -245,7 +245,7 @@ def test_not_hdf5(folder):
 def test_truncated(folder):
     path = folder / MEN
     path.write_bytes(path.read_bytes()[:600])
-    with pytest.raises(FileError, match=rf"cannot read .*{MEN}"):
+    with pytest.raises(FileFormatError, match=rf"cannot read .*{MEN}"):
         load_dfaust(folder)
 
 

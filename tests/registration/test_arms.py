@@ -7,14 +7,14 @@ from scipy.spatial.transform import Rotation
 
 import riemhuman as rh
 from riemhuman.registration._posed_body import Pose, joint_motions, sample_model
-from riemhuman.registration._start_search import (
-    StartSearch,
+from riemhuman.registration._start_poses import (
     arms_of,
     joint_names,
     other_arms,
+    rotate_forearm,
     start_poses,
-    turned_forearms,
 )
+from riemhuman.registration._start_search import StartSearch
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def test_a_turned_forearm_leaves_the_joints_where_they_are(model):
     pose = Pose(search.poses["hips"], np.zeros(model.n_betas), np.array([0.1, 0.2, 0.3]))
     for arm in arms_of(model):
         *_, elbow, wrist = arm
-        turned = list(turned_forearms(pose, arm, body.rest_joints))
+        turned = list(rotate_forearm(pose, arm, body.rest_joints))
         turns = []
         for each in turned:
             np.testing.assert_array_equal(

@@ -8,11 +8,17 @@ import riemhuman as rh
 from riemhuman.registration._fitting_steps import (
     KAPPA,
     OUTLIERS,
-    add_normal_equations,
+    Prior,
     assign,
-    stepped,
+    take_step,
 )
-from riemhuman.registration._posed_body import Pose, posed, rotation, rotation_vector, sample_model
+from riemhuman.registration._posed_body import (
+    Pose,
+    pose_body,
+    rotation,
+    rotation_vector,
+    sample_model,
+)
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +50,7 @@ def as_pose(betas, vectors, trans):
 
 
 def test_points_are_those_of_the_model(model, body, parameters):
-    points, normals = posed(body, as_pose(*parameters))
+    points, normals = pose_body(body, as_pose(*parameters))
     skin = body.numbers >= 0
     np.testing.assert_allclose(points[skin], model(*parameters)[body.numbers[skin]], atol=1e-12)
     np.testing.assert_allclose(points[~skin], model.joints(*parameters), atol=1e-12)
@@ -63,7 +69,7 @@ def test_points_are_those_of_a_model_with_pose_offsets(model, rng, parameters):
         posedirs=offsets,
     )
     body = sample_model(with_offsets, 60)
-    points, _ = posed(body, as_pose(*parameters))
+    points, _ = pose_body(body, as_pose(*parameters))
     skin = body.numbers >= 0
     expected = with_offsets(*parameters)[body.numbers[skin]]
     np.testing.assert_allclose(points[skin], expected, atol=1e-12)
@@ -76,15 +82,13 @@ def test_derivatives_lead_back_to_a_body_nearby(body, parameters, rng):
         goal.betas + 0.02 * rng.standard_normal(len(goal.betas)),
         goal.trans + 0.01,
     )
-    targets = posed(body, goal)[0]
+    targets = pose_body(body, goal)[0]
     shares = np.full(len(targets), 1.0 / len(targets))
-    gaps = [targets - posed(body, start)[0]]
+    gaps = [targets - pose_body(body, start)[0]]
+    prior = Prior(goal.local, np.zeros(len(goal.local)), goal.betas, 0.0)
     for _ in range(2):
-        n_columns = start.local.size // 3 + len(start.betas) + 3
-        matrix, right = np.zeros((n_columns, n_columns)), np.zeros(n_columns)
-        add_normal_equations(body, start, shares, gaps[-1], gaps[-1], 1.0, matrix, right)
-        start = stepped(body, start, matrix, right, 1.0)
-        gaps.append(targets - posed(body, start)[0])
+        start = take_step(body, start, prior, 0.0, shares, gaps[-1], gaps[-1], 1.0, 1.0)
+        gaps.append(targets - pose_body(body, start)[0])
     sizes = [np.abs(each).max() for each in gaps]
     # The damping of 1e-4 keeps Gauss–Newton's steps from being exact.
     assert sizes[1] < 0.1 * sizes[0]

@@ -4,7 +4,7 @@ import numpy as np
 from scanned_people import with_other_names, with_smpls_tree
 
 import riemhuman as rh
-from riemhuman.registration._start_search import _SMPL_TREE, joint_precisions, start_poses
+from riemhuman.registration._start_poses import _SMPL_TREE, joint_precisions, start_poses
 
 
 def test_smpls_tree_is_recognised():

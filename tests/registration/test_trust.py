@@ -7,7 +7,7 @@ import pytest
 
 import riemhuman as rh
 from riemhuman.registration import ScanRegistration
-from riemhuman.registration._trust import Evidence, doubts
+from riemhuman.registration._trust import Evidence, find_doubts
 
 GOOD = Evidence(
     likelihood=3.2,
@@ -21,7 +21,7 @@ GOOD = Evidence(
 
 
 def test_good_evidence_leaves_no_doubt():
-    assert doubts(GOOD) == []
+    assert find_doubts(GOOD) == []
 
 
 @pytest.mark.parametrize(
@@ -32,16 +32,16 @@ def test_good_evidence_leaves_no_doubt():
         ({"margin": 0.05}, "faces or stands another way"),
         ({"betas": 3.5}, "far from all people"),
         ({"strain": 0.007}, "leave the model by 7.0 mm"),
-        ({"limb_matched": 0.1}, "left_wrist found next to nothing in the scan"),
+        ({"limb_matched": 0.1}, "left_wrist matches hardly anything in the scan"),
     ],
 )
 def test_every_doubt_has_its_reason(change, reason):
-    (found,) = doubts(replace(GOOD, **change))
+    (found,) = find_doubts(replace(GOOD, **change))
     assert reason in found
 
 
 def test_a_limb_out_of_sight_leaves_no_doubt():
-    assert doubts(replace(GOOD, near=1.0, limb_matched=0.0)) == []
+    assert find_doubts(replace(GOOD, near=1.0, limb_matched=0.0)) == []
 
 
 @pytest.mark.sampled(6, "scans that are refused")

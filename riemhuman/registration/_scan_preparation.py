@@ -1,0 +1,218 @@
+"""Points of a scan ready for registration: evenly spread, with outward normals, no background."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, sparse
+from scipy.sparse import csgraph
+from scipy.spatial import cKDTree
+
+from riemhuman.errors import ArgumentError
+from riemhuman.kernels.vertex_normals import unit_vectors, vertex_normals
+from riemhuman.registration.scans import FEWEST_POINTS, Scan
+
+# A fit gains nothing from more points.
+_MOST_POINTS = 20_000
+_FIRST_POINTS = 80_000
+
+_CELL_METRES = 0.05
+# Separate parts with a smaller share of the points count as strays.
+_STRAY = 0.004
+_FLOOR_METRES, _NEAR_FLOOR_METRES = 0.01, 0.02
+_FLOOR_SHARE, _ABOVE_FLOOR = 0.04, 0.97
+_N_PLANES = 200
+
+_N_NEIGHBOURS = 14
+_NORMAL_METRES = 0.03
+# A mesh has no consistent side if more than this share of its edges join triangles that face
+# different sides.
+_MIXED = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class PreparedScan:
+    """Evenly spread points of a scan, ready for registration."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    background: np.ndarray
+    up: np.ndarray | None
+    estimated: bool
+
+
+def prepare_scan(scan: Scan, *, surroundings: bool = True) -> PreparedScan:
+    """Return the points of the body, spread evenly, with normals."""
+    rng = np.random.default_rng(0)
+    numbers = np.arange(len(scan.points))
+    if scan.faces is not None:
+        numbers = np.unique(scan.faces)
+    if len(numbers) > _FIRST_POINTS:
+        numbers = np.sort(rng.choice(numbers, _FIRST_POINTS, replace=False))
+    numbers = numbers[thinned(scan.points[numbers], _MOST_POINTS, rng)]
+    points = scan.points[numbers]
+    estimated = scan.normals is None and (scan.faces is None or not has_one_side(scan.faces))
+    normals = estimate_normals(points) if estimated else _scan_normals(scan, numbers)
+    background = np.zeros(len(scan.points), dtype=bool)
+    if not surroundings:
+        return PreparedScan(points, normals, background, None, estimated)
+    floor = _find_floor(points, normals, rng)
+    up = None
+    if floor is not None:
+        up, height = floor
+        background |= scan.points @ up < height + _NEAR_FLOOR_METRES
+        keep = ~background[numbers]
+        points, normals, numbers = points[keep], normals[keep], numbers[keep]
+    background |= _find_strays(scan.points, ~background)
+    keep = ~background[numbers]
+    if keep.sum() < FEWEST_POINTS:
+        raise ArgumentError(
+            f"scan has {int(keep.sum())} points without the floor and strays; at least "
+            f"{FEWEST_POINTS} are needed"
+        )
+    points, normals = points[keep], normals[keep]
+    if estimated and background.any():
+        normals = estimate_normals(points)  # the background may have flipped signs
+    return PreparedScan(points, normals, background, up, estimated)
+
+
+def _scan_normals(scan: Scan, numbers: np.ndarray) -> np.ndarray:
+    """Return the normals of a scan or of its triangles, smoothed and outward."""
+    points = scan.points[numbers]
+    if scan.normals is not None:
+        normals = scan.normals[numbers]
+    else:
+        assert scan.faces is not None
+        normals = vertex_normals(scan.points, scan.faces)[numbers]
+    normals = smooth_normals(points, normals)
+    return normals if faces_outward(points, normals) else -normals
+
+
+def _find_floor(
+    points: np.ndarray, normals: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, float] | None:
+    """Return the upward normal and the height of a wide plane with all other points above it."""
+    best, support = None, _FLOOR_SHARE * len(points)
+    for start in rng.choice(len(points), min(_N_PLANES, len(points)), replace=False):
+        across = normals[start]
+        heights = points @ across
+        near = np.abs(heights - heights[start]) < _FLOOR_METRES
+        near &= np.abs(normals @ across) > 0.9
+        if near.sum() > support:
+            best, support = start, near.sum()
+    if best is None:
+        return None
+    up = normals[best]
+    near = np.abs((points - points[best]) @ up) < _FLOOR_METRES
+    centre = points[near].mean(axis=0)
+    up = np.linalg.svd(points[near] - centre, full_matrices=False)[2][2]
+    heights = (points - centre) @ up
+    if np.median(heights[~near]) < 0:
+        up, heights = -up, -heights
+    above = heights[~near] > -_NEAR_FLOOR_METRES
+    spread = points[near].std(axis=0)
+    is_wide = np.sort(spread)[1] > 0.2
+    if above.mean() < _ABOVE_FLOOR or not is_wide:
+        return None
+    return up, float(centre @ up)
+
+
+def _find_strays(points: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Return which points belong to small separate parts."""
+    strays = np.zeros(len(points), dtype=bool)
+    chosen = points[wanted]
+    if not len(chosen):
+        return strays
+    low, high = np.percentile(chosen, [0.5, 99.5], axis=0)
+    low, high = low - 0.5, high + 0.5
+    inside = ((chosen >= low) & (chosen <= high)).all(axis=1)
+    cells = np.floor((chosen[inside] - low) / _CELL_METRES).astype(np.int64)
+    grid = np.zeros(np.ceil((high - low) / _CELL_METRES).astype(int) + 1, dtype=bool)
+    grid[tuple(cells.T)] = True
+    labels, _ = ndimage.label(grid, structure=np.ones((3, 3, 3)))
+    own = labels[tuple(cells.T)]
+    sizes = np.bincount(own)
+    is_stray = np.ones(len(chosen), dtype=bool)
+    is_stray[inside] = sizes[own] < _STRAY * len(chosen)
+    strays[wanted] = is_stray
+    return strays
+
+
+def estimate_normals(points: np.ndarray) -> np.ndarray:
+    """Return outward normals of loose points on a surface."""
+    n = len(points)
+    neighbours = cKDTree(points).query(points, k=min(_N_NEIGHBOURS, n))[1]
+    around = points[neighbours] - points[neighbours].mean(axis=1, keepdims=True)
+    spread = np.einsum("nkx,nky->nxy", around, around)
+    normals = np.linalg.eigh(spread)[1][:, :, 0]
+
+    first = np.repeat(np.arange(n), neighbours.shape[1] - 1)
+    second = neighbours[:, 1:].ravel()
+    cosines = np.einsum("ex,ex->e", normals[first], normals[second])
+    graph = sparse.csr_array((1.001 - np.abs(cosines), (first, second)), shape=(n, n))
+    tree = csgraph.minimum_spanning_tree(graph.maximum(graph.T))
+    tree = tree + tree.T
+    n_parts, part = csgraph.connected_components(tree, directed=False)
+    signs = np.ones(n)
+    for number in range(n_parts):
+        start = int(np.argmax(part == number))
+        order, parents = csgraph.breadth_first_order(tree, start, directed=False)
+        for place in order[1:].tolist():
+            parent = parents[place]
+            same = normals[place] @ normals[parent] >= 0
+            signs[place] = signs[parent] if same else -signs[parent]
+    normals *= signs[:, np.newaxis]
+    for number in range(n_parts):
+        members = part == number
+        outward = points[members] - points[members].mean(axis=0)
+        if np.sum(outward * normals[members]) < 0:
+            normals[members] *= -1.0
+    return normals
+
+
+def smooth_normals(points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Return normals averaged over neighbours with similar normals."""
+    places = np.concatenate([points, _NORMAL_METRES * normals], axis=1)
+    neighbours = cKDTree(places).query(places, k=min(_N_NEIGHBOURS, len(points)))[1]
+    return unit_vectors(normals[neighbours].mean(axis=1))
+
+
+def has_one_side(faces: np.ndarray) -> bool:
+    """Return whether neighbouring triangles are consistently oriented, with few exceptions."""
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    n_vertices = int(faces.max()) + 1
+    forward = np.sort(edges[:, 0] * n_vertices + edges[:, 1])
+    # Two consistently oriented triangles pass their common edge in opposite directions.
+    twice = np.count_nonzero(forward[1:] == forward[:-1])
+    return bool(twice <= _MIXED * len(edges))
+
+
+def faces_outward(points: np.ndarray, normals: np.ndarray) -> bool:
+    """Return whether normals point away from the centre of their points, on the whole."""
+    return bool(np.sum((points - points.mean(axis=0)) * normals) >= 0)
+
+
+def thinned(points: np.ndarray, n_points: int, rng: np.random.Generator) -> np.ndarray:
+    """Return the numbers of about a given number of points, spread evenly."""
+    if len(points) <= n_points:
+        return np.arange(len(points))
+    order = rng.permutation(len(points))
+    shuffled = points[order] - points.min(axis=0)
+    low, high = 0.0, float(shuffled.max())
+    # The first estimate assumes a surface, where the number of cubes grows as 1/width².
+    width = high / np.sqrt(n_points)
+    best: np.ndarray = order[:n_points]
+    for _ in range(12):
+        cubes = (shuffled / width).astype(np.int64)
+        extent = cubes.max(axis=0) + 1
+        keys = (cubes[:, 0] * extent[1] + cubes[:, 1]) * extent[2] + cubes[:, 2]
+        first = np.unique(keys, return_index=True)[1]
+        best = order[first]
+        if abs(len(first) - n_points) <= 0.03 * n_points:
+            break
+        low, high = (low, width) if len(first) < n_points else (width, high)
+        width = np.clip(width * np.sqrt(len(first) / n_points), 0.0, None)
+        if not low < width < high:
+            width = 0.5 * (low + high)
+    return np.sort(best)
