@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from riemhuman.terms import ebin, ebin_matrices, ebin_tangent
+from riemhuman.terms import _cone_geodesics, cone
 
 LAMBDAS = (1e-4, 0.05, 1.0, 10.0)
 
@@ -16,7 +16,7 @@ def matrices(n_samples, anisotropy, rng):
     axes = np.stack([np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle)], axis=1)
     axes = axes.reshape(-1, 2, 2)
     g = axes @ np.diag([1.0, 1.0 / anisotropy]) @ np.swapaxes(axes, 1, 2)
-    return ebin_tangent.symmetric_part(g) * np.exp(rng.normal(size=(n_samples, 1, 1)))
+    return _cone_geodesics.symmetric_part(g) * np.exp(rng.normal(size=(n_samples, 1, 1)))
 
 
 def pairs(family, lam=1.0):
@@ -26,10 +26,10 @@ def pairs(family, lam=1.0):
     if family == "ordinary":
         return np.stack([first, matrices(N_PAIRS, 2.0, rng)])
     if family == "near-identical":
-        noise = ebin_tangent.symmetric_part(rng.normal(size=first.shape))
+        noise = _cone_geodesics.symmetric_part(rng.normal(size=first.shape))
         return np.stack([first, first + 1e-8 * noise])
     if family == "within π":
-        noise = min(0.5, 4 * np.sqrt(lam)) * ebin_tangent.symmetric_part(
+        noise = min(0.5, 4 * np.sqrt(lam)) * _cone_geodesics.symmetric_part(
             rng.uniform(-1, 1, first.shape)
         )
         factor = np.linalg.cholesky(first)
@@ -50,8 +50,8 @@ def pairs(family, lam=1.0):
 
 def squared_dist(g1, g2, lam):
     """Return the squared distances of matrices by the term."""
-    return ebin.EbinTerm(lam=lam).squared_dist(
-        ebin_matrices.coordinates(g1), ebin_matrices.coordinates(g2)
+    return cone.EbinTerm(lam=lam).squared_dist(
+        _cone_geodesics.coordinates(g1), _cone_geodesics.coordinates(g2)
     )
 
 

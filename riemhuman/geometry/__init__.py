@@ -1,6 +1,7 @@
 """Manifolds and metrics: metric fields, normal fields, products, pull-backs, surfaces."""
 
 from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
+from riemhuman.geometry.cone_fields import GeneralElasticFieldMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
@@ -23,6 +24,7 @@ __all__ = [
     "ElasticMetric",
     "FlatMetric",
     "GaugeInvariantMetric",
+    "GeneralElasticFieldMetric",
     "GeneralElasticMetric",
     "Manifold",
     "MetricFields",

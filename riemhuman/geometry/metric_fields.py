@@ -14,7 +14,8 @@ from riemhuman.geometry.manifold import Manifold, sample_bound, sample_count, st
 from riemhuman.geometry.metric import RiemannianMetric
 from riemhuman.geometry.pairwise import Bulk
 from riemhuman.kernels.surface import refuse_triangles
-from riemhuman.terms import ebin, ebin_geodesics, ebin_matrices, ebin_tangent, ebin_transport
+from riemhuman.terms import EbinTerm
+from riemhuman.terms import _cone_geodesics as cones
 from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
@@ -53,24 +54,24 @@ class MetricFields(Manifold):
         """Return whether fields are symmetric and positive definite."""
         point, finite = self._candidates(point, "point")
         symmetric = np.abs(point[..., 0, 1] - point[..., 1, 0]) <= atol
-        positive = (point[..., 0, 0] > 0) & ~ebin_matrices.is_degenerate(point)
+        positive = (point[..., 0, 0] > 0) & ~cones.is_degenerate(point)
         return finite & np.all(symmetric & positive, axis=-1)
 
     def to_tangent(self, vector: ndarray, base_point: ndarray | None = None) -> ndarray:
         """Return the symmetric part."""
-        return ebin_tangent.symmetric_part(vector)
+        return cones.symmetric_part(vector)
 
     def projection(self, point: ndarray) -> ndarray:
         """Return the symmetric part."""
-        return ebin_tangent.symmetric_part(point)
+        return cones.symmetric_part(point)
 
     def random_point(self, n_samples: int = 1, bound: float = 1.0, rng: Rng = None) -> ndarray:
         """Draw fields exp(S) of symmetric normal matrices S, independent between triangles."""
         noise = generator(rng).standard_normal((sample_count(n_samples), *self.shape))
-        logarithm = 0.5 * sample_bound(bound) * ebin_tangent.symmetric_part(noise)
-        size = np.exp(0.5 * ebin_tangent.trace(logarithm))[..., None, None]
-        shear = ebin_tangent.traceless(logarithm)
-        points = size * ebin_geodesics.traceless_exp(shear, np.array(1.0))
+        logarithm = 0.5 * sample_bound(bound) * cones.symmetric_part(noise)
+        size = np.exp(0.5 * cones.trace(logarithm))[..., None, None]
+        shear = cones.traceless(logarithm)
+        points = size * cones.traceless_exp(shear, np.array(1.0))
         return stack_samples(points, n_samples)
 
     def check_point(self, point: Any, name: str = "point", *, completion: bool = False) -> ndarray:
@@ -90,8 +91,8 @@ class MetricFields(Manifold):
         g = values_of(point)
         size = np.abs(g[..., 0, 0]) + np.abs(g[..., 1, 1])
         crooked = np.abs(g[..., 0, 1] - g[..., 1, 0]) > 1e-9 * size
-        determinant = ebin_matrices.determinants(g)
-        degenerate = ebin_matrices.is_rounding_error(determinant, g)
+        determinant = cones.determinants(g)
+        degenerate = cones.is_rounding_error(determinant, g)
         rounding = 1e-9 * size**2
         negative = (g[..., 0, 0] < 0) | (g[..., 1, 1] < 0) | (determinant < -rounding)
         refuse_triangles(crooked, f"{name} must hold symmetric matrices", ArgumentError)
@@ -139,7 +140,7 @@ class EbinMetric(RiemannianMetric):
 
     def __init__(self, space: MetricFields, lam: float = 0.5) -> None:
         super().__init__(space)
-        self._term = ebin.EbinTerm(lam=lam)
+        self._term = EbinTerm(lam=lam)
 
     @property
     def lam(self) -> float:
@@ -153,16 +154,14 @@ class EbinMetric(RiemannianMetric):
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec_a = real_array(tangent_vec_a, "tangent_vec_a", self.space.shape)
         tangent_vec_b = real_array(tangent_vec_b, "tangent_vec_b", self.space.shape)
-        values = ebin_tangent.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
+        values = cones.inner_product(tangent_vec_a, tangent_vec_b, base_point, self.lam)
         return np.sum(values * self.space.template.face_areas, axis=-1)
 
     def squared_dist(self, point_a: ndarray, point_b: ndarray) -> ndarray:
         """Return the squared distance in the completion of Met(T) (Theorem 1, corrected)."""
         point_a = self.space.check_point(point_a, "point_a", completion=True)
         point_b = self.space.check_point(point_b, "point_b", completion=True)
-        values = self._term.squared_dist(
-            ebin_matrices.coordinates(point_a), ebin_matrices.coordinates(point_b)
-        )
+        values = self._term.squared_dist(cones.coordinates(point_a), cones.coordinates(point_b))
         return np.sum(values * self.space.template.face_areas, axis=-1)
 
     @property
@@ -171,7 +170,7 @@ class EbinMetric(RiemannianMetric):
         return TermOfFields(
             self._term,
             self.space.template,
-            lambda points: ebin_matrices.coordinates(
+            lambda points: cones.coordinates(
                 self.space.check_point(points, "points", completion=True)
             ),
         )
@@ -188,8 +187,8 @@ class EbinMetric(RiemannianMetric):
         base_point = self.space.check_point(base_point, "base_point")
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         with np.errstate(over="ignore", invalid="ignore"):
-            end, met_apex = ebin_geodesics.exp(tangent_vec, base_point, self.lam)
-            lost = ebin_matrices.has_lost_its_shape(values_of(end))
+            end, met_apex = cones.exp(tangent_vec, base_point, self.lam)
+            lost = cones.has_lost_its_shape(values_of(end))
         refuse_triangles(
             values_of(met_apex),
             "tangent_vec must be the velocity of a geodesic that stays clear of g = 0",
@@ -214,12 +213,12 @@ class EbinMetric(RiemannianMetric):
         point = self.space.check_point(point, "point")
         base_point = self.space.check_point(base_point, "base_point")
         refuse_triangles(
-            values_of(ebin_matrices.angle(base_point, point, self.lam)) >= np.pi,
+            values_of(cones.angle(base_point, point, self.lam)) >= np.pi,
             "point must be within an angle θ < π of base_point, or the minimal path runs through "
             "g = 0 and there is no logarithm",
             OutsideManifoldError,
         )
-        return ebin_geodesics.log(base_point, point, self.lam)
+        return cones.log(base_point, point, self.lam)
 
     def injectivity_radius(self, base_point: ndarray | None = None) -> ndarray:
         """Return the distance to the nearest field that is 0 on a triangle, the apex of its cone.
@@ -227,7 +226,7 @@ class EbinMetric(RiemannianMetric):
         Every triangle's matrices are a cone over a hyperbolic plane, without positive curvature.
         """
         g = self.space.check_point(base_point, "base_point")
-        radii = 4.0 * np.sqrt(self.lam * np.sqrt(ebin_matrices.determinants(g)))
+        radii = 4.0 * np.sqrt(self.lam * np.sqrt(cones.determinants(g)))
         return np.min(np.sqrt(self.space.template.face_areas) * radii, axis=-1)
 
     def curvature_form(
@@ -245,14 +244,12 @@ class EbinMetric(RiemannianMetric):
         """
         g = self.space.check_point(base_point, "base_point")
         first, second = (
-            ebin_tangent.traceless(
-                ebin_tangent.whiten(real_array(vector, name, self.space.shape), g)
-            )
+            cones.traceless(cones.whiten(real_array(vector, name, self.space.shape), g))
             for vector, name in ((tangent_vec_a, "tangent_vec_a"), (tangent_vec_b, "tangent_vec_b"))
         )
-        squares = ebin_tangent.trace(first @ first) * ebin_tangent.trace(second @ second)
-        areas = squares - ebin_tangent.trace(first @ second) ** 2
-        factor = (8.0 * self.lam + 1.0) / (16.0 * self.lam) * np.sqrt(ebin_matrices.determinants(g))
+        squares = cones.trace(first @ first) * cones.trace(second @ second)
+        areas = squares - cones.trace(first @ second) ** 2
+        factor = (8.0 * self.lam + 1.0) / (16.0 * self.lam) * np.sqrt(cones.determinants(g))
         return -np.sum(self.space.template.face_areas * factor * areas, axis=-1)
 
     def parallel_transport(
@@ -273,12 +270,12 @@ class EbinMetric(RiemannianMetric):
         tangent_vec = real_array(tangent_vec, "tangent_vec", self.space.shape)
         direction = self._velocity(base_point, direction, end_point)
         self.exp(direction, base_point)
-        return ebin_transport.parallel_transport(tangent_vec, base_point, direction, self.lam)
+        return cones.parallel_transport(tangent_vec, base_point, direction, self.lam)
 
     def _geodesic_between(self, start: ndarray, end: ndarray) -> Callable[[Any], ndarray]:
         def follow(t: Any) -> ndarray:
             times = self._times(t)[..., 0, 0]
-            return ebin_geodesics.geodesic(
+            return cones.geodesic(
                 self._with_time_axis(start), self._with_time_axis(end), times, self.lam
             )
 

@@ -14,6 +14,7 @@ from scipy import sparse
 
 from riemhuman.checks import check_shape, metric_weight
 from riemhuman.errors import ArgumentError, NotDefinedError
+from riemhuman.geometry.cone_fields import GeneralElasticFieldMetric
 from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import RiemannianMetric, Solvers
 from riemhuman.geometry.metric_fields import EbinMetric, MetricFields
@@ -27,7 +28,7 @@ from riemhuman.kernels.known_gradient import with_known_gradient
 from riemhuman.kernels.sketches import patch_coordinates, triangle_patches
 from riemhuman.kernels.threads import quadratic_form
 from riemhuman.representation import Record
-from riemhuman.terms.ebin import EbinTerm
+from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.quadratic import SumOfQuadraticTerms
@@ -224,7 +225,7 @@ class SurfaceMetric(MetricOfTerms):
 
     @property
     def has_target_metric(self) -> bool:
-        return all(isinstance(term, _TERMS_WITH_SPACE) for term in self.terms)
+        return all(map(_has_space, self.terms))
 
     @property
     def target_metric(self) -> RiemannianMetric:
@@ -303,7 +304,7 @@ class _TermFields:
 
     def __init__(self, terms: Sequence[Term], template: Template) -> None:
         self._terms = tuple(terms)
-        factors = [_space_of(term, template) for term in self._terms]
+        self._factors = factors = [_space_of(term, template) for term in self._terms]
         self.metric: RiemannianMetric = factors[0].metric
         self._product: ProductManifold | None = None
         weighted = len(factors) > 1 or self._terms[0].weight != 1.0
@@ -314,36 +315,52 @@ class _TermFields:
 
     def of(self, first: surface.Derivatives) -> ndarray:
         """Return the fields of surfaces, given their first derivatives."""
-        return self._join(
-            [
-                surface.first_fundamental_form(first.f_u, first.f_v)
-                if isinstance(term, EbinTerm)
-                else term.fields(first)[0]
-                for term in self._terms
-            ]
-        )
+        fields: list[Any] = []
+        for term in self._terms:
+            if isinstance(term, ConeTerm):
+                form = surface.first_fundamental_form(first.f_u, first.f_v)
+                normals = [term.fields(first)[3]] if term.c > 0.0 else []
+                fields.append(self._joined(term, form, *normals))
+            else:
+                fields.append(term.fields(first)[0])
+        return self._join(fields)
 
     def changes(self, first: surface.Derivatives, h_u: ndarray, h_v: ndarray) -> ndarray:
         """Return the derivatives of the fields along deformations."""
         derivatives = first.f_u, first.f_v, h_u, h_v
         changes: list[Any] = []
         for term in self._terms:
-            if isinstance(term, EbinTerm):
-                changes.append(surface.first_fundamental_form_differential(*derivatives))
+            if isinstance(term, ConeTerm):
+                form = surface.first_fundamental_form_differential(*derivatives)
+                normals = [surface.unit_normals_differential(*derivatives)] if term.c > 0.0 else []
+                changes.append(self._joined(term, form, *normals))
             elif isinstance(term, NormalTerm):
                 changes.append(surface.unit_normals_differential(*derivatives))
             else:
                 changes.append(term.changes(first, h_u, h_v)[0])
         return self._join(changes)
 
+    def _joined(self, term: ConeTerm, form: ndarray, *normals: ndarray) -> ndarray:
+        """Return a change of g, or of g and n, as the factor of the term holds it."""
+        if not normals:
+            return form
+        factor: Any = self._factors[self._terms.index(term)]
+        return factor.embed_to_product([form, *normals])
+
     def _join(self, fields: list[ndarray]) -> ndarray:
         return fields[0] if self._product is None else self._product.embed_to_product(fields)
 
 
-_TERMS_WITH_SPACE = EbinTerm, NormalTerm, FlatTerm
+def _has_space(term: Term) -> bool:
+    if isinstance(term, (EbinTerm, NormalTerm, FlatTerm)):
+        return True
+    return isinstance(term, ConeTerm) and term.c > 0.0
 
 
 def _space_of(term: Term, template: Template) -> Manifold:
+    if isinstance(term, ConeTerm) and term.c > 0.0:
+        product = ProductManifold([MetricFields(template), NormalFields(template)])
+        return product.equip_with_metric(GeneralElasticFieldMetric, a=term.a, b=term.b, c=term.c)
     if isinstance(term, EbinTerm):
         return MetricFields(template).equip_with_metric(EbinMetric, lam=term.lam)
     if isinstance(term, NormalTerm):
@@ -468,12 +485,14 @@ class GeneralElasticMetric(SurfaceMetric):
               \qquad A = g^{-1}\delta g
 
     with A₀ the traceless part of A (Jermyn, Kurtek, Klassen and Srivastava, "Elastic shape
-    matching of parameterized surfaces using square root normal fields", ECCV 2012). Square root
-    normals q carry :math:`|\delta q|^2 = \tfrac1{16}\operatorname{tr}(A)^2 + |\delta n|^2` per area
-    of the surface, so that
+    matching of parameterized surfaces using square root normal fields", ECCV 2012). On fields
+    (g, n) it is at every point the metric of a cone, whose geodesic distance has a closed form:
 
-    .. math:: d^2 = a\, d^\lambda(g_1, g_2)^2 + c\, \|q_1 - q_2\|^2,
-              \qquad \lambda = \frac{b - c/16}{a} .
+    .. math:: d^2 = 16 b \int_T \left(s_1^2 + s_2^2 - 2 s_1 s_2 \cos\min(\pi, \psi)\right) dx,
+              \qquad \psi = \frac{\sqrt{a \operatorname{tr} L_0^2 + c\, \varphi^2}}{4 \sqrt b}
+
+    with s the square root of the area ratio, L₀ the traceless part of log(g₁⁻¹g₂) and φ the angle
+    of the normals.
 
     Parameters
     ----------
@@ -482,7 +501,7 @@ class GeneralElasticMetric(SurfaceMetric):
     a : float
         Weight of stretching without change of area, at least 0.
     b : float
-        Weight of the change of area: above c/16 where a > 0, and c/16 where a = 0.
+        Weight of the change of area, above 0.
     c : float
         Weight of bending, the rotation of normals; at least 0.
     **solvers
@@ -491,10 +510,14 @@ class GeneralElasticMetric(SurfaceMetric):
     Raises
     ------
     ArgumentError
-        If a weight is negative, or all are 0, or b is too small: there is no closed form.
+        If a or c is negative, or b is not positive.
 
     Notes
     -----
+    `dist` is the geodesic distance of the metric on fields, where g and n are free of each other.
+    On surfaces it is a lower bound of the length of every path, tighter than the sum of the
+    distance for b − c/16 in place of b and c = 0, and c times that of square root normal fields.
+
     `ElasticMetric` weighs the rotation of normals by the area of the template, this metric by that
     of the moving surface: here all weights have the same unit, and distances do not depend on the
     template, unlike those of `ElasticMetric` with c > 0. Triangles without area are ignored here,
@@ -523,29 +546,13 @@ class GeneralElasticMetric(SurfaceMetric):
         c: float = 1.0,
         **solvers: Unpack[Solvers],
     ) -> None:
-        self._a, self._b = metric_weight(a, "a"), metric_weight(b, "b")
+        self._a = metric_weight(a, "a")
+        self._b = metric_weight(b, "b", strict=True)
         self._c = metric_weight(c, "c")
-        rest = self._b - self._c / 16.0
-        if self._a == self._c == 0:
-            raise ArgumentError(
-                "a and c must not both be 0: the metric would measure nothing but areas"
-            )
-        if self._a > 0 and rest <= 0:
-            raise ArgumentError(
-                f"b must be above c/16 = {self._c / 16.0:g} where a > 0, or the distance has no "
-                f"closed form; found b = {self._b:g}"
-            )
-        if self._a == 0 and abs(rest) > 1e-12 * self._c:
-            raise ArgumentError(
-                f"b must be c/16 = {self._c / 16.0:g} where a = 0, the metric of square root "
-                f"normals; found b = {self._b:g}"
-            )
-        terms: list[Term] = []
-        if self._a > 0:
-            terms.append(EbinTerm(self._a, rest / self._a))
-        if self._c > 0:
-            terms.append(RootNormalTerm(self._c))
-        super().__init__(space, terms, **solvers)
+        # Without normals there is a space of fields of its own, see `MetricFields`.
+        ebin = self._a > 0 and self._c == 0
+        term = EbinTerm(self._a, self._b / self._a) if ebin else ConeTerm(1.0, a, b, c)
+        super().__init__(space, [term], **solvers)
 
     @property
     def a(self) -> float:

@@ -37,7 +37,7 @@ from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, Rotati
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.special_orthogonal import axial, transpose
 from riemhuman.motions._frames import Motion, frame_runs
-from riemhuman.terms import ebin_tangent
+from riemhuman.terms import _cone_geodesics as cones
 
 # Steps in which the length of the spline is measured, for every side and chord.
 _FINER = 8
@@ -124,7 +124,7 @@ def _ebin_chart(metric: EbinMetric, base: ndarray, weight: float) -> Any:
     scale = np.sqrt(weight * metric.space.template.face_areas * np.sqrt(np.linalg.det(base)))
 
     def coordinates(h: ndarray) -> ndarray:
-        whitened = ebin_tangent.whiten(h, base)
+        whitened = cones.whiten(h, base)
         first, second = whitened[..., 0, 0], whitened[..., 1, 1]
         parts = [
             np.sqrt(metric.lam) * (first + second),

@@ -1,7 +1,7 @@
 """Terms of surface metrics, one a file, and the driver that runs a weighted sum of them."""
 
 from riemhuman.kernels.compiled import compiled
-from riemhuman.terms.ebin import EbinTerm
+from riemhuman.terms.cone import ConeTerm, EbinTerm
 from riemhuman.terms.flat import FlatTerm
 from riemhuman.terms.normals import NormalTerm
 from riemhuman.terms.root_normals import RootNormalTerm
@@ -9,6 +9,7 @@ from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.term import Term
 
 __all__ = [
+    "ConeTerm",
     "EbinTerm",
     "FlatTerm",
     "NormalTerm",

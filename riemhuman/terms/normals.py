@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import autograd.numpy as np
-import numpy as onp
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
 
-from riemhuman.kernels.compiled import FUSED, SUM, compiled
+from riemhuman.kernels.compiled import SUM, compiled
 from riemhuman.kernels.scalars import square_root
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, UNDERFLOW
 from riemhuman.kernels.triangles import triangle
-from riemhuman.terms.arc_fit import arc, squared_arc_and_slope
+from riemhuman.terms._polynomial_fits import (
+    coefficients_for,
+    squared_angle,
+    squared_angle_and_slope,
+)
 from riemhuman.terms.term import Fields, Term
 
 
@@ -91,7 +95,7 @@ class NormalTerm(Term):
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, a is b, squared)
+        _tile(a, b, relative, coefficients_for(a.dtype), a is b, squared)
         return largest * squared
 
     def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
@@ -170,7 +174,7 @@ def _segment(
         acute = x1[t] * x2[t] + y1[t] * y2[t] + z1[t] * z2[t] >= 0.0
         sign = 1.0 if acute else -1.0
         x, y, z = x1[t] - sign * x2[t], y1[t] - sign * y2[t], z1[t] - sign * z2[t]
-        value, rate = squared_arc_and_slope(x * x + y * y + z * z, acute)
+        value, rate = squared_angle_and_slope(x * x + y * y + z * z, acute)
         factor = weight * areas[t]
         total += factor * value
         rate *= 2.0 * factor
@@ -212,47 +216,24 @@ def _pack_surface(
     return gap
 
 
-@compiled(forceinline=True, fastmath=FUSED)
-def squared_angle(x1: float, y1: float, z1: float, x2: float, y2: float, z2: float) -> float:
-    """Return the squared angle between two unit vectors, without branches.
-
-    With p the shorter squared chord, n₁ to n₂ or n₁ to −n₂, θ² = p Q(p) or (π − √(p Q(p)))².
-
-    Parameters
-    ----------
-    x1, y1, z1, x2, y2, z2 : float
-        Components, all in one precision.
-
-    Returns
-    -------
-    float
-    """
-    real = type(x1)
-    acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
-    sign = real(1.0) if acute else real(-1.0)
-    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
-    chord = x * x + y * y + z * z
-    squared = chord * arc(chord)
-    obtuse = real(math.pi) - onp.sqrt(squared)
-    return squared if acute else obtuse * obtuse
-
-
 @compiled(forceinline=True, fastmath=SUM)
-def _chunk(a: ndarray, b: ndarray, weights: ndarray, first: int, last: int) -> float:
+def _chunk(a: ndarray, b: ndarray, weights: ndarray, single: Any, first: int, last: int) -> float:
     x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last]
     x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last]
     w = weights[first:last]
     total = weights.dtype.type(0.0)
     for t in range(last - first):
-        total += w[t] * squared_angle(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t])
+        total += w[t] * squared_angle(x1[t], y1[t], z1[t], x2[t], y2[t], z2[t], single)
     return total
 
 
 @compiled
-def _tile(a: ndarray, b: ndarray, weights: ndarray, within: bool, squared: ndarray) -> None:
+def _tile(
+    a: ndarray, b: ndarray, weights: ndarray, single: Any, within: bool, squared: ndarray
+) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], weights, first, last)
+                squared[i, j] += _chunk(a[i], b[j], weights, single, first, last)

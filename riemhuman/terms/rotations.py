@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import autograd.numpy as np
 from numpy import ndarray
 
@@ -10,7 +12,7 @@ from riemhuman.kernels.special_orthogonal import quaternions
 from riemhuman.kernels.surface import Derivatives, dot
 from riemhuman.kernels.tiles import CHUNK, UNDERFLOW, of_one_kind
 from riemhuman.kernels.triangle_frames import polar_frames
-from riemhuman.terms.arc_fit import arc
+from riemhuman.terms._polynomial_fits import coefficients_for, squared_short_arc
 from riemhuman.terms.normals import squared_arc
 from riemhuman.terms.term import Fields, Term
 
@@ -74,7 +76,7 @@ class RotationTerm(Term):
         largest, squared = areas.max(), np.zeros((len(a), len(b)))
         relative = np.zeros(a.shape[2], dtype=a.dtype)
         relative[: len(areas)] = areas / largest
-        _tile(a, b, relative, a is b, squared)
+        _tile(a, b, relative, coefficients_for(a.dtype), a is b, squared)
         return 4.0 * largest * squared
 
 
@@ -93,34 +95,43 @@ def _pack(q: ndarray, areas: ndarray, kept: ndarray) -> float:
 
 @compiled(forceinline=True, fastmath=FUSED)
 def _squared_half_angle(
-    w1: float, x1: float, y1: float, z1: float, w2: float, x2: float, y2: float, z2: float
+    w1: float,
+    x1: float,
+    y1: float,
+    z1: float,
+    w2: float,
+    x2: float,
+    y2: float,
+    z2: float,
+    single: Any,
 ) -> float:
     real = type(x1)
     near = w1 * w2 + x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
     sign = real(1.0) if near else real(-1.0)
     w, x, y, z = w1 - sign * w2, x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
-    chord = w * w + x * x + y * y + z * z
-    return chord * arc(chord)
+    return squared_short_arc(w * w + x * x + y * y + z * z, single)
 
 
 @compiled(forceinline=True, fastmath=SUM)
-def _chunk(a: ndarray, b: ndarray, weights: ndarray, first: int, last: int) -> float:
+def _chunk(a: ndarray, b: ndarray, weights: ndarray, single: Any, first: int, last: int) -> float:
     w1, x1, y1, z1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
     w2, x2, y2, z2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
     weight = weights[first:last]
     total = weights.dtype.type(0.0)
     for t in range(last - first):
         total += weight[t] * _squared_half_angle(
-            w1[t], x1[t], y1[t], z1[t], w2[t], x2[t], y2[t], z2[t]
+            w1[t], x1[t], y1[t], z1[t], w2[t], x2[t], y2[t], z2[t], single
         )
     return total
 
 
 @compiled
-def _tile(a: ndarray, b: ndarray, weights: ndarray, within: bool, squared: ndarray) -> None:
+def _tile(
+    a: ndarray, b: ndarray, weights: ndarray, single: Any, within: bool, squared: ndarray
+) -> None:
     n_values = a.shape[2]
     for first in range(0, n_values, CHUNK):
         last = min(first + CHUNK, n_values)
         for i in range(len(a)):
             for j in range(i + 1 if within else 0, len(b)):
-                squared[i, j] += _chunk(a[i], b[j], weights, first, last)
+                squared[i, j] += _chunk(a[i], b[j], weights, single, first, last)

@@ -10,11 +10,12 @@ from riemhuman.kernels import moving_frames, surface, triangles
 from riemhuman.kernels.moving_frames import by_vertex
 from riemhuman.kernels.tiles import of_one_kind
 from riemhuman.terms import (
+    ConeTerm,
     EbinTerm,
     NormalTerm,
     RootNormalTerm,
     RotationTerm,
-    ebin,
+    cone,
     first_order,
     flat,
     normal_projection,
@@ -28,14 +29,15 @@ from riemhuman.terms.sum import SumOfTerms, field_features
 
 TEMPLATE = open_template()
 FACES, FRAMES, AREAS = TEMPLATE.faces, TEMPLATE.frame_coefficients, TEMPLATE.face_areas
-TERMS = [EbinTerm(1.0, 0.3), NormalTerm(0.2), RootNormalTerm(0.7)]
+TERMS = [EbinTerm(1.0, 0.3), ConeTerm(0.5), NormalTerm(0.2), RootNormalTerm(0.7)]
+WITHOUT_AREA = [term for term in TERMS if not term.needs_area]
 FIRST_ORDER = first_order.FirstOrderTerm(
     TEMPLATE, first_order.FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3)
 )
 QUADRATIC = [FIRST_ORDER, normal_projection.NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [zeroth_order.ZerothOrderTerm(TEMPLATE, 0.4)]
 QUADRATIC += [second_order.SecondOrderTerm(TEMPLATE, 0.1)]
-MODULES = (triangles, ebin, flat, normals, root_normals)
+MODULES = (triangles, cone, flat, normals, root_normals)
 
 
 def collapsed(points):
@@ -50,7 +52,7 @@ def test_path_energy(monkeypatch):
     path[2] = path[1] + 1e-3 * path[0]
     calls = [
         lambda: SumOfTerms(TERMS, TEMPLATE).path_energy(path),
-        lambda: SumOfTerms(TERMS[::2], TEMPLATE).path_energy(collapsed(path)),
+        lambda: SumOfTerms(WITHOUT_AREA, TEMPLATE).path_energy(collapsed(path)),
     ]
     check_bounds(monkeypatch, MODULES, calls)
 
@@ -60,7 +62,7 @@ def test_features(monkeypatch, precision):
     points = surfaces(TEMPLATE, 2, rng=2)
     calls = [
         lambda: SumOfTerms(TERMS, TEMPLATE).features(points, precision),
-        lambda: SumOfTerms(TERMS[::2], TEMPLATE).features(collapsed(points), precision),
+        lambda: SumOfTerms(WITHOUT_AREA, TEMPLATE).features(collapsed(points), precision),
     ]
     check_bounds(monkeypatch, MODULES, calls)
 
@@ -76,35 +78,25 @@ def test_squared_norms(monkeypatch, quadratic):
     check_bounds(monkeypatch, modules, calls)
 
 
-def leaves(term):
-    """Return the module of a term's pairs, and its function of numbers alone by definition."""
-
-    def squared_angle(*both):
-        half = len(both) // 2
-        return np.arccos(np.clip(np.dot(both[:half], both[half:]), -1.0, 1.0)) ** 2
-
-    def squared_half_angle(*both):
-        return np.arccos(min(abs(np.dot(both[:4], both[4:])), 1.0)) ** 2
-
-    if isinstance(term, NormalTerm):
-        return normals, {"squared_angle": squared_angle}
-    if isinstance(term, RotationTerm):
-        return rotations, {"_squared_half_angle": squared_half_angle}
-    return ebin, {"_excess": ebin._excess.py_func, "_cone": ebin._cone.py_func}
+LOOPS = [
+    (cone, EbinTerm(lam=0.3)),
+    (cone, EbinTerm(lam=1e-3)),
+    (cone, ConeTerm()),
+    (normals, NormalTerm()),
+    (rotations, RotationTerm()),
+]
 
 
-@pytest.mark.parametrize("term", [EbinTerm(lam=0.3), NormalTerm(), RotationTerm()], ids=repr)
-def test_pairs(monkeypatch, term):
+@pytest.mark.parametrize(("module", "term"), LOOPS, ids=repr)
+def test_pairs(monkeypatch, module, term):
     """In chunks of a few triangles, of which the last is shorter."""
     first = surface.derivatives(surfaces(TEMPLATE, 5, rng=3), TEMPLATE.differential_operator)
     features, _ = field_features(term, term.fields(first), AREAS, "double")
     a, b = of_one_kind(features[:3]), of_one_kind(features[2:])
     expected = term.squared_distances(a, b, AREAS)
     within = np.triu(term.squared_distances(a, a, AREAS), 1)
-    module, functions = leaves(term)
-    functions |= {name: getattr(module, name).py_func for name in ("_tile", "_chunk")}
-    for name, function in functions.items():
-        monkeypatch.setattr(module, name, function)
+    for name in ("_tile", "_chunk"):
+        monkeypatch.setattr(module, name, getattr(module, name).py_func)
     monkeypatch.setattr(module, "CHUNK", 24)
     np.testing.assert_allclose(term.squared_distances(a, b, AREAS), expected, atol=1e-12)
     np.testing.assert_allclose(term.squared_distances(a, a, AREAS), within, atol=1e-12)

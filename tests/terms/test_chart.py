@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from riemhuman.terms import EbinTerm, ebin
+from riemhuman.terms import EbinTerm, cone
 
 
 def cone_chart(x, y, s, lam):
@@ -57,8 +57,8 @@ def test_cone_chart_winds_logarithms_as_long_as_the_distance_from_the_identity()
     radii = 4.0 * np.sqrt(0.5 * lam) * s
     np.testing.assert_allclose(np.hypot(first, second), radii[:, None] * [1.0, 1.0], rtol=1e-13)
     lengths = np.linalg.norm(np.arctan2(second, first), axis=-1)
-    distances = ebin.hyperbolic_distance(ebin.excess(x, y, 0.0, 1.0))
-    expected = np.sqrt(2.0) * ebin.angle_per_distance(lam) * distances
+    distances = cone.hyperbolic_distance(cone.excess(x, y, 0.0, 1.0))
+    expected = np.sqrt(2.0) * 0.5 / np.sqrt(2.0 * lam) * distances
     np.testing.assert_allclose(lengths, expected, rtol=1e-12, atol=1e-15)
 
 

@@ -13,7 +13,15 @@ import riemhuman.terms
 from riemhuman.errors import ArgumentError
 from riemhuman.kernels import surface, triangles
 from riemhuman.kernels.tiles import of_one_kind
-from riemhuman.terms import EbinTerm, FlatTerm, NormalTerm, RootNormalTerm, RotationTerm, Term
+from riemhuman.terms import (
+    ConeTerm,
+    EbinTerm,
+    FlatTerm,
+    NormalTerm,
+    RootNormalTerm,
+    RotationTerm,
+    Term,
+)
 from riemhuman.terms.first_order import FirstOrderTerm, FirstOrderWeights
 from riemhuman.terms.normal_projection import NormalPartTerm
 from riemhuman.terms.quadratic import QuadraticTerm
@@ -27,7 +35,7 @@ OPERATOR = TEMPLATE.differential_operator
 POINTS = surfaces(TEMPLATE, 4, rng=2)
 FIRST_ORDER = FirstOrderTerm(TEMPLATE, FirstOrderWeights(1.0, 0.7, 0.4, 0.2, 0.3))
 TERMS = [EbinTerm(0.7, 1e-3), EbinTerm(0.7, 2.0), NormalTerm(0.3), RootNormalTerm(1.1)]
-TERMS += [RotationTerm(0.6)]
+TERMS += [RotationTerm(0.6), ConeTerm(0.8, 1.0, 0.3, 0.7), ConeTerm(1.0, 0.0, 0.2, 4.0)]
 QUADRATIC = [FIRST_ORDER, NormalPartTerm(TEMPLATE, FIRST_ORDER)]
 QUADRATIC += [ZerothOrderTerm(TEMPLATE, 0.4), SecondOrderTerm(TEMPLATE, 0.1)]
 

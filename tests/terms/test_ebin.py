@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from riemhuman.kernels import surface
-from riemhuman.terms import ebin, ebin_matrices
+from riemhuman.terms import _cone_geodesics, cone
 
 
 @pytest.fixture(autouse=True)
@@ -83,11 +83,16 @@ def test_slips_of_the_paper_fail(variant):
         check_squared_dist(slip(variant), *pairs("ordinary"), 0.7)
 
 
+def half_angle(m, lam):
+    """Return sin²(½ min(π, θ)) as a function of cosh ℓ − 1."""
+    return cone.clipped_sine_squared(cone.squared_hyperbolic_distance(m) / (32.0 * lam))
+
+
 # Coordinates of surfaces.
 
 
 def coordinates_of(f_u, f_v):
-    return ebin.EbinTerm().fields(surface.follow_up(f_u, f_v))
+    return cone.EbinTerm().fields(surface.follow_up(f_u, f_v))
 
 
 def derivatives_of(g):
@@ -102,7 +107,7 @@ def derivatives_of(g):
 def test_coordinates_of_derivatives_are_those_of_the_first_fundamental_form(family):
     g = pairs(family)[0]
     found = coordinates_of(*derivatives_of(g))
-    np.testing.assert_allclose(found, ebin_matrices.coordinates(g), rtol=1e-13)
+    np.testing.assert_allclose(found, _cone_geodesics.coordinates(g), rtol=1e-13)
 
 
 def test_coordinates_of_slivers_keep_the_digits_that_matrices_lose():
@@ -113,7 +118,7 @@ def test_coordinates_of_slivers_keep_the_digits_that_matrices_lose():
     exact = np.array([np.full(7, 0.7), height, np.sqrt(height)])
     found = coordinates_of(f_u, f_v)
     np.testing.assert_allclose(found, exact, rtol=1e-15)
-    of_matrices = ebin_matrices.coordinates(surface.first_fundamental_form(f_u, f_v))
+    of_matrices = _cone_geodesics.coordinates(surface.first_fundamental_form(f_u, f_v))
     assert np.abs(of_matrices[2] / exact[2] - 1).max() > 1e-6
 
 
@@ -138,8 +143,8 @@ def test_matrices_that_have_lost_their_shape(sizes):
     e, g = sizes
     for share, lost in ((3e4, True), (3e5, False)):
         m = np.sqrt(e * g * (1.0 - share * np.finfo(float).eps))
-        assert ebin_matrices.has_lost_its_shape(np.array([[e, m], [m, g]])) == lost
-    assert ebin_matrices.has_lost_its_shape(np.zeros((2, 2)))
+        assert _cone_geodesics.has_lost_its_shape(np.array([[e, m], [m, g]])) == lost
+    assert _cone_geodesics.has_lost_its_shape(np.zeros((2, 2)))
 
 
 # Relations.
@@ -185,12 +190,10 @@ def test_axioms_on_many_triples(lam):
 def test_slope_of_the_half_angle(lam):
     cut = np.cosh(np.pi * 2 * np.sqrt(2 * lam)) - 1
     for m in (1e-12, 1e-3 * cut, 0.5 * cut, 0.999 * cut, 1.5 * cut, 100 * cut):
-        slope = grad(ebin.half_angle_sine_squared)(m, lam)
+        slope = grad(half_angle)(m, lam)
         remainders = np.array(
             [
-                ebin.half_angle_sine_squared(m * (1 + e), lam)
-                - ebin.half_angle_sine_squared(m, lam)
-                - m * e * slope
+                half_angle(m * (1 + e), lam) - half_angle(m, lam) - m * e * slope
                 for e in (1e-3, 1e-4)
             ]
         )
@@ -200,8 +203,8 @@ def test_slope_of_the_half_angle(lam):
             assert abs(remainders[0]) < 1e-10
         # Slopes of slopes are needed where an inner product is a second derivative.
         step = 1e-6 * m
-        second = grad(grad(ebin.half_angle_sine_squared))(m, lam)
-        ahead, behind = (grad(ebin.half_angle_sine_squared)(m + e, lam) for e in (step, -step))
+        second = grad(grad(half_angle))(m, lam)
+        ahead, behind = (grad(half_angle)(m + e, lam) for e in (step, -step))
         np.testing.assert_allclose(
             second, (ahead - behind) / (2 * step), rtol=1e-4, atol=1e-4 * (slope / m + 1e-12)
         )
@@ -209,12 +212,12 @@ def test_slope_of_the_half_angle(lam):
 
 @pytest.mark.parametrize("lam", LAMBDAS)
 def test_half_angle_at_its_ends(lam):
-    kappa = ebin.angle_per_distance(lam)
-    assert ebin.half_angle_sine_squared(0.0, lam) == 0
-    np.testing.assert_allclose(grad(ebin.half_angle_sine_squared)(0.0, lam), kappa**2 / 2)
-    assert ebin.half_angle_sine_squared(1e12, lam) == 1
-    assert grad(ebin.half_angle_sine_squared)(1e12, lam) == 0
-    assert np.isfinite(grad(grad(ebin.half_angle_sine_squared))(0.0, lam))
+    kappa = 0.5 / np.sqrt(2.0 * lam)
+    assert half_angle(0.0, lam) == 0
+    np.testing.assert_allclose(grad(half_angle)(0.0, lam), kappa**2 / 2)
+    assert half_angle(1e12, lam) == 1
+    assert grad(half_angle)(1e12, lam) == 0
+    assert np.isfinite(grad(grad(half_angle))(0.0, lam))
 
 
 @pytest.mark.parametrize("lam", LAMBDAS)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from scipy.optimize import minimize
 
-from riemhuman.terms import ebin_geodesics, ebin_matrices, ebin_tangent
+from riemhuman.terms import _cone_geodesics
 
 
 @pytest.fixture(autouse=True)
@@ -24,10 +24,10 @@ def _strict_floats():
 @pytest.mark.parametrize(("family", "tolerance"), [("within π", 1e-12), ("near-identical", 1e-14)])
 def test_log_and_exp_are_exact(family, tolerance, lam):
     g1, g2 = pairs(family, lam)
-    log = ebin_geodesics.log(g1, g2, lam)
+    log = _cone_geodesics.log(g1, g2, lam)
     exact = [oracles.exact_log(a, b, lam) for a, b in zip(g1, g2, strict=True)]
     np.testing.assert_allclose(log, exact, rtol=0, atol=tolerance * np.abs(g2).max() * 10)
-    end, met_apex = ebin_geodesics.exp(log, g1, lam)
+    end, met_apex = _cone_geodesics.exp(log, g1, lam)
     assert not met_apex.any()
     exact = [oracles.exact_exp(v, g, lam) for v, g in zip(log, g1, strict=True)]
     np.testing.assert_allclose(end, exact, rtol=0, atol=tolerance * np.abs(g2).max())
@@ -38,8 +38,8 @@ def test_log_and_exp_are_exact(family, tolerance, lam):
 def test_exp_loses_no_more_than_its_conditioning(anisotropy):
     rng = np.random.default_rng(2)
     g1, g2 = matrices(N_PAIRS, anisotropy, rng), matrices(N_PAIRS, 3.0, rng)
-    velocity = ebin_geodesics.log(g1, g2, 10.0)
-    end, _ = ebin_geodesics.exp(velocity, g1, 10.0)
+    velocity = _cone_geodesics.log(g1, g2, 10.0)
+    end, _ = _cone_geodesics.exp(velocity, g1, 10.0)
     exact = [oracles.exact_exp(v, g, 10.0) for v, g in zip(velocity, g1, strict=True)]
     np.testing.assert_allclose(end, exact, rtol=0, atol=5e-15 * anisotropy)
 
@@ -49,8 +49,8 @@ def test_exp_agrees_with_matrix_exponential(lam):
     rng = np.random.default_rng(3)
     g = matrices(N_PAIRS, 3.0, rng)
     for size in (1e-3, 0.5, 3.0):
-        velocity = size * ebin_tangent.symmetric_part(rng.normal(size=g.shape))
-        end, met_apex = ebin_geodesics.exp(velocity, g, lam)
+        velocity = size * _cone_geodesics.symmetric_part(rng.normal(size=g.shape))
+        end, met_apex = _cone_geodesics.exp(velocity, g, lam)
         assert not met_apex.any()
         expected = [oracles.matrix_exp(v, m, lam) for v, m in zip(velocity, g, strict=True)]
         np.testing.assert_allclose(end, expected, rtol=1e-10, atol=1e-10)
@@ -60,19 +60,19 @@ def test_exp_agrees_with_matrix_exponential(lam):
 @pytest.mark.parametrize("lam", LAMBDAS)
 def test_norm_of_log_is_dist(lam):
     g1, g2 = pairs("within π", lam)
-    log = ebin_geodesics.log(g1, g2, lam)
+    log = _cone_geodesics.log(g1, g2, lam)
     np.testing.assert_allclose(
-        ebin_tangent.inner_product(log, log, g1, lam), squared_dist(g1, g2, lam), rtol=1e-11
+        _cone_geodesics.inner_product(log, log, g1, lam), squared_dist(g1, g2, lam), rtol=1e-11
     )
 
 
 def test_pure_scaling_and_standing_still():
     g = matrices(N_PAIRS, 3.0, np.random.default_rng(4))
-    np.testing.assert_allclose(ebin_geodesics.log(g, g, 0.3), 0.0, atol=1e-14)
-    np.testing.assert_allclose(ebin_geodesics.exp(0 * g, g, 0.3)[0], g, rtol=1e-14)
+    np.testing.assert_allclose(_cone_geodesics.log(g, g, 0.3), 0.0, atol=1e-14)
+    np.testing.assert_allclose(_cone_geodesics.exp(0 * g, g, 0.3)[0], g, rtol=1e-14)
     # s grows linearly: δg = 2 g gives s(1) = 2 s, as A = 2I has δs = s.
-    np.testing.assert_allclose(ebin_geodesics.exp(4 * g, g, 0.3)[0], 9 * g, rtol=1e-13)
-    np.testing.assert_allclose(ebin_geodesics.log(g, 9 * g, 0.3), 4 * g, rtol=1e-13)
+    np.testing.assert_allclose(_cone_geodesics.exp(4 * g, g, 0.3)[0], 9 * g, rtol=1e-13)
+    np.testing.assert_allclose(_cone_geodesics.log(g, 9 * g, 0.3), 4 * g, rtol=1e-13)
 
 
 def metric_tensor(q, lam):
@@ -108,11 +108,11 @@ def test_geodesics_solve_the_geodesic_equation(lam):
     times = np.linspace(0, 1, 6)
     g1, g2 = (g[:1] for g in pairs("within π", lam))
     for start, end in zip(g1, g2, strict=True):
-        velocity = ebin_geodesics.log(start, end, lam)
+        velocity = _cone_geodesics.log(start, end, lam)
         expected = follow_geodesic_equation(velocity, start, lam, times)
-        found = ebin_geodesics.geodesic(start, end, times, lam)
+        found = _cone_geodesics.geodesic(start, end, times, lam)
         np.testing.assert_allclose(found, expected, rtol=1e-7, atol=1e-7)
-        shot = ebin_geodesics.exp(times[:, None, None] * velocity, start, lam)[0]
+        shot = _cone_geodesics.exp(times[:, None, None] * velocity, start, lam)[0]
         np.testing.assert_allclose(shot, found, rtol=1e-12, atol=1e-14)
 
 
@@ -142,7 +142,7 @@ def test_the_least_energy_of_discrete_paths_is_the_squared_distance():
 def test_geodesic_has_constant_speed(family, lam):
     g1, g2 = pairs(family, lam)
     times = np.linspace(0, 1, 8)
-    path = ebin_geodesics.geodesic(g1, g2, times[:, None] * np.ones(N_PAIRS), lam)
+    path = _cone_geodesics.geodesic(g1, g2, times[:, None] * np.ones(N_PAIRS), lam)
     steps = np.sqrt(squared_dist(path[:-1], path[1:], lam))
     dist = np.sqrt(squared_dist(g1, g2, lam))
     # Points on the way are rounded to matrices, in which the steps are small or ill determined.
@@ -157,15 +157,15 @@ def test_geodesic_has_constant_speed(family, lam):
 def test_far_matrices_meet_at_the_apex():
     lam = 1e-4
     g1, g2 = pairs("ordinary")
-    assert np.all(ebin_matrices.angle(g1, g2, lam) > np.pi)
+    assert np.all(_cone_geodesics.angle(g1, g2, lam) > np.pi)
     np.testing.assert_allclose(
         np.sqrt(squared_dist(g1, g2, lam)), cone_size(g1, g2, lam), rtol=1e-12
     )
     s1, s2 = (np.linalg.det(g) ** 0.25 for g in (g1, g2))
-    at_apex = ebin_geodesics.geodesic(g1, g2, s1 / (s1 + s2), lam)
+    at_apex = _cone_geodesics.geodesic(g1, g2, s1 / (s1 + s2), lam)
     np.testing.assert_allclose(at_apex, 0.0, atol=1e-30)
     before, after = (
-        ebin_geodesics.geodesic(g1, g2, t * np.ones(N_PAIRS), lam) for t in (0.1, 0.95)
+        _cone_geodesics.geodesic(g1, g2, t * np.ones(N_PAIRS), lam) for t in (0.1, 0.95)
     )
     for g, origin in ((before, g1), (after, g2)):
         quotient = g / origin
@@ -178,8 +178,8 @@ def test_speed_through_the_apex_by_the_inner_product():
     dist = np.sqrt(squared_dist(g1, g2, lam))
     for t in (0.05, 0.2, 0.8, 0.9):
         step = 1e-5
-        g = ebin_geodesics.geodesic(g1, g2, np.array(t), lam)
-        change = ebin_geodesics.geodesic(g1, g2, np.array([t - step, t + step]), lam)
+        g = _cone_geodesics.geodesic(g1, g2, np.array(t), lam)
+        change = _cone_geodesics.geodesic(g1, g2, np.array([t - step, t + step]), lam)
         velocity = (change[1] - change[0]) / (2 * step)
         speed = np.sqrt(oracles.ebin_inner_product(velocity, velocity, g, lam))
         np.testing.assert_allclose(speed, dist, rtol=1e-8)
@@ -199,19 +199,19 @@ def test_degenerate_matrices_are_the_apex(g):
     lam = 0.3
     other = matrices(1, 3.0, np.random.default_rng(5))[0]
     s = np.linalg.det(other) ** 0.25
-    assert ebin_matrices.is_degenerate(g)
-    np.testing.assert_array_equal(ebin_matrices.coordinates(g), [0.0, 1.0, 0.0])
+    assert _cone_geodesics.is_degenerate(g)
+    np.testing.assert_array_equal(_cone_geodesics.coordinates(g), [0.0, 1.0, 0.0])
     assert squared_dist(g, g, lam) == 0
     for zero in DEGENERATE.values():
         assert squared_dist(g, zero, lam) == 0
     np.testing.assert_allclose(squared_dist(g, other, lam), 16 * lam * s**2, rtol=1e-13)
     np.testing.assert_allclose(squared_dist(other, g, lam), 16 * lam * s**2, rtol=1e-13)
     times = np.linspace(0, 1, 5)
-    path = ebin_geodesics.geodesic(other, g, times, lam)
+    path = _cone_geodesics.geodesic(other, g, times, lam)
     expected = (1 - times)[:, None, None] ** 2 * other
     np.testing.assert_allclose(path, expected, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(
-        ebin_geodesics.geodesic(g, other, 1 - times, lam), expected, atol=1e-14
+        _cone_geodesics.geodesic(g, other, 1 - times, lam), expected, atol=1e-14
     )
     for argument in (0, 1):
         for pair in ((g, other), (other, g), (g, g)):
@@ -220,7 +220,7 @@ def test_degenerate_matrices_are_the_apex(g):
 
 @pytest.mark.parametrize(
     ("tells", "near", "far"),
-    [(ebin_matrices.is_degenerate, 7, 9), (ebin_matrices.has_lost_its_shape, 95_000, 105_000)],
+    [(_cone_geodesics.is_degenerate, 7, 9), (_cone_geodesics.has_lost_its_shape, 95_000, 105_000)],
     ids=["degenerate", "of few digits"],
 )
 def test_how_near_to_singular_matrices_may_be(tells, near, far):
@@ -249,7 +249,7 @@ def test_radial_geodesics_meet_the_apex(lam, anisotropy):
     """The velocity −c g reaches g = 0 if c ≥ 2; rounding must not steer around it."""
     g = matrices(200, anisotropy, np.random.default_rng(6))
     for factor, expected in ((-1.9, False), (-2.0, True), (-2.1, True), (-9.0, True), (4.0, False)):
-        met_apex = ebin_geodesics.exp(factor * g, g, lam)[1]
+        met_apex = _cone_geodesics.exp(factor * g, g, lam)[1]
         np.testing.assert_array_equal(met_apex, expected)
 
 
@@ -257,7 +257,7 @@ def test_passing_beside_the_apex_is_legal():
     g = np.eye(2)
     shear = np.array([[1.0, 0.0], [0.0, -1.0]])
     for size in (1e-3, 1e-6, 1e-9):
-        end, met_apex = ebin_geodesics.exp(-8 * g + size * shear, g, 1.0)
+        end, met_apex = _cone_geodesics.exp(-8 * g + size * shear, g, 1.0)
         assert not met_apex
         np.testing.assert_allclose(end, oracles.exact_exp(-8 * g + size * shear, g, 1.0), rtol=1e-4)
 
@@ -270,7 +270,7 @@ def test_what_is_met_to_working_precision_is_within_eight_rounding_errors():
         short = -2 * np.eye(2) + 2 * rounding_errors * eps * np.eye(2)
         beside = -2 * np.eye(2) + rounding_errors * eps * shear
         for velocity in (short, beside):
-            assert ebin_geodesics.exp(velocity, np.eye(2), 1 / 8)[1] == expected
+            assert _cone_geodesics.exp(velocity, np.eye(2), 1 / 8)[1] == expected
 
 
 # Traceless matrices.
@@ -278,8 +278,8 @@ def test_what_is_met_to_working_precision_is_within_eight_rounding_errors():
 
 def test_trace_of_the_shear_agrees_with_pyriemann():
     g1, g2 = pairs("ordinary")
-    shear, length = ebin_geodesics.traceless_log(g1, g2)
-    np.testing.assert_allclose(ebin_tangent.trace(shear @ shear), 2 * length**2, rtol=1e-12)
+    shear, length = _cone_geodesics.traceless_log(g1, g2)
+    np.testing.assert_allclose(_cone_geodesics.trace(shear @ shear), 2 * length**2, rtol=1e-12)
     expected = (
         distance_riemann(g1, g2) ** 2 - 0.5 * np.log(np.linalg.det(g2) / np.linalg.det(g1)) ** 2
     )
@@ -288,18 +288,18 @@ def test_trace_of_the_shear_agrees_with_pyriemann():
 
 def test_traceless_exp_agrees_with_expm():
     rng = np.random.default_rng(11)
-    v = ebin_tangent.traceless(ebin_tangent.symmetric_part(rng.normal(size=(N_PAIRS, 2, 2))))
+    v = _cone_geodesics.traceless(_cone_geodesics.symmetric_part(rng.normal(size=(N_PAIRS, 2, 2))))
     v[0] = 0.0
     factor = rng.normal(size=N_PAIRS)
     expected = [expm(f * m) for f, m in zip(factor, v, strict=True)]
     np.testing.assert_allclose(
-        ebin_geodesics.traceless_exp(v, factor), expected, rtol=1e-12, atol=1e-14
+        _cone_geodesics.traceless_exp(v, factor), expected, rtol=1e-12, atol=1e-14
     )
 
 
 @pytest.mark.parametrize("argument", [0, 1])
 @pytest.mark.parametrize(
-    "function", [ebin_geodesics.log, lambda v, g, lam: ebin_geodesics.exp(v - g, g, lam)[0]]
+    "function", [_cone_geodesics.log, lambda v, g, lam: _cone_geodesics.exp(v - g, g, lam)[0]]
 )
 def test_log_and_exp_are_differentiable(function, argument):
     weights = np.array([[1.0, -0.4], [-0.4, 2.0]])
@@ -322,18 +322,18 @@ def test_the_size_by_which_a_whitened_change_is_rounded():
     rng = np.random.default_rng(8)
     g, delta_g = matrices(5, 3.0, rng), rng.standard_normal((5, 2, 2))
     delta_g = delta_g + np.swapaxes(delta_g, -1, -2)
-    x, y, _ = ebin_matrices.coordinates(g)
+    x, y, _ = _cone_geodesics.coordinates(g)
     factor = np.zeros((5, 2, 2))
     factor[:, 0, 0], factor[:, 1, 0], factor[:, 1, 1] = 1.0, -x / y, 1.0 / y
     factor /= np.sqrt(g[:, :1, :1])
     np.testing.assert_allclose(factor @ g @ np.swapaxes(factor, -1, -2), [np.eye(2)] * 5, atol=1e-9)
     sizes = np.abs(factor) @ np.abs(delta_g) @ np.swapaxes(np.abs(factor), -1, -2)
-    found = ebin_geodesics._whitened_size(delta_g, g)
+    found = _cone_geodesics._whitened_size(delta_g, g)
     np.testing.assert_allclose(found, sizes.sum(axis=(-2, -1)), rtol=1e-12)
 
 
 def test_the_angle_per_unit_where_nothing_shears():
     along = np.array([0.2, 1.0, 7.0])
-    found = ebin_geodesics.angle_per_unit(along, np.zeros(3))
+    found = _cone_geodesics.angle_per_unit(along, np.zeros(3))
     np.testing.assert_array_equal(found, 1.0 / along)
-    np.testing.assert_allclose(ebin_geodesics.angle_per_unit(along, np.full(3, 1e-9)), found)
+    np.testing.assert_allclose(_cone_geodesics.angle_per_unit(along, np.full(3, 1e-9)), found)

@@ -1,133 +1,18 @@
-"""The compiled distances of pairs: their polynomials against mpmath, their sums against NumPy."""
+"""The compiled sums over pairs, against NumPy."""
 
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 
-import numba
 import numpy as np
 import pytest
-from mpmath import mp
 
 from riemhuman.kernels import threads, tiles
-from riemhuman.terms import EbinTerm, NormalTerm, arc_fit, flat, half_angle_fit
-from riemhuman.terms.normals import squared_angle
+from riemhuman.terms import EbinTerm, NormalTerm, flat
 from riemhuman.terms.sum import field_features
 
 PRECISIONS = {"single": np.float32, "double": np.float64}
 each_precision = pytest.mark.parametrize("precision", PRECISIONS)
 ROUNDING = {name: float(np.finfo(real).eps) for name, real in PRECISIONS.items()}
-
-
-def relative_errors(function, exact, arguments, real):
-    """Return the relative errors of a function at arguments rounded to a precision."""
-    arguments = np.asarray(arguments).astype(real)
-    found = np.array([function(x) for x in arguments], dtype=np.float64)
-    with mp.workdps(40):
-        expected = np.array([float(exact(mp.mpf(float(x)))) for x in arguments])
-    return np.abs(found - expected) / np.abs(expected)
-
-
-def polynomial(evaluate):
-    # It stands for the polynomial until something is compiled.
-    evaluate = getattr(evaluate, "function", evaluate)
-    return numba.njit(lambda x: evaluate(x))
-
-
-# The arc functions over the whole of their range.
-
-
-@each_precision
-def test_arc_polynomial(precision):
-    arc = polynomial(arc_fit.arc)
-    chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
-    errors = relative_errors(
-        arc, lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2 / p, chords, PRECISIONS[precision]
-    )
-    assert errors.max() < 2 * ROUNDING[precision]
-
-
-@each_precision
-def test_sine_polynomial(precision):
-    sine = polynomial(half_angle_fit._sine)
-    squares = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, np.pi**2 / 4, 2000)])
-    errors = relative_errors(
-        sine, lambda t: mp.sin(mp.sqrt(t)) ** 2 / t, squares, PRECISIONS[precision]
-    )
-    # The terms of the polynomial cancel towards its end.
-    assert errors.max() < 4 * ROUNDING[precision]
-
-
-@each_precision
-def test_logarithm_polynomial(precision):
-    logarithm = polynomial(half_angle_fit._logarithm)
-    fractions = np.linspace(np.sqrt(0.5) - 1, np.sqrt(2) - 1, 2001)
-    errors = relative_errors(
-        logarithm, lambda f: mp.log(1 + f) / f, fractions, PRECISIONS[precision]
-    )
-    assert errors.max() < 3 * ROUNDING[precision]
-
-
-@each_precision
-@pytest.mark.parametrize("lam", [1e-8, 1e-4, 0.02, 1.0, 1e4])
-def test_half_angle_over_its_whole_range(precision, lam):
-    real = PRECISIONS[precision]
-    half_kappa = real(0.25 / np.sqrt(2.0 * lam))
-    excesses = np.logspace(-28, 18, 1500)
-
-    def exact(m):
-        # ℓ = 2 asinh √(m/2), the half-angle rounded as it is handed over.
-        half = mp.mpf(float(half_kappa)) * 2 * mp.asinh(mp.sqrt(m / 2))
-        return mp.sin(min(half, mp.pi / 2)) ** 2
-
-    errors = relative_errors(
-        lambda m: half_angle_fit.half_angle(m, half_kappa), exact, excesses, real
-    )
-    assert errors.max() < 16 * ROUNDING[precision]
-    assert half_angle_fit.half_angle(real(0.0), half_kappa) == 0.0
-
-
-def test_half_angle_beyond_the_largest_number_is_told():
-    assert np.isnan(half_angle_fit.half_angle(np.float32(1e25), np.float32(0.1)))
-    assert half_angle_fit.half_angle(1e25, 0.001) < 1.0
-
-
-def pairs_of_unit_vectors(real):
-    """Return pairs at angles of all sizes, near 0, π/2 and π too."""
-    rng = np.random.default_rng(0)
-    first = rng.standard_normal((4000, 3))
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    across = np.cross(first, rng.standard_normal((4000, 3)))
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    small = np.logspace(-3, -1, 1000)
-    angles = np.concatenate(
-        [rng.uniform(0, np.pi, 1000), small, np.pi / 2 + small - 0.05, np.pi - small]
-    )[:, None]
-    second = np.cos(angles) * first + np.sin(angles) * across
-    return first.astype(real), second.astype(real)
-
-
-@each_precision
-def test_squared_angle(precision):
-    first, second = pairs_of_unit_vectors(PRECISIONS[precision])
-    found = np.array([squared_angle(*a, *b) for a, b in zip(first, second, strict=True)])
-    a, b = first.astype(np.longdouble), second.astype(np.longdouble)
-    norms = [np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b)]
-    a, b = a / norms[0], b / norms[1]
-    gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
-    expected = (2 * np.arctan2(gap, total)).astype(np.float64)
-    # Lengths of vectors are 1 up to rounding.
-    assert np.abs(np.sqrt(found) - expected).max() < 4 * ROUNDING[precision]
-
-
-@each_precision
-def test_angles_at_the_ends(precision):
-    real = PRECISIONS[precision]
-    n = np.array([0.6, -0.48, 0.64], dtype=real)
-    assert squared_angle(*n, *n) == 0.0
-    assert squared_angle(*n, *-n) == pytest.approx(np.pi**2, rel=2 * ROUNDING[precision])
-
-
-# Sums over pairs.
 
 F = 1290  # two chunks and a piece
 

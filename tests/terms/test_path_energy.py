@@ -5,9 +5,8 @@ from functools import partial
 import numba
 import numpy as np
 import pytest
-from autograd import grad, value_and_grad
+from autograd import value_and_grad
 from cases import CASES, TEMPLATES, name_of, surface_cases, surfaces
-from mpmath import mp
 
 from riemhuman.geometry import (
     AlignedSurfaces,
@@ -22,9 +21,6 @@ from riemhuman.terms import (
     FlatTerm,
     NormalTerm,
     RootNormalTerm,
-    arc_fit,
-    half_angle_fit,
-    normals,
     sum,
 )
 from riemhuman.terms.sum import SumOfTerms
@@ -206,83 +202,3 @@ def test_arguments_are_left_alone():
     path = case.points.copy()
     case.metric.energy_and_gradient(path)
     np.testing.assert_array_equal(path, case.points)
-
-
-# The scalar functions around their switch points.
-
-
-@mp.workdps(100)
-def exact_half_angle(m, kappa):
-    """Return sin²(½ min(π, κ arccosh(1 + m))) and its derivative in m."""
-    m, kappa = mp.mpf(float(m)), mp.mpf(float(kappa))
-    theta = kappa * mp.acosh(1 + m)
-    if theta >= mp.pi:
-        return 1.0, 0.0
-    slope = mp.sin(theta) / 2 * kappa / mp.sqrt(m * (m + 2))
-    return float(mp.sin(theta / 2) ** 2), float(slope)
-
-
-@mp.workdps(100)
-def exact_squared_arc(p):
-    """Return θ² and its derivative in p, for chord √p = 2 sin ½θ."""
-    theta = 2 * mp.asin(mp.sqrt(mp.mpf(float(p))) / 2)
-    return float(theta**2), float(theta / mp.sin(theta))
-
-
-def around(switch):
-    return switch * (1 + np.array([-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 1e-3]))
-
-
-def squared_arc_and_slope(p, q):
-    return arc_fit.squared_arc_and_slope(min(p, q), p <= q)
-
-
-@pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
-def test_half_angle(lam):
-    kappa = 0.5 / np.sqrt(2.0 * lam)
-    # Where the length is small enough for the logarithm to be of one piece.
-    excesses = np.concatenate([np.logspace(-30, 6, 200), around(0.0607), around(1e-3)])
-    for m in excesses:
-        value, slope = half_angle_fit.half_angle_and_slope(m, 0.5 * kappa)
-        expected, expected_slope = exact_half_angle(m, kappa)
-        np.testing.assert_allclose(value, expected, rtol=2e-14)
-        # Near θ = π the slope has a zero.
-        np.testing.assert_allclose(slope, expected_slope, rtol=2e-13, atol=1e-14 * kappa**2)
-    at_zero = half_angle_fit.half_angle_and_slope(0.0, 0.5 * kappa)
-    assert at_zero == (0.0, pytest.approx(0.5 * kappa**2, rel=1e-15))
-
-
-def test_squared_arc():
-    squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
-    for p in squared_chords:
-        np.testing.assert_allclose(
-            squared_arc_and_slope(p, 4.0 - p), exact_squared_arc(p), rtol=5e-14
-        )
-    assert squared_arc_and_slope(0.0, 4.0) == (0.0, 1.0)
-    assert squared_arc_and_slope(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
-    # Near π the digits are in the sum of the vectors, not in their difference.
-    np.testing.assert_allclose(
-        squared_arc_and_slope(4.0, 1e-20)[0], (np.pi - 1e-10) ** 2, rtol=1e-15
-    )
-
-
-@mp.workdps(60)
-@pytest.mark.parametrize("q", [0.5, 3.0, 4.0])
-def test_slopes_of_the_definition_by_both_chords(q):
-    def exact(p, q):
-        return 4 * mp.atan2(mp.sqrt(p), mp.sqrt(q)) ** 2
-
-    by_p, by_q = grad(normals.squared_arc, 0), grad(normals.squared_arc, 1)
-    for p in (1e-6, 0.2, 3.0):
-        assert by_p(p, q) == pytest.approx(float(mp.diff(exact, (p, q), (1, 0))), rel=1e-9)
-        assert by_q(p, q) == pytest.approx(float(mp.diff(exact, (p, q), (0, 1))), rel=1e-9)
-    assert by_p(0.0, q) == pytest.approx(by_p(1e-18, q), rel=1e-9)
-    assert by_q(0.0, q) == 0.0
-
-
-def test_slope_of_the_squared_arc_up_to_antipodal_vectors():
-    for q in np.logspace(-30, -1, 60):
-        theta = mp.pi - 2 * mp.asin(mp.sqrt(mp.mpf(float(q))) / 2)
-        found = squared_arc_and_slope(4.0 - q, q)
-        expected = float(theta**2), float(theta / mp.sin(theta))
-        np.testing.assert_allclose(found, expected, rtol=5e-14)

@@ -1,0 +1,357 @@
+r"""Geodesics of the cones of `riemhuman.terms.cone`: exponential, logarithm, paths, transport.
+
+Points are positive definite matrices g, shape (..., 2, 2), with the Ebin metric of one λ, or pairs
+of g and a unit normal n, shape (..., 3), with weights (a, b, c). A geodesic lies in a flat plane of
+the cone, spanned by the radial direction and a direction across it.
+"""
+
+from __future__ import annotations
+
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.kernels import sphere
+from riemhuman.kernels.linear import entry
+from riemhuman.kernels.scalars import (
+    hyperbolic_sine_cardinal,
+    inverse_hyperbolic_sine_cardinal,
+    product_minus_square,
+    sine_cardinal,
+    square_root,
+)
+from riemhuman.kernels.surface import DEGENERATE, dot, symmetric_matrices
+from riemhuman.terms.cone import ConeTerm, EbinTerm, excess, half_plane, hyperbolic_distance
+
+_FEW_DIGITS = 1e5 * np.finfo(float).eps
+
+
+# Matrices and their half-plane coordinates.
+
+
+def determinants(g: ndarray) -> ndarray:
+    """Return det g to working precision, also for near-degenerate g."""
+    return product_minus_square(entry(g, 0, 0), entry(g, 1, 1), entry(g, 0, 1))
+
+
+def is_rounding_error(determinant: ndarray, g: ndarray) -> ndarray:
+    """Return whether a known det g is rounding error alone: det g ≤ 8 ε g₁₁ g₂₂."""
+    return determinant <= DEGENERATE * entry(g, 0, 0) * entry(g, 1, 1)
+
+
+def is_degenerate(g: ndarray) -> ndarray:
+    """Return whether g is singular to working precision."""
+    return is_rounding_error(determinants(g), g)
+
+
+def has_lost_its_shape(g: ndarray) -> ndarray:
+    """Return whether g overflows, or det g has fewer than five digits."""
+    # Infinite entries, whose determinants are NaN, count too.
+    return ~(determinants(g) > _FEW_DIGITS * entry(g, 0, 0) * entry(g, 1, 1))
+
+
+def coordinates(g: ndarray) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the half-plane coordinates x, y of ĝ and the radius s = (det g)^(1/4).
+
+    A degenerate g is the apex s = 0 of the cone, where x = 0, y = 1 stand for the undefined ĝ.
+    """
+    determinant = determinants(g)
+    degenerate = is_rounding_error(determinant, g)
+    areas = np.sqrt(np.where(degenerate, 1.0, determinant))
+    return half_plane(np.where(degenerate, 1.0, entry(g, 0, 0)), entry(g, 0, 1), areas, degenerate)
+
+
+def unit_determinant(g: ndarray) -> ndarray:
+    """Return ĝ = g/√det g; the identity stands in where g is degenerate."""
+    x, y, _ = coordinates(g)
+    return symmetric_matrices(1.0 / y, x / y, (x**2 + y**2) / y)
+
+
+def angle(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
+    """Return θ, the angle between two matrices on the cone of the Ebin metric, not cut off at π."""
+    (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
+    return EbinTerm(lam=lam).angle_per_length * hyperbolic_distance(excess(x1, y1, x2, y2))
+
+
+# Tangent vectors: symmetric matrices.
+
+
+def trace(matrices: ndarray) -> ndarray:
+    """Return the traces."""
+    return entry(matrices, 0, 0) + entry(matrices, 1, 1)
+
+
+def traceless(matrices: ndarray) -> ndarray:
+    """Return A − ½ tr(A) I of symmetric matrices A."""
+    half = 0.5 * (entry(matrices, 0, 0) - entry(matrices, 1, 1))
+    return symmetric_matrices(half, entry(matrices, 0, 1), -half)
+
+
+def symmetric_part(matrices: ndarray) -> ndarray:
+    """Return ½(A + Aᵀ)."""
+    return 0.5 * (matrices + np.swapaxes(matrices, -1, -2))
+
+
+def size(v: ndarray) -> ndarray:
+    """Return √(½ tr v²) of symmetric traceless v."""
+    return square_root(entry(v, 0, 0) ** 2 + entry(v, 0, 1) ** 2)
+
+
+def whiten(delta_g: ndarray, g: ndarray) -> ndarray:
+    """Return L⁻¹ δg L⁻ᵀ with the Cholesky factor of g = L Lᵀ.
+
+    It is symmetric and similar to g⁻¹δg, so that all traces are the same, and keeps the digits
+    that g⁻¹δg loses where g is strongly anisotropic.
+    """
+    # L = √g₁₁ [[1, 0], [x, y]]; adding zeros broadcasts.
+    x, y, _ = coordinates(g)
+    e = entry(delta_g, 0, 0) + np.zeros_like(x)
+    m = 0.5 * (entry(delta_g, 0, 1) + entry(delta_g, 1, 0))
+    mixed = (m - x * e) / y
+    last = ((entry(delta_g, 1, 1) - x * m) / y - x * mixed) / y
+    first = entry(g, 0, 0)
+    return symmetric_matrices(e / first, mixed / first, last / first)
+
+
+def unwhiten(matrices: ndarray, g: ndarray) -> ndarray:
+    """Return L W Lᵀ of symmetric W, where g = L Lᵀ: the inverse of `whiten`."""
+    x, y, _ = coordinates(g)
+    e = entry(matrices, 0, 0) + np.zeros_like(x)
+    m, last = entry(matrices, 0, 1), entry(matrices, 1, 1)
+    mixed = x * e + y * m
+    first, corner = entry(g, 0, 0), x * mixed + y * (x * m + y * last)
+    return symmetric_matrices(first * e, first * mixed, first * corner)
+
+
+def inner_product(a: ndarray, b: ndarray, g: ndarray, lam: float) -> ndarray:
+    r"""Return the inner product of tangent vectors (equation 2, both terms under the integral).
+
+    .. math:: \left(\operatorname{tr}(g^{-1}a_0\, g^{-1}b_0) + \lambda\operatorname{tr}(g^{-1}a)
+              \operatorname{tr}(g^{-1}b)\right)\sqrt{\det g}
+    """
+    a, b = whiten(a, g), whiten(b, g)
+    shear = np.sum(traceless(a) * traceless(b), axis=(-2, -1))
+    return (shear + lam * trace(a) * trace(b)) * np.sqrt(determinants(g))
+
+
+def traceless_exp(v: ndarray, factor: ndarray) -> ndarray:
+    """Return exp(factor · v) of symmetric traceless v."""
+    length = factor * size(v)
+    even, odd = np.cosh(length), factor * hyperbolic_sine_cardinal(length)
+    diagonal, mixed = odd * entry(v, 0, 0), odd * entry(v, 0, 1)
+    return symmetric_matrices(even + diagonal, mixed, even - diagonal)
+
+
+def traceless_log(g1: ndarray, g2: ndarray) -> tuple[ndarray, ndarray]:
+    """Return g₁L₀, whitened, and ℓ = √(½ tr L₀²), L₀ the traceless part of log(g₁⁻¹g₂).
+
+    L₀ is a multiple of the traceless part of ĝ₁⁻¹ĝ₂, because the exponential of a traceless
+    2 × 2 matrix is cosh ℓ I + (sinh ℓ/ℓ) L₀.
+    """
+    (x1, y1, _), (x2, y2, _) = coordinates(g1), coordinates(g2)
+    length = hyperbolic_distance(excess(x1, y1, x2, y2))
+    # Moving g₁ to the identity takes ĝ₂ to [[1, x], [x, x² + y²]]/y; in terms of differences
+    # nothing cancels for near-equal matrices.
+    x, y = (x2 - x1) / y1, y2 / y1
+    diagonal = 0.5 * ((y1 - y2) / y1 * (1.0 + y) - x**2)
+    scale = inverse_hyperbolic_sine_cardinal(length) / y
+    return scale[..., None, None] * symmetric_matrices(diagonal, x, -diagonal), length
+
+
+# Geodesics.
+
+
+def exp(delta_g: ndarray, g: ndarray, lam: float) -> tuple[ndarray, ndarray]:
+    r"""Follow the geodesic of the Ebin metric with initial velocity δg for unit time.
+
+    With A = g⁻¹δg, v its traceless part, δs = s tr A/4 and ν = √(tr v²/λ)/4, the cone unrolls
+    to the straight line (s + δs, sν) = r(cos φ, sin φ) and
+
+    .. math:: g(1) = \frac{r^2}{s^2}\, g \exp\left(\tfrac{\varphi}{\nu} v\right).
+
+    The second result says where, to working precision, the geodesic has left the manifold through
+    the apex g = 0; the end point is meaningless there.
+    """
+    cone = EbinTerm(lam=lam)
+    shear, along, across = _unroll(delta_g, g, cone)
+    return _end(shear, along, across, g), _has_met_apex(along, across, delta_g, g, cone)
+
+
+def exp_with_normals(
+    delta_g: ndarray, delta_n: ndarray, g: ndarray, n: ndarray, cone: ConeTerm
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Follow the geodesic with initial velocity (δg, δn) for unit time: g, n, whether it met 0."""
+    shear, along, in_plane = _unroll(delta_g, g, cone)
+    across = square_root(in_plane**2 + cone.angle_per_turn**2 * dot(delta_n, delta_n))
+    turned = sphere.exp(angle_per_unit(along, across)[..., None] * delta_n, n)
+    met_apex = _has_met_apex(along, across, delta_g, g, cone)
+    return _end(shear, along, across, g), turned, met_apex
+
+
+def _unroll(delta_g: ndarray, g: ndarray, cone: ConeTerm) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the whitened shear of δg, and the end in the unrolled cone where s = 1."""
+    velocity = whiten(delta_g, g)
+    shear = traceless(velocity)
+    return shear, 1.0 + 0.25 * trace(velocity), cone.angle_per_length * size(shear)
+
+
+def _end(shear: ndarray, along: ndarray, across: ndarray, g: ndarray) -> ndarray:
+    end = traceless_exp(shear, angle_per_unit(along, across))
+    return unwhiten(np.expand_dims(along**2 + across**2, (-2, -1)) * end, g)
+
+
+def _has_met_apex(
+    along: ndarray, across: ndarray, delta_g: ndarray, g: ndarray, cone: ConeTerm
+) -> ndarray:
+    rounding = 8.0 * np.finfo(float).eps * _whitened_size(delta_g, g)
+    rounding = np.maximum(cone.angle_per_length, cone.angle_per_turn) * rounding
+    return (along <= rounding) & (across <= rounding)
+
+
+def _whitened_size(delta_g: ndarray, g: ndarray) -> ndarray:
+    """Return the sum of the sizes of all terms of the whitened δg, a scale for its rounding."""
+    x, y, _ = coordinates(g)
+    skew = np.abs(x) / y
+    e, m, last = (np.abs(entry(delta_g, i, j)) for i, j in ((0, 0), (0, 1), (1, 1)))
+    return (e * (1.0 + skew) ** 2 + 2.0 * (1.0 + skew) * m / y + last / y**2) / entry(g, 0, 0)
+
+
+def angle_per_unit(along: ndarray, across: ndarray) -> ndarray:
+    """Return φ/ν, φ = atan2(ν, along) of ν = across ≥ 0, in its limit 1/along at ν = 0."""
+    straight = across == 0
+    safe = np.where(straight & (along <= 0), 1.0, along)
+    phi = np.arctan2(across, safe)
+    return np.where(
+        straight, 1.0 / np.where(straight, safe, 1.0), phi / np.where(straight, 1.0, across)
+    )
+
+
+def log(g1: ndarray, g2: ndarray, lam: float) -> ndarray:
+    r"""Return the initial velocity of the minimal geodesic of the Ebin metric, where θ < π.
+
+    .. math:: \delta g = g_1\left(\frac{s_2\sin\theta}{s_1\theta} L_0
+              + 2\,\frac{s_2\cos\theta - s_1}{s_1} I\right)
+    """
+    shear, length = traceless_log(g1, g2)
+    return _velocity(g1, g2, shear, EbinTerm(lam=lam).angle_per_length * length)[0]
+
+
+def log_with_normals(
+    g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, cone: ConeTerm
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the initial velocity (δg, δn) of the minimal geodesic, where ψ < π, and ψ."""
+    shear, length = traceless_log(g1, g2)
+    turn = sphere.log(n1, n2)
+    across = (cone.angle_per_length * length) ** 2 + cone.angle_per_turn**2 * dot(turn, turn)
+    psi = square_root(across)
+    delta_g, share = _velocity(g1, g2, shear, psi)
+    return delta_g, share[..., None] * turn, psi
+
+
+def _velocity(g1: ndarray, g2: ndarray, shear: ndarray, psi: ndarray) -> tuple[ndarray, ndarray]:
+    """Return δg at an angle ψ, and what a unit along the link becomes: (s₂/s₁) (sin ψ)/ψ."""
+    s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
+    stretch = 2.0 * ((s2 - s1) - 2.0 * s2 * np.sin(0.5 * psi) ** 2) / s1
+    share = s2 / s1 * sine_cardinal(psi)
+    velocity = share[..., None, None] * shear
+    return unwhiten(velocity + stretch[..., None, None] * np.eye(2), g1), share
+
+
+def geodesic(g1: ndarray, g2: ndarray, t: ndarray, lam: float) -> ndarray:
+    """Return the minimal path of the completion from g₁ to g₂ at times t in [0, 1].
+
+    For θ ≥ π, or a degenerate end point, it runs straight through the apex g = 0.
+    """
+    through_apex = is_degenerate(g1) | is_degenerate(g2) | (angle(g1, g2, lam) >= np.pi)
+    inside = ~through_apex[..., None, None]
+    start, end = np.where(inside, g1, np.eye(2)), np.where(inside, g2, np.eye(2))
+    straight, _ = exp(t[..., None, None] * log(start, end, lam), start, lam)
+    return np.where(inside, straight, _broken_path(g1, g2, t)[0])
+
+
+def geodesic_with_normals(
+    g1: ndarray, n1: ndarray, g2: ndarray, n2: ndarray, t: ndarray, cone: ConeTerm
+) -> tuple[ndarray, ndarray]:
+    """Return the minimal path of the completion, see `geodesic`; at g = 0 the normal jumps."""
+    degenerate = (is_degenerate(g1) | is_degenerate(g2))[..., None, None]
+    start, end = np.where(degenerate, np.eye(2), g1), np.where(degenerate, np.eye(2), g2)
+    delta_g, delta_n, psi = log_with_normals(start, n1, end, n2, cone)
+    inside = ~(degenerate[..., 0] | (psi >= np.pi)[..., None])
+    times = t[..., None]
+    safe_g, safe_n = np.where(inside[..., None], delta_g, 0.0), np.where(inside, delta_n, 0.0)
+    g, n, _ = exp_with_normals(times[..., None] * safe_g, times * safe_n, start, n1, cone)
+    broken, before = _broken_path(g1, g2, t)
+    apart = np.where(before[..., None], n1, n2)
+    return np.where(inside[..., None], g, broken), np.where(inside, n, apart)
+
+
+def _broken_path(g1: ndarray, g2: ndarray, t: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the path through the apex, and whether it is still before it."""
+    s1, s2 = coordinates(g1)[2], coordinates(g2)[2]
+    signed = s1 - t * (s1 + s2)
+    before = signed >= 0
+    unit = np.where(before[..., None, None], unit_determinant(g1), unit_determinant(g2))
+    return signed[..., None, None] ** 2 * unit, before
+
+
+def parallel_transport(w: ndarray, g: ndarray, delta_g: ndarray, lam: float) -> ndarray:
+    r"""Transport tangent vectors along the geodesic with initial velocity δg for unit time.
+
+    With W = ωI + ξV + ηN the vector whitened at g, V the unit shear of δg and N the one at right
+    angles to it, φ and r the angle and the ratio of radii of `exp`, and κ = √(2λ),
+
+    .. math:: \omega' = \frac1r\left(\omega\cos\varphi + \frac{\xi}{\kappa}\sin\varphi\right),
+              \quad \xi' = \frac1r(\xi\cos\varphi - \kappa\,\omega\sin\varphi),
+              \quad \eta' = \frac{\eta}{r}:
+
+    the part in the plane of the geodesic keeps its Cartesian components, and the hyperbolic plane
+    carries the part across it along. The geodesics stay clear of the apex.
+    """
+    normal = np.zeros((*np.shape(g)[:-2], 3)) + np.array([0.0, 0.0, 1.0])
+    still = 0.0 * normal
+    return transport_with_normals(w, still, g, normal, delta_g, still, EbinTerm(lam=lam))[0]
+
+
+def transport_with_normals(
+    w: ndarray,
+    u: ndarray,
+    g: ndarray,
+    n: ndarray,
+    delta_g: ndarray,
+    delta_n: ndarray,
+    cone: ConeTerm,
+) -> tuple[ndarray, ndarray]:
+    """Transport tangent vectors (w, u) along the geodesic with initial velocity (δg, δn).
+
+    Their part in the plane of the geodesic keeps its Cartesian components; of the rest, hyperbolic
+    plane and sphere carry shears and turns along, see `parallel_transport`.
+    """
+    shear, along, in_plane = _unroll(delta_g, g, cone)
+    across = square_root(in_plane**2 + cone.angle_per_turn**2 * dot(delta_n, delta_n))
+    phi, ratio = np.arctan2(across, along), np.sqrt(along**2 + across**2)
+    vector = whiten(w, g)
+    omega, strain = 0.5 * trace(vector), traceless(vector)
+    # The unit vector of the link along the geodesic; at rest there is none.
+    moving = across > 0
+    inverse = np.where(moving, 1.0, 0.0) / np.where(moving, across, 1.0)
+    ahead, turning = inverse[..., None, None] * shear, inverse[..., None] * delta_n
+    # Inner products of the link: κ² times those of shears, and of changes of the normal. One of
+    # radius 2 has δs = 1, so that ½ tr is twice the radial part.
+    xi = cone.angle_per_length**2 * _dot(ahead, strain) + cone.angle_per_turn**2 * dot(turning, u)
+    cosine, sine = np.cos(phi), np.sin(phi)
+    radial = 0.5 * omega
+    new_radial = radial * cosine + xi * sine
+    gain = xi * (cosine - 1.0) - radial * sine
+    strain = strain + gain[..., None, None] * ahead
+    turned = u + gain[..., None] * turning
+    factor = angle_per_unit(along, across)
+    # Of the end r² g exp(L) the whitening goes by r exp(L/2).
+    half = traceless_exp(shear, 0.5 * factor)
+    whole = strain + 2.0 * new_radial[..., None, None] * np.eye(2)
+    carried = unwhiten(ratio[..., None, None] * symmetric_part(half @ whole @ half), g)
+    turned = sphere.parallel_transport(turned, n, factor[..., None] * delta_n)
+    return carried, turned / ratio[..., None]
+
+
+def _dot(a: ndarray, b: ndarray) -> ndarray:
+    """Return ½ tr(a b) of symmetric traceless matrices."""
+    return entry(a, 0, 0) * entry(b, 0, 0) + entry(a, 0, 1) * entry(b, 0, 1)

@@ -1,0 +1,200 @@
+"""Angles and hyperbolic distances by polynomials, without branches, in both precisions.
+
+Loops over pairs call them with `coefficients_for` the type of their features. NumPy's functions
+would be called once for each number, several times slower.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.polynomial import Chebyshev, Polynomial
+
+from riemhuman.kernels.compiled import FUSED, compiled
+
+# θ²/p for p in [0, 2]; the largest relative errors are 1e-8 and 1e-16.
+_SINGLE_ARC = (1.0, 0.0833329484, 0.0111162076, 0.00176024658, 0.000380191312, -2.4703817e-05)
+_SINGLE_ARC += (7.68320388e-05, -2.45728515e-05, 5.56007217e-06)
+_ARC = (1.0, 0.0833333333333205, 0.011111111111878005, 0.0017857142675714339)
+_ARC += (0.00031746054353039055, 6.012334749789467e-05, 1.190145497780534e-05)
+_ARC += (2.3980475012020936e-06, 5.842167643945109e-07, -3.5749647809176705e-08)
+_ARC += (2.2820448805102648e-07, -2.1628319740394816e-07, 1.8342623990398518e-07)
+_ARC += (-1.1331536542028546e-07, 5.278573124328368e-08, -1.7707505291974977e-08)
+_ARC += (4.091256168225173e-09, -5.823618089617082e-10, 3.9471653680487684e-11)
+
+# log(1 + f)/f for f in [√½ − 1, √2 − 1], to 1e-7 and 1e-16.
+_SINGLE_LOGARITHM = (1.0, -0.49999997, 0.333341926, -0.25001353, 0.199559331, -0.165779904)
+_SINGLE_LOGARITHM += (0.14977406, -0.14269276, 0.0853332356)
+_LOGARITHM = (1.0, -0.4999999999999992, 0.3333333333332591, -0.25000000000033595)
+_LOGARITHM += (0.20000000002057028, -0.16666666663491556, 0.14285714065188576)
+_LOGARITHM += (-0.1249999999679701, 0.11111122928967049, -0.10000012800878164)
+_LOGARITHM += (0.09090558853866064, -0.08332649680408159, 0.07698139171184266)
+_LOGARITHM += (-0.07159308276300465, 0.06616915684158244, -0.060449282600514576)
+_LOGARITHM += (0.06002360097192043, -0.0679349615676611, 0.06249763728523732)
+_LOGARITHM += (-0.027579240684232197,)
+
+# sin²(a)/a² as a function of a² in [0, π²/4], to 1e-7 and 1e-16.
+_SINGLE_SINE = (1.0, -0.333333343, 0.0444444194, -0.00317454338, 0.000141023731)
+_SINGLE_SINE += (-4.23364781e-06, 8.13311729e-08)
+_SINE = (1.0, -0.3333333333333333, 0.04444444444444425, -0.0031746031746019434)
+_SINE += (0.0001410934744228115, -4.2755598235467655e-06, 9.396833899534907e-08)
+_SINE += (-1.5661323426627297e-09, 2.0469089716147505e-11, -2.1448942470805523e-13)
+_SINE += (1.6907591059828979e-15,)
+# sin(2a)/(2a) as a function of a² in [0, π²/4]: the next term of the series is below 1e-17.
+_DOUBLE_SINE = tuple((-4.0) ** k / math.factorial(2 * k + 1) for k in range(15))
+
+_IN_SINGLE = tuple(
+    tuple(np.float32(c) for c in fit) for fit in (_SINGLE_ARC, _SINGLE_LOGARITHM, _SINGLE_SINE)
+)
+
+_LOWEST_SINGLE = np.float32(math.sqrt(0.5)).view(np.int32)
+_LOWEST = np.float64(math.sqrt(0.5)).view(np.int64)
+
+LARGEST_RATIO = 0.01
+"""Up to this b/a one polynomial in cosh ℓ − 1 is exact to rounding, see `half_angle_fit`."""
+
+_DEGREES = {np.dtype(np.float32): 7, np.dtype(np.float64): 12}
+
+
+def coefficients_for(dtype: np.dtype) -> Any:
+    """Return the coefficients of all fits in single precision; None stands for double precision."""
+    return _IN_SINGLE if dtype == np.float32 else None
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def polynomial(coefficients: tuple[float, ...], x: float) -> float:
+    """Return the polynomial in x, by Horner's rule; the constant term comes first."""
+    value = coefficients[-1]
+    for k in range(len(coefficients) - 2, -1, -1):
+        value = value * x + coefficients[k]
+    return value
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def squared_short_arc(chord: float, single: Any) -> float:
+    """Return θ² of unit vectors at the squared chord p = ‖n − m‖² ≤ 2."""
+    # Branches on what is None are taken when this is compiled.
+    if single is None:
+        return chord * polynomial(_ARC, chord)
+    return chord * polynomial(single[0], chord)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def squared_angle(
+    x1: float, y1: float, z1: float, x2: float, y2: float, z2: float, single: Any
+) -> float:
+    """Return the squared angle between unit vectors n₁ and n₂ in R³.
+
+    By the shorter squared chord p, n₁ to n₂ or n₁ to −n₂: θ² = p Q(p) or (π − √(p Q(p)))².
+    """
+    real = type(x1)
+    acute = x1 * x2 + y1 * y2 + z1 * z2 >= real(0.0)
+    sign = real(1.0) if acute else real(-1.0)
+    x, y, z = x1 - sign * x2, y1 - sign * y2, z1 - sign * z2
+    squared = squared_short_arc(x * x + y * y + z * z, single)
+    obtuse = real(math.pi) - np.sqrt(squared)
+    return squared if acute else obtuse * obtuse
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def squared_angle_and_slope(chord: float, acute: bool) -> tuple[float, float]:
+    """Return θ² and dθ²/dp = θ/sin θ of unit vectors n and m, where p = ‖n − m‖².
+
+    `chord` is p if `acute`, and else 4 − p = ‖n + m‖². The slope is 0 at antipodal vectors, where
+    it does not exist.
+    """
+    ratio = np.sqrt(polynomial(_ARC, chord))
+    shorter = np.sqrt(chord) * ratio
+    # sin θ = ½ √(p (4 − p)).
+    slope = 2.0 * ratio / np.sqrt(4.0 - chord)
+    angle = math.pi - shorter
+    sine = 0.5 * np.sqrt(chord * (4.0 - chord))
+    obtuse = angle / sine if chord > 0.0 else 0.0
+    return (shorter * shorter, slope) if acute else (angle * angle, obtuse)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _split(x: float, single: Any) -> tuple[float, float]:
+    """Return k and 2⁻ᵏ, for x > 0, such that 2⁻ᵏ x lies in [√½, √2), from the bits of x."""
+    if single is None:
+        k = (np.float64(x).view(np.int64) - _LOWEST) >> 52
+        return np.float64(k), np.int64((1023 - k) << 52).view(np.float64)
+    bits = np.int32(np.float32(x).view(np.int32) - _LOWEST_SINGLE)
+    k = np.int32(bits >> np.int32(23))
+    scale = np.int32(np.int32(np.int32(127) - k) << np.int32(23))
+    return np.float32(k), np.int32(scale).view(np.float32)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def hyperbolic_length(m: float, sinh: float, single: Any) -> float:
+    """Return ℓ = log(1 + m + sinh ℓ), where m = cosh ℓ − 1; NaN where sinh ℓ overflows."""
+    real = type(m)
+    growth = m + sinh
+    exponent, scale = _split(real(1.0) + growth, single)
+    fraction = growth * scale + (scale - real(1.0))
+    if single is None:
+        quotient = polynomial(_LOGARITHM, fraction)
+    else:
+        quotient = polynomial(single[1], fraction)
+    return exponent * real(math.log(2.0)) + fraction * quotient + real(0.0) * growth
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def squared_length(m: float, single: Any) -> float:
+    """Return ℓ², where m = cosh ℓ − 1 ≥ 0; NaN where m² overflows."""
+    length = hyperbolic_length(m, np.sqrt(m * (m + type(m)(2.0))), single)
+    return length * length
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def squared_length_and_slope(m: float) -> tuple[float, float]:
+    """Return ℓ² and dℓ²/dm = 2ℓ/sinh ℓ, where m = cosh ℓ − 1 ≥ 0."""
+    tiny = 1e-300  # keeps 0/0 from m = 0, where ℓ/sinh ℓ = 1
+    sinh = np.sqrt(m * (m + 2.0))
+    length = hyperbolic_length(m, sinh, None)
+    return length * length, 2.0 * (length + tiny) / (sinh + tiny)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def half_sine_squared(squared: float, single: Any) -> float:
+    """Return sin²(min(½ψ, ½π)) from ¼ψ²."""
+    limit = type(squared)(0.25 * math.pi**2)
+    # This way round, NaN stays NaN.
+    squared = limit if squared > limit else squared
+    if single is None:
+        return squared * polynomial(_SINE, squared)
+    return squared * polynomial(single[2], squared)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def half_sine_squared_and_slope(squared: float) -> tuple[float, float]:
+    """Return sin²(min(½ψ, ½π)), and its slope in ¼ψ²."""
+    limit = 0.25 * math.pi**2
+    inside = squared < limit
+    squared = squared if inside else limit
+    slope = polynomial(_DOUBLE_SINE, squared) if inside else 0.0
+    return squared * polynomial(_SINE, squared), slope
+
+
+def excess_at_pi(ratio: float) -> float:
+    """Return the value of cosh ℓ − 1 where ψ = π, for λ = b/a and c = 0."""
+    return float(2.0 * np.sinh(np.pi * np.sqrt(2.0 * ratio)) ** 2)
+
+
+@cache
+def half_angle_fit(ratio: float, dtype: np.dtype) -> tuple[float, ...]:
+    """Return the coefficients P of sin²(½ψ) = z P(z), z in [0, 1] the share of `excess_at_pi`.
+
+    For λ = b/a up to `LARGEST_RATIO` and c = 0, in the precision of `dtype`.
+    """
+    kappa, reach = 0.5 / np.sqrt(2.0 * ratio), excess_at_pi(ratio)
+
+    def quotient(z: np.ndarray) -> np.ndarray:
+        return np.sin(kappa * np.arcsinh(np.sqrt(0.5 * reach * z))) ** 2 / z
+
+    fit = Chebyshev.interpolate(quotient, _DEGREES[dtype], domain=[0.0, 1.0])
+    powers = fit.convert(kind=Polynomial, domain=[-1.0, 1.0], window=[-1.0, 1.0])
+    return tuple(dtype.type(c) for c in powers.coef)

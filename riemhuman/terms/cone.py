@@ -1,0 +1,558 @@
+r"""Terms that are pointwise a cone: elastic metrics weighted by the area of the moving surface.
+
+With s the square root of the area ratio, g = s² ĝ, A = g⁻¹δg and its traceless part A₀,
+
+.. math:: s^2 \left(a \operatorname{tr} A_0^2 + b (\operatorname{tr} A)^2 + c\, |\delta n|^2\right)
+          = 16b \left(ds^2 + s^2 d\psi^2\right), \qquad
+          d\psi^2 = \frac{a \operatorname{tr}((\hat g^{-1} d\hat g)^2) + c\, |dn|^2}{16b} ,
+
+the metric of a cone of radius 4√b s over H² × S². Hence the distance in closed form, with
+L₀ the traceless part of log(g₁⁻¹g₂) and φ the angle of the normals,
+
+.. math:: d^2 = 16b \left(s_1^2 + s_2^2 - 2 s_1 s_2 \cos\min(\pi, \psi)\right), \qquad
+          \psi = \frac{\sqrt{a \operatorname{tr} L_0^2 + c\, \varphi^2}}{4\sqrt b} .
+
+With (a, b, c) = (1, λ, 0) this is Theorem 1 of the paper, corrected: K₀ = K − ½ tr(g₁⁻¹K) g₁ and
+θ = √(tr((g₁⁻¹K₀)²)/λ)/4. With (0, 1/16, 1) it is the distance of square root normal fields.
+
+ĝ is the point x + iy, x = g₁₂/g₁₁, y = √det g/g₁₁, of the upper half-plane, so that distances need
+no logarithm of a matrix: tr L₀² = 2ℓ², where ℓ is the hyperbolic distance of two such points.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import autograd.numpy as np
+import numpy as onp
+from autograd.extend import defvjp, primitive
+from numpy import ndarray
+
+from riemhuman.checks import metric_weight
+from riemhuman.kernels.compiled import FUSED, SUM, compiled
+from riemhuman.kernels.scalars import (
+    inverse_hyperbolic_sine_cardinal,
+    sine_cardinal,
+    square_root,
+)
+from riemhuman.kernels.surface import Derivatives, dot
+from riemhuman.kernels.tiles import CHUNK, LARGEST, SMALLEST, UNDERFLOW, of_one_kind
+from riemhuman.kernels.triangles import triangle
+from riemhuman.terms._polynomial_fits import (
+    LARGEST_RATIO,
+    coefficients_for,
+    excess_at_pi,
+    half_angle_fit,
+    half_sine_squared,
+    half_sine_squared_and_slope,
+    polynomial,
+    squared_angle,
+    squared_angle_and_slope,
+    squared_length,
+    squared_length_and_slope,
+)
+from riemhuman.terms.normals import squared_arc
+from riemhuman.terms.term import Fields, Term
+
+
+class ConeTerm(Term):
+    r"""The elastic metric of stretching, growth and bending, by area of the moving surface.
+
+    .. math:: w \int_{f(T)} \left(a \operatorname{tr}(A_0^2) + b \operatorname{tr}(A)^2
+              + c\, |\delta n|^2\right) dA_f, \qquad A = g^{-1}\delta g
+
+    Fields are x, y and s of g and, if c > 0, the unit normal. Triangles without area are the apex
+    s = 0 of the cone.
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    a : float
+        Weight of stretching without change of area, at least 0.
+    b : float
+        Weight of the change of area, above 0.
+    c : float
+        Weight of bending, the rotation of normals; at least 0.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SurfaceMetric(space, [rh.terms.ConeTerm(1.0, a=1.0, b=1.0, c=0.1)])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
+    """
+
+    single = True
+    area_power = 1.0
+
+    def __init__(self, weight: float = 1.0, a: float = 1.0, b: float = 1.0, c: float = 1.0) -> None:
+        super().__init__(weight)
+        self.a, self.c = metric_weight(a, "a"), metric_weight(c, "c")
+        self.b = metric_weight(b, "b", strict=True)
+
+    @property
+    def is_rotation_invariant(self) -> bool:  # type: ignore[override]
+        """Whether c = 0."""
+        return self.c == 0.0
+
+    @property
+    def angle_per_length(self) -> float:
+        """ψ/ℓ where the normals are the same."""
+        return math.sqrt(self.a / (8.0 * self.b))
+
+    @property
+    def angle_per_turn(self) -> float:
+        """ψ/φ where ĝ is the same."""
+        return math.sqrt(self.c / (16.0 * self.b))
+
+    def fields(self, first: Derivatives) -> Fields:
+        """Return x, y, s and, if c > 0, n; x = 0, y = 1, s = 0 on triangles without area.
+
+        They do not come from the entries of g: slivers keep digits that those lose.
+        """
+        x, y, s = half_plane(first.e, first.m, first.areas, first.degenerate)
+        if self.c == 0.0:
+            return x, y, s
+        normals = first.area_vectors / first.areas[..., None]
+        return x, y, s, np.where(first.degenerate[..., None], _ANY_NORMAL, normals)
+
+    def squared_dist(self, fields_a: Fields, fields_b: Fields) -> ndarray:
+        r"""Return the squared distances, without cancellation for near-equal surfaces.
+
+        .. math:: d^2 = 16b\left((s_1-s_2)^2 + 4 s_1 s_2 \sin^2(\tfrac12\min(\pi,\psi))\right)
+
+        The gradient is 0 where the fields are equal, and where s = 0 or ψ ≥ π that of ψ is.
+        """
+        (x1, y1, s1), (x2, y2, s2) = fields_a[:3], fields_b[:3]
+        lengths = squared_hyperbolic_distance(excess(x1, y1, x2, y2))
+        squared = (0.5 * self.angle_per_length) ** 2 * lengths
+        if self.c > 0.0:
+            difference, total = fields_a[3] - fields_b[3], fields_a[3] + fields_b[3]
+            turns = squared_arc(dot(difference, difference), dot(total, total))
+            squared = squared + (0.5 * self.angle_per_turn) ** 2 * turns
+        half = clipped_sine_squared(squared)
+        return 16.0 * self.b * ((s1 - s2) ** 2 + 4.0 * s1 * s2 * half)
+
+    def inner_product(self, changes_a: Fields, changes_b: Fields, fields: Fields) -> ndarray:
+        """Return 16b δs δs' + s² (2a (δx δx' + δy δy')/y² + c ⟨δn, δn'⟩)."""
+        (x1, y1, s1), (x2, y2, s2), (_, y, s) = changes_a[:3], changes_b[:3], fields[:3]
+        link = 2.0 * self.a * (x1 * x2 + y1 * y2) / y**2
+        if self.c > 0.0:
+            link = link + self.c * dot(changes_a[3], changes_b[3])
+        return 16.0 * self.b * s1 * s2 + s**2 * link
+
+    def form(self, first: Derivatives) -> ndarray:
+        """Return 2a (ε₁₁ − ε₂₂)² + 8a ε₁₂² + 4b (ε₁₁ + ε₂₂)² + c |δn|²."""
+        rows = onp.zeros((5, 6))
+        rows[0, [0, 3]] = math.sqrt(2.0 * self.a), -math.sqrt(2.0 * self.a)
+        rows[1, [1, 2]] = math.sqrt(2.0 * self.a)
+        rows[2, [0, 3]] = 2.0 * math.sqrt(self.b)
+        rows[[3, 4], [4, 5]] = math.sqrt(self.c)
+        return rows.T @ rows
+
+    def chart(self, fields: Fields) -> ndarray:
+        r"""Map fields to R^{2K} so that Euclidean distances are at most those of the term.
+
+        Let u ∈ R^K hold the logarithm L of ĝ at the identity, in R², times ψ/ℓ or less, and the
+        normal times ψ/φ or less. ‖L − L'‖ ≤ ℓ, the hyperbolic plane being of negative curvature,
+        and a chord is at most its arc, so z = ‖u − u'‖ ≤ ψ. The coordinates are
+
+        .. math:: 4\sqrt{b/K}\, s\, (e^{i\sqrt K u_1}, \dots, e^{i\sqrt K u_K}) \in C^K .
+
+        cos √t is convex and falls to −1 on [0, π²]: continued by −1 it is convex and never above
+        cos √t. By Jensen, (1/K) Σ cos(√K (u_k − u'_k)) ≥ cos min(π, z), and the squared distance
+        of coordinates is at most 16b (s² + s'² − 2 s s' cos min(π, ψ)).
+        """
+        x, y, s = fields[:3]
+        parts = []
+        if self.a > 0.0:
+            # The logarithm lies along the spatial part of the point of the hyperboloid.
+            spatial = np.stack([(1.0 - (x**2 + y**2)) / (2.0 * y), x / y], axis=-1)
+            size = np.sqrt(np.sum(spatial**2, axis=-1, keepdims=True))
+            logarithm = np.arcsinh(size) / np.where(size > 0, size, 1.0) * spatial
+            parts.append(min(self.angle_per_length, _STEEPEST) * logarithm)
+        if self.c > 0.0:
+            parts.append(min(self.angle_per_turn, _STEEPEST) * fields[3])
+        if not parts:
+            return 4.0 * np.sqrt(self.b) * s[..., None]
+        angles = np.concatenate(parts, axis=-1)
+        n_angles = angles.shape[-1]
+        angles = np.sqrt(n_angles) * angles
+        circles = np.concatenate([np.cos(angles), np.sin(angles)], axis=-1)
+        return 4.0 * np.sqrt(self.b / n_angles) * s[..., None] * circles
+
+    def feature_shape(self, n_faces: int) -> tuple[int, ...]:
+        return (7 if self.c > 0.0 else 4, n_faces)
+
+    def pack(self, fields: Fields, areas: ndarray, kept: ndarray) -> float:
+        # Write x, y, 1/(√2 y), √w s and n; return the squared distance to what is written.
+        x, y, s = fields[:3]
+        normals = of_one_kind(fields[3].T) if self.c > 0.0 else None
+        return self._pack(x, y, s, normals, areas, kept)
+
+    def pack_surface(
+        self, f: ndarray, faces: ndarray, frames: ndarray, areas: ndarray, kept: ndarray
+    ) -> float:
+        x, y, s = onp.empty((3, len(faces)))
+        normals = onp.empty((3, len(faces))) if self.c > 0.0 else None
+        _fill(f, faces, frames, x, y, s, normals)
+        normals = None if normals is None else of_one_kind(normals)
+        return self._pack(*map(of_one_kind, (x, y, s)), normals, areas, kept)
+
+    def _pack(
+        self, x: ndarray, y: ndarray, s: ndarray, normals: Any, areas: ndarray, kept: ndarray
+    ) -> float:
+        slope = self.angle_per_length**2, self.angle_per_turn**2
+        return 16.0 * self.b * _pack(x, y, s, normals, np.sqrt(areas), slope, kept)
+
+    def squared_distances(self, a: ndarray, b: ndarray, areas: ndarray) -> ndarray:
+        real, squared = a.dtype.type, np.zeros((len(a), len(b)))
+        fits = coefficients_for(a.dtype)
+        if self.c == 0.0 and self.b <= LARGEST_RATIO * self.a:
+            ratio = self.b / self.a
+            scale, fit = real(1.0 / excess_at_pi(ratio)), half_angle_fit(ratio, a.dtype)
+            _tile(a, b, scale, None, fit, None, a is b, squared)
+        else:
+            stretch = real(0.25 * self.angle_per_length**2)
+            turn = real(0.25 * self.angle_per_turn**2) if self.c > 0.0 else None
+            _tile(a, b, stretch, turn, None, fits, a is b, squared)
+        return 16.0 * self.b * squared
+
+    def add_segments(self, records: ndarray, slopes: ndarray, areas: ndarray) -> float:
+        stretch, turn = 0.25 * self.angle_per_length**2, None
+        if self.c > 0.0:
+            turn = 0.25 * self.angle_per_turn**2
+        return _segments(records, slopes, areas, 16.0 * self.b * self.weight, stretch, turn)
+
+
+class EbinTerm(ConeTerm):
+    r"""w · (Ebin metric), the pull-back by the first fundamental form (equation 2, corrected).
+
+    .. math:: w \int_{f(T)} \left(\operatorname{tr}(A_0^2) + \lambda \operatorname{tr}(A)^2\right)
+              dA_f
+
+    Parameters
+    ----------
+    weight : float
+        w > 0.
+    lam : float
+        λ > 0, the weight of changes of area.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.SurfaceMetric(space, [rh.terms.EbinTerm(1.0, lam=1.0)])
+    >>> bool(metric.dist(bodies[0], bodies[1]) > 0)
+    True
+    """
+
+    def __init__(self, weight: float = 1.0, lam: float = 0.5) -> None:
+        self.lam = metric_weight(lam, "lam", strict=True)
+        super().__init__(weight, a=1.0, b=self.lam, c=0.0)
+
+
+# Steeper charts are tighter, but wind bodies around in too many dimensions.
+_STEEPEST = 18.0
+
+# Stands for the normal of triangles without area, where it has no effect.
+_ANY_NORMAL = onp.array([0.0, 0.0, 1.0])
+
+
+def half_plane(
+    e: ndarray, m: ndarray, areas: ndarray, degenerate: ndarray
+) -> tuple[ndarray, ndarray, ndarray]:
+    """Return the coordinates x, y of ĝ, and s, of g = [[e, m], [m, ...]] with areas √det g.
+
+    Neither e nor the areas are 0. Where g is degenerate, s = 0, x = 0 and y = areas/e.
+    """
+    s = np.where(degenerate, 0.0, np.sqrt(areas))
+    return np.where(degenerate, 0.0, m / e), areas / e, s
+
+
+def excess(x1: ndarray, y1: ndarray, x2: ndarray, y2: ndarray) -> ndarray:
+    """Return cosh ℓ − 1 of two points of the half-plane, without cancellation."""
+    return ((x1 - x2) ** 2 + (y1 - y2) ** 2) / (2.0 * y1 * y2)
+
+
+def hyperbolic_distance(m: ndarray) -> ndarray:
+    """Return ℓ = 2 arcsinh √(m/2) from m = cosh ℓ − 1."""
+    return 2.0 * np.arcsinh(square_root(0.5 * m))
+
+
+@primitive
+def squared_hyperbolic_distance(m: ndarray) -> ndarray:
+    """Return ℓ², a smooth function of m = cosh ℓ − 1."""
+    return hyperbolic_distance(m) ** 2
+
+
+defvjp(
+    squared_hyperbolic_distance,
+    lambda answer, m: (
+        lambda upstream: 2.0 * upstream * inverse_hyperbolic_sine_cardinal(hyperbolic_distance(m))
+    ),
+)
+
+
+@primitive
+def clipped_sine_squared(squared: ndarray) -> ndarray:
+    """Return sin²(min(½ψ, ½π)), a smooth function of ¼ψ² below ¼π²."""
+    return np.sin(np.minimum(0.5 * np.pi, square_root(squared))) ** 2
+
+
+def _clipped_sine_slope(squared: ndarray) -> ndarray:
+    angle = 2.0 * square_root(squared)
+    return np.where(angle < np.pi, sine_cardinal(angle), 0.0)
+
+
+defvjp(
+    clipped_sine_squared,
+    lambda answer, squared: lambda upstream: upstream * _clipped_sine_slope(squared),
+)
+
+
+@compiled
+def _segments(
+    records: ndarray,
+    slopes: ndarray,
+    areas: ndarray,
+    factor: float,
+    stretch: float,
+    turn: float | None,
+) -> float:
+    n_times, _, n_faces = records.shape
+    # Of each surface x, y and s, and the slopes by them.
+    points, added = onp.empty((n_times, 3, n_faces)), onp.zeros((n_times, 3, n_faces))
+    for i in range(n_times):
+        _half_planes(records[i], points[i])
+    total = 0.0
+    for i in range(n_times - 1):
+        before = points[i], records[i], added[i], slopes[i]
+        after = points[i + 1], records[i + 1], added[i + 1], slopes[i + 1]
+        total += _segment(before, after, areas, factor, stretch, turn)
+    for i in range(n_times):
+        _add_slopes(records[i], points[i], added[i], slopes[i])
+    return total
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _half_planes(record: ndarray, point: ndarray) -> None:
+    area, e, m = record[9], record[10], record[11]
+    x, y, s = point[0], point[1], point[2]
+    for t in range(len(area)):
+        x[t], y[t], s[t] = _half_plane(area[t], e[t], m[t])
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _segment(
+    before: tuple[ndarray, ...],
+    after: tuple[ndarray, ...],
+    areas: ndarray,
+    factor: float,
+    stretch: float,
+    turn: float | None,
+) -> float:
+    """Return the sum of w d²; add its slopes by x, y, s and by normals of both surfaces."""
+    points1, record1, by_points1, slopes1 = before
+    points2, record2, by_points2, slopes2 = after
+    x1, y1, s1, x2, y2, s2 = (
+        points1[0],
+        points1[1],
+        points1[2],
+        points2[0],
+        points2[1],
+        points2[2],
+    )
+    by_x1, by_y1, by_s1 = by_points1[0], by_points1[1], by_points1[2]
+    by_x2, by_y2, by_s2 = by_points2[0], by_points2[1], by_points2[2]
+    # Read only where there is a weight of bending.
+    u1, v1, w1, u2, v2, w2 = record1[6], record1[7], record1[8], record2[6], record2[7], record2[8]
+    by_u1, by_v1, by_w1 = slopes1[6], slopes1[7], slopes1[8]
+    by_u2, by_v2, by_w2 = slopes2[6], slopes2[7], slopes2[8]
+    total = 0.0
+    for t in range(len(areas)):
+        weight = factor * areas[t]
+        dx, dy, ds = x1[t] - x2[t], y1[t] - y2[t], s1[t] - s2[t]
+        inverse = 1.0 / (y1[t] * y2[t])
+        m = 0.5 * (dx * dx + dy * dy) * inverse
+        length, by_m = squared_length_and_slope(m)
+        squared = stretch * length
+        if turn is not None:
+            # Of n₂ and −n₂ the one nearer to n₁. Near antipodal normals their difference is hardly
+            # more than multiples of the normals, which have no effect on their slopes.
+            acute = u1[t] * u2[t] + v1[t] * v2[t] + w1[t] * w2[t] >= 0.0
+            sign = 1.0 if acute else -1.0
+            u, v, w = u1[t] - sign * u2[t], v1[t] - sign * v2[t], w1[t] - sign * w2[t]
+            angle, by_chord = squared_angle_and_slope(u * u + v * v + w * w, acute)
+            squared += turn * angle
+        half, rate = half_sine_squared_and_slope(squared)
+        total += weight * _cone(s1[t], s2[t], half)
+        by_s1[t] += weight * (2.0 * ds + 4.0 * s2[t] * half)
+        by_s2[t] += weight * (-2.0 * ds + 4.0 * s1[t] * half)
+        rate *= weight * 4.0 * s1[t] * s2[t]
+        in_plane = rate * stretch * by_m * inverse
+        by_x1[t] += in_plane * dx
+        by_x2[t] -= in_plane * dx
+        by_y1[t] += in_plane * (dy - m * y2[t])
+        by_y2[t] -= in_plane * (dy + m * y1[t])
+        if turn is not None:
+            rate *= 2.0 * turn * by_chord
+            by_u1[t] += rate * u * sign
+            by_v1[t] += rate * v * sign
+            by_w1[t] += rate * w * sign
+            by_u2[t] -= rate * u
+            by_v2[t] -= rate * v
+            by_w2[t] -= rate * w
+    return total
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _add_slopes(record: ndarray, point: ndarray, added: ndarray, slope: ndarray) -> None:
+    """Add slopes by x, y and s up to slopes by the area ratio, e and m; at the apex are none."""
+    e, x, y, s = record[10], point[0], point[1], point[2]
+    by_x, by_y, by_s = added[0], added[1], added[2]
+    by_area, by_e, by_m = slope[9], slope[10], slope[11]
+    for t in range(len(e)):
+        inside = s[t] > 0.0
+        inverse = 1.0 / e[t] if inside else 0.0
+        in_s = 0.5 * by_s[t] / s[t] if inside else 0.0
+        by_area[t] += by_y[t] * inverse + in_s
+        by_e[t] -= (by_x[t] * x[t] + by_y[t] * y[t]) * inverse
+        by_m[t] += by_x[t] * inverse
+
+
+@compiled(forceinline=True)
+def _half_plane(area: float, e: float, m: float) -> tuple[float, float, float]:
+    """Return x, y and s; those of the apex where the area is 0."""
+    if area > 0.0:
+        return m / e, area / e, math.sqrt(area)
+    return 0.0, 1.0, 0.0
+
+
+@compiled
+def _fill(
+    f: ndarray,
+    faces: ndarray,
+    frames: ndarray,
+    x: ndarray,
+    y: ndarray,
+    s: ndarray,
+    normals: ndarray | None,
+) -> None:
+    for t in range(len(faces)):
+        e, m, n0, n1, n2, area = triangle(f, faces, frames, t)
+        x[t], y[t], s[t] = _half_plane(area, e, m)
+        if normals is not None:
+            scale = 1.0 / area if area > 0.0 else 0.0
+            normals[0, t], normals[1, t], normals[2, t] = n0 * scale, n1 * scale, n2 * scale
+
+
+@compiled(fastmath=SUM)
+def _pack(
+    x: ndarray,
+    y: ndarray,
+    s: ndarray,
+    normals: ndarray | None,
+    roots: ndarray,
+    slopes: tuple[float, float],
+    kept: ndarray,
+) -> float:
+    # Apart from `_fill`, and without branches, so that it runs in vector registers.
+    gap = UNDERFLOW * len(x)
+    for t in range(len(x)):
+        h, radius = math.sqrt(0.5) / y[t], roots[t] * s[t]
+        kept[0, t], kept[1, t], kept[2, t], kept[3, t] = x[t], y[t], h, radius
+        dx, dy = x[t] - kept[0, t], y[t] - kept[1, t]
+        # 4 sin²(½ψ) ≤ ψ², and ℓ² ≤ 2m.
+        angle = 2.0 * slopes[0] * (dx * dx + dy * dy) * h * h
+        if normals is not None:
+            chord = 0.0
+            for k in range(3):
+                kept[4 + k, t] = normals[k, t]
+                chord += (normals[k, t] - kept[4 + k, t]) ** 2
+            # An angle of at most π/2 changes by at most √2 times the change of its chord.
+            angle += 2.0 * slopes[1] * chord
+        step = (radius - kept[3, t]) ** 2 + radius * kept[3, t] * min(angle, 4.0)
+        inside = (abs(x[t]) < LARGEST) & (y[t] > SMALLEST) & (y[t] < LARGEST) & (radius < LARGEST)
+        gap += step if inside else math.inf
+    return gap
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _excess(x1: float, y1: float, h1: float, x2: float, y2: float, h2: float) -> float:
+    """Return m = cosh ℓ − 1, with h = 1/(√2 y)."""
+    x, y = x1 - x2, y1 - y2
+    return (x * x + y * y) * (h1 * h2)
+
+
+@compiled(forceinline=True, fastmath=FUSED)
+def _cone(s1: float, s2: float, half: float) -> float:
+    """Return (s₁ − s₂)² + 4 s₁ s₂ sin²(½ψ)."""
+    s, product = s1 - s2, s1 * s2
+    product += product
+    return s * s + (product + product) * half
+
+
+@compiled(forceinline=True, fastmath=SUM)
+def _chunk(
+    a: ndarray,
+    b: ndarray,
+    scale: float,
+    turn: float | None,
+    fit: tuple[float, ...] | None,
+    single: Any,
+    first: int,
+    last: int,
+) -> float:
+    x1, y1, h1, s1 = a[0, first:last], a[1, first:last], a[2, first:last], a[3, first:last]
+    x2, y2, h2, s2 = b[0, first:last], b[1, first:last], b[2, first:last], b[3, first:last]
+    total = type(scale)(0.0)
+    # Which of the three is known when this is compiled.
+    if fit is not None:
+        for t in range(last - first):
+            share = scale * _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
+            share = share if share < type(scale)(1.0) else type(scale)(1.0)
+            total += _cone(s1[t], s2[t], share * polynomial(fit, share))
+    elif turn is None:
+        for t in range(last - first):
+            m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
+            half = half_sine_squared(scale * squared_length(m, single), single)
+            total += _cone(s1[t], s2[t], half)
+    else:
+        u1, v1, w1 = a[4, first:last], a[5, first:last], a[6, first:last]
+        u2, v2, w2 = b[4, first:last], b[5, first:last], b[6, first:last]
+        for t in range(last - first):
+            m = _excess(x1[t], y1[t], h1[t], x2[t], y2[t], h2[t])
+            angle = squared_angle(u1[t], v1[t], w1[t], u2[t], v2[t], w2[t], single)
+            half = half_sine_squared(scale * squared_length(m, single) + turn * angle, single)
+            total += _cone(s1[t], s2[t], half)
+    return total
+
+
+@compiled
+def _tile(
+    a: ndarray,
+    b: ndarray,
+    scale: float,
+    turn: float | None,
+    fit: tuple[float, ...] | None,
+    single: Any,
+    within: bool,
+    squared: ndarray,
+) -> None:
+    """Add sums over triangles.
+
+    The scale is ¼ (ψ/ℓ)², or with the coefficients of `half_angle_fit` that of its argument; `turn`
+    is ¼ (ψ/φ)², or None without normals.
+    """
+    n_values = a.shape[2]
+    for first in range(0, n_values, CHUNK):
+        last = min(first + CHUNK, n_values)
+        for i in range(len(a)):
+            for j in range(i + 1 if within else 0, len(b)):
+                squared[i, j] += _chunk(a[i], b[j], scale, turn, fit, single, first, last)

@@ -1,0 +1,279 @@
+"""The cone of the general elastic metric: numerical geodesics, limits, and hard triangles."""
+
+from itertools import pairwise
+
+import autograd.numpy as anp
+import numpy as np
+import pytest
+from autograd import grad, value_and_grad
+from cases import open_template, sphere_template, surfaces
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.optimize import minimize
+
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, GeneralElasticMetric
+from riemhuman.kernels import surface
+from riemhuman.terms import ConeTerm, EbinTerm, RootNormalTerm, _cone_geodesics
+from riemhuman.terms.sum import SumOfTerms
+
+WEIGHTS = [(1.0, 1.0, 1.0), (1.0, 1e-3, 0.01), (0.0, 0.3, 1.0), (2.0, 0.05, 3.0)]
+
+
+def fields_of(triangle, term):
+    """Return the fields of a triangle, given by f_u and f_v."""
+    return term.fields(surface.follow_up(*triangle[:, None]))
+
+
+def squared_dist(one, other, *weights):
+    term = ConeTerm(1.0, *weights)
+    return term.squared_dist(fields_of(one, term), fields_of(other, term))[0]
+
+
+def rotation_about_x(angle):
+    cosine, sine = np.cos(angle), np.sin(angle)
+    return np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+
+
+def numerical_dist(one, other, a, b, c, n_segments=40):
+    """Return the length of the shortest path of (g, n), by its definition and by minimisation."""
+    normals = [np.cross(*f) / np.linalg.norm(np.cross(*f)) for f in (one, other)]
+    # Two angles of the normal, far from their poles on the great circle between the ends.
+    pole = np.cross(*normals)
+    pole = pole / np.linalg.norm(pole) if np.linalg.norm(pole) > 1e-9 else [0.0, 0.6, 0.8]
+    axes = np.array([normals[0], np.cross(pole, normals[0]), pole])
+
+    def numbers(f, n):
+        lower = np.linalg.cholesky(f @ f.T)
+        x, y, z = axes @ n
+        angles = [np.arctan2(y, x), np.arcsin(z)]
+        return [np.log(lower[0, 0]), lower[1, 0], np.log(lower[1, 1]), *angles]
+
+    ends = [numbers(f, n) for f, n in zip((one, other), normals, strict=True)]
+
+    def energy(flat):
+        path = anp.concatenate([[ends[0]], anp.reshape(flat, (-1, 5)), [ends[1]]])
+        p, q, r, longitude, latitude = path.T
+        p, r = anp.exp(p), anp.exp(r)
+        g = anp.array([p * p, p * q, q * q + r * r])
+        n = anp.array(
+            [
+                anp.cos(latitude) * anp.cos(longitude),
+                anp.cos(latitude) * anp.sin(longitude),
+                anp.sin(latitude),
+            ]
+        )
+        (e, m, k), (de, dm, dk) = 0.5 * (g[:, 1:] + g[:, :-1]), g[:, 1:] - g[:, :-1]
+        determinant = e * k - m * m
+        trace = (k * de - 2 * m * dm + e * dk) / determinant
+        # tr((g⁻¹δg)²) = tr² − 2 det(δg)/det(g).
+        shear = 0.5 * trace**2 - 2 * (de * dk - dm * dm) / determinant
+        bend = anp.sum((n[:, 1:] - n[:, :-1]) ** 2, axis=0)
+        return n_segments * anp.sum(anp.sqrt(determinant) * (a * shear + b * trace**2 + c * bend))
+
+    # The Hessian is nearly that of second differences in time, times a small matrix.
+    middle = np.linspace(*ends, n_segments + 1)[1:-1]
+    differences = 2.0 * np.eye(len(middle)) - np.eye(len(middle), k=1) - np.eye(len(middle), k=-1)
+    steps = np.linalg.inv(np.linalg.cholesky(differences)).T
+    size = energy(middle.ravel())
+
+    def scaled(numbers):
+        return energy(anp.ravel(middle + steps @ anp.reshape(numbers, (-1, 5)))) / size
+
+    found = minimize(
+        value_and_grad(scaled),
+        np.zeros(middle.size),
+        jac=True,
+        method="L-BFGS-B",
+        options={"maxiter": 3000, "maxcor": 30, "ftol": 1e-11, "gtol": 1e-7},
+    )
+    return np.sqrt(found.fun * size)
+
+
+def random_triangles(n, rng):
+    return np.eye(2, 3) + 0.35 * rng.standard_normal((n, 2, 2, 3))
+
+
+# Where a = 0, paths over finitely many steps shear for nothing and are no oracle.
+@pytest.mark.parametrize("weights", [(0.5, 0.2, 1.0), *(w for w in WEIGHTS if w[0] > 0.0)])
+def test_numerical_geodesics_of_random_triangles(weights):
+    rng = np.random.default_rng(3)
+    for one, other in random_triangles(5, rng):
+        scale = max(1.0, np.sqrt(weights[0] / weights[1]))
+        other = one + (other - one) / scale
+        expected = numerical_dist(one, other, *weights)
+        assert np.sqrt(squared_dist(one, other, *weights)) == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_rotation_by_120_degrees_with_a_stretch():
+    """The sum of an Ebin and a square root normal distance, an earlier form, is too small here."""
+    one = np.eye(2, 3)
+    other = one * [[1.6], [1.0]] @ rotation_about_x(2 * np.pi / 3).T
+    found = np.sqrt(squared_dist(one, other, 1.0, 1.0, 1.0))
+    assert found == pytest.approx(numerical_dist(one, other, 1.0, 1.0, 1.0), rel=1e-3)
+    parts = [EbinTerm(lam=15 / 16), RootNormalTerm()]
+    sums = [part.squared_dist(fields_of(one, part), fields_of(other, part))[0] for part in parts]
+    assert np.sqrt(sum(sums)) < 0.9 * found
+
+
+def test_limits_are_the_ebin_and_the_square_root_normal_metric():
+    for one, other in random_triangles(20, np.random.default_rng(5)):
+        for lam in (1e-4, 0.3, 5.0):
+            term = EbinTerm(lam=lam)
+            expected = 2.0 * term.squared_dist(fields_of(one, term), fields_of(other, term))[0]
+            found = squared_dist(one, other, 2.0, 2.0 * lam, 0.0)
+            assert found == pytest.approx(expected, rel=1e-13)
+        term = RootNormalTerm()
+        expected = term.squared_dist(fields_of(one, term), fields_of(other, term))[0]
+        assert squared_dist(one, other, 0.0, 1 / 16, 1.0) == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_triangle_inequality_and_symmetry(weights):
+    rng = np.random.default_rng(6)
+    for f, g, h in np.eye(2, 3) + rng.uniform(0.1, 2.0) * rng.standard_normal((100, 3, 2, 3)):
+        assert squared_dist(f, g, *weights) == squared_dist(g, f, *weights)
+        sides = [np.sqrt(squared_dist(*pair, *weights)) for pair in ((f, g), (g, h), (f, h))]
+        assert sides[2] <= (sides[0] + sides[1]) * (1 + 1e-12)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_equal_antipodal_and_degenerate_triangles(weights):
+    one = np.array([[1.0, 0.2, 0.1], [0.3, 1.0, -0.2]])
+    assert squared_dist(one, one, *weights) == 0.0
+    slope = grad(lambda f: squared_dist(one, f, *weights))
+    np.testing.assert_array_equal(slope(one), 0.0)
+    antipodal, far = one[::-1].copy(), np.diag([1.0, 1e9]) @ one @ rotation_about_x(3.0)
+    flat = np.array([one[0], 2 * one[0]])
+    for other in (antipodal, far, flat):
+        assert np.isfinite(squared_dist(one, other, *weights))
+        assert np.isfinite(slope(other)).all()
+    # Through the apex: ψ ≥ π, or no area at all.
+    b, area = weights[1], np.linalg.norm(np.cross(*one))
+    assert squared_dist(one, flat, *weights) == pytest.approx(16 * b * area)
+    if weights[0] > 0:
+        through = 16 * b * (np.sqrt(area) + np.sqrt(np.linalg.norm(np.cross(*far)))) ** 2
+        assert squared_dist(one, far, *weights) == pytest.approx(through)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_gradients_against_differences(weights):
+    rng = np.random.default_rng(8)
+    for one, other in random_triangles(5, rng):
+        h = rng.standard_normal((2, 3))
+        ends = [squared_dist(one, other + t * h, *weights) for t in (-1e-6, 1e-6)]
+        slope = grad(lambda f, one=one: squared_dist(one, f, *weights))(other)
+        assert np.sum(slope * h) == pytest.approx((ends[1] - ends[0]) / 2e-6, rel=1e-5, abs=1e-8)
+
+
+@pytest.mark.parametrize("weights", WEIGHTS)
+def test_minimal_paths_of_fields(weights):
+    """Exponential, logarithm and geodesic; the energy of broken paths falls to the distance."""
+    term, rng = ConeTerm(1.0, *weights), np.random.default_rng(9)
+    pairs = random_triangles(50, rng)
+    pairs[:, 1] = pairs[:, 0] + (pairs[:, 1] - pairs[:, 0]) / max(1.0, 30 * weights[0])
+    firsts = [surface.follow_up(*np.swapaxes(pairs[:, k], 0, 1)) for k in (0, 1)]
+    (g1, n1), (g2, n2) = (
+        (surface.first_fundamental_form(d.f_u, d.f_v), surface.unit_normals(d.f_u, d.f_v))
+        for d in firsts
+    )
+    *velocity, psi = _cone_geodesics.log_with_normals(g1, n1, g2, n2, term)
+    inside = psi < np.pi
+    assert inside.sum() > 5
+    g, n, met_apex = _cone_geodesics.exp_with_normals(*velocity, g1, n1, term)
+    assert not met_apex[inside].any()
+    np.testing.assert_allclose(g[inside], g2[inside], rtol=1e-9, atol=1e-11)
+    np.testing.assert_allclose(n[inside], n2[inside], atol=1e-11)
+    squared = term.squared_dist(term.fields(firsts[0]), term.fields(firsts[1]))
+
+    def energy(paths):
+        fields = [(*_cone_geodesics.coordinates(g), n) for g, n in paths]
+        parts = [term.squared_dist(*pair) for pair in pairwise(fields)]
+        return (len(paths) - 1) * sum(parts)
+
+    def path(n_segments, bent):
+        times = np.linspace(0, 1, n_segments + 1)
+        exact = [
+            _cone_geodesics.geodesic_with_normals(g1, n1, g2, n2, np.array(t), term) for t in times
+        ]
+        swelling = 1 + bent * np.sin(np.pi * times)
+        return [(s * g, n) for s, (g, n) in zip(swelling, exact, strict=True)]
+
+    for n_segments in (2, 5):
+        np.testing.assert_allclose(energy(path(n_segments, 0.0)), squared, rtol=1e-8, atol=1e-12)
+    rising = [energy(path(n_segments, 0.2)) for n_segments in (1, 2, 4, 8)]
+    assert np.all(np.diff(rising, axis=0) >= -1e-10)
+    falling = [energy(path(8, bent)) for bent in (0.4, 0.2, 0.1, 0.0)]
+    assert np.all(np.diff(falling, axis=0) <= 1e-10)
+
+
+def test_transport_keeps_inner_products_and_velocities():
+    template = sphere_template()
+    metric = GeneralElasticMetric(AlignedSurfaces(template), 1.0, 0.7, 2.0).target_metric
+    start, end = metric.space.random_point(2, rng=0)
+    noise = np.random.default_rng(1).standard_normal((2, *start.shape))
+    vectors = metric.space.to_tangent(noise, np.stack([start, start]))
+    velocity = metric.log(end, start)
+    carried = metric.parallel_transport(vectors, start, direction=velocity)
+    for i, j in ((0, 0), (0, 1), (1, 1)):
+        expected = metric.inner_product(vectors[i], vectors[j], start)
+        assert metric.inner_product(carried[i], carried[j], end) == pytest.approx(expected)
+    back = metric.parallel_transport(velocity, start, direction=velocity) + metric.log(start, end)
+    assert metric.norm(back, end) < 1e-12
+    # Against Schild's ladder in the limit: transport to a nearby point is first order in the step.
+    near = metric.exp(1e-4 * velocity, start)
+    ahead = metric.exp(1e-4 * vectors[0], start)
+    middle = metric.exp(0.5 * metric.log(near, ahead), ahead)
+    corner = metric.exp(2.0 * metric.log(middle, start), start)
+    ladder = 1e4 * metric.log(corner, near)
+    expected = metric.parallel_transport(vectors[0], start, direction=1e-4 * velocity)
+    assert metric.norm(ladder - expected, near) < 1e-6 * metric.norm(expected, near)
+
+
+cone_numbers = st.lists(st.floats(-3.0, 3.0), min_size=6, max_size=6)
+
+
+@given(cone_numbers, cone_numbers, st.floats(-5.0, 0.0), st.sampled_from(WEIGHTS))
+def test_the_chart_never_lengthens(first, second, log_size, weights):
+    term = ConeTerm(1.0, *weights)
+
+    def fields(numbers):
+        x, log_y, log_s, *n = (np.array([value]) for value in numbers)
+        n = np.concatenate(n) + [0.1, 0.0, 5e-8]
+        return x, np.exp(log_y), np.exp(log_s), (n / np.linalg.norm(n))[None]
+
+    pair = fields(first), fields(np.add(first, 10.0**log_size * np.array(second)))
+    charts = [term.chart(one) for one in pair]
+    rounding = 1e-11 * sum(np.linalg.norm(chart) for chart in charts)
+    exact = np.sqrt(term.squared_dist(*pair)[0])
+    assert np.linalg.norm(charts[0] - charts[1]) <= exact * (1 + 1e-12) + rounding
+
+
+@pytest.mark.parametrize("weights", [*WEIGHTS, (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)])
+def test_the_chart_is_tight_for_near_surfaces(weights):
+    template, term = sphere_template(), ConeTerm(1.0, *weights)
+    f = template.vertices + 1e-4 * surfaces(template, 2, rng=1)
+    near = [term.fields(surface.derivatives(one, template.differential_operator)) for one in f]
+    exact = np.sum(term.squared_dist(*near))
+    bound = np.sum((term.chart(near[0]) - term.chart(near[1])) ** 2)
+    assert 0.99 * exact < bound <= exact
+
+
+def test_single_precision_keeps_its_bound():
+    template = open_template()
+    driver = SumOfTerms([ConeTerm(1.0, 1.0, 0.2, 0.7)], template)
+    points = surfaces(template, 8, rng=3)
+    points[1] = points[0] + 1e-6 * points[2]
+    exact, single = (driver.features(points, precision) for precision in ("double", "single"))
+    dists = [np.sqrt(driver.squared_distances(part, part)) for part in (exact, single)]
+    rounding = driver.rounding(single)
+    assert np.all(rounding > 0)
+    assert np.all(rounding < 1e-4)
+    slack = rounding[:, None] + rounding + 1e-6 * dists[0]
+    assert np.all(np.abs(dists[0] - dists[1]) <= slack)
+
+
+def test_weights_out_of_range_are_named():
+    for weights, name in (((-1, 1, 1), "a"), ((1, 0, 1), "b"), ((1, 1, np.nan), "c")):
+        with pytest.raises(ArgumentError, match=f"^{name} must be"):
+            ConeTerm(1.0, *weights)

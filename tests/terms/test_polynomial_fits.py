@@ -1,0 +1,164 @@
+"""The fits of angles and lengths against mpmath, over their whole range, in both precisions."""
+
+import numpy as np
+import pytest
+from autograd import grad
+from mpmath import mp
+
+from riemhuman.terms import _polynomial_fits as fits
+from riemhuman.terms import cone
+
+PRECISIONS = {"single": np.float32, "double": np.float64}
+each_precision = pytest.mark.parametrize("precision", PRECISIONS)
+ROUNDING = {name: float(np.finfo(real).eps) for name, real in PRECISIONS.items()}
+LAMBDAS = [1e-8, 1e-4, 0.02, 1.0, 1e4]
+
+
+def relative_errors(function, exact, arguments, real):
+    """Return the relative errors of a function at arguments rounded to a precision."""
+    arguments = np.asarray(arguments).astype(real)
+    found = np.array([function(x) for x in arguments], dtype=np.float64)
+    with mp.workdps(40):
+        expected = np.array([float(exact(mp.mpf(float(x)))) for x in arguments])
+    return np.abs(found - expected) / np.abs(expected)
+
+
+def half_angle(m, quarter, single):
+    """Return sin²(½ min(π, ψ)) of ψ² = 4 · quarter · ℓ²."""
+    return fits.half_sine_squared(quarter * fits.squared_length(m, single), single)
+
+
+@each_precision
+def test_short_arcs(precision):
+    real = PRECISIONS[precision]
+    single = fits.coefficients_for(np.dtype(real))
+    chords = np.concatenate([np.logspace(-30, -1, 100), np.linspace(0.1, 2.0, 2000)])
+    errors = relative_errors(
+        lambda p: fits.squared_short_arc(p, single),
+        lambda p: (2 * mp.asin(mp.sqrt(p) / 2)) ** 2,
+        chords,
+        real,
+    )
+    assert errors.max() < 3 * ROUNDING[precision]
+
+
+@each_precision
+@pytest.mark.parametrize("lam", LAMBDAS)
+def test_half_angles(precision, lam):
+    real = PRECISIONS[precision]
+    single, quarter = fits.coefficients_for(np.dtype(real)), real(1.0 / (32.0 * lam))
+
+    def exact(m):
+        half = mp.sqrt(mp.mpf(float(quarter))) * 2 * mp.asinh(mp.sqrt(m / 2))
+        return mp.sin(min(half, mp.pi / 2)) ** 2
+
+    errors = relative_errors(
+        lambda m: half_angle(m, quarter, single), exact, np.logspace(-28, 18, 1500), real
+    )
+    assert errors.max() < 16 * ROUNDING[precision]
+    assert half_angle(real(0.0), quarter, single) == 0.0
+
+
+def test_an_excess_whose_square_overflows_is_nan():
+    """Pairs in single precision are then computed again in double precision."""
+    single = fits.coefficients_for(np.dtype(np.float32))
+    assert np.isnan(half_angle(np.float32(1e25), np.float32(0.01), single))
+    assert half_angle(1e25, 1e-6, None) < 1.0
+
+
+@pytest.mark.parametrize(("real", "tolerance"), [(np.float32, 5e-7), (np.float64, 5e-15)])
+@pytest.mark.parametrize("lam", [1e-8, 1e-6, 1e-4, 1e-3, fits.LARGEST_RATIO])
+def test_half_angles_for_a_small_ratio(lam, real, tolerance):
+    reach, coefficients = fits.excess_at_pi(lam), fits.half_angle_fit(lam, np.dtype(real))
+    inverse = real(1.0 / reach)
+    shares = np.concatenate([np.logspace(-20, -1, 100), np.linspace(0.1, 1.5, 1000), [1e20]])
+
+    def found(m):
+        share = min(m * inverse, real(1.0))
+        return share * fits.polynomial(coefficients, share)
+
+    def exact(m):
+        theta = mp.acosh(1 + m) / (2 * mp.sqrt(2 * mp.mpf(lam)))
+        return mp.sin(min(theta, mp.pi) / 2) ** 2
+
+    assert relative_errors(found, exact, reach * shares, real).max() < tolerance
+    theta = np.arccosh(1 + reach) / (2 * np.sqrt(2 * lam))
+    assert theta == pytest.approx(np.pi, rel=1e-7)
+
+
+@each_precision
+def test_squared_angles_of_unit_vectors(precision):
+    """At angles of all sizes, near 0, π/2 and π too."""
+    real = PRECISIONS[precision]
+    single = fits.coefficients_for(np.dtype(real))
+    rng = np.random.default_rng(0)
+    first = rng.standard_normal((4000, 3))
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    across = np.cross(first, rng.standard_normal((4000, 3)))
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    small = np.logspace(-3, -1, 1000)
+    angles = [rng.uniform(0, np.pi, 1000), small, np.pi / 2 + small - 0.05, np.pi - small]
+    angles = np.concatenate(angles)[:, None]
+    second = (np.cos(angles) * first + np.sin(angles) * across).astype(real)
+    first = first.astype(real)
+    found = [fits.squared_angle(*a, *b, single) for a, b in zip(first, second, strict=True)]
+    a, b = first.astype(np.longdouble), second.astype(np.longdouble)
+    a, b = (v / np.sqrt(np.sum(v**2, axis=1, keepdims=True)) for v in (a, b))
+    gap, total = (np.sqrt(np.sum(v**2, axis=1)) for v in (a - b, a + b))
+    expected = (2 * np.arctan2(gap, total)).astype(np.float64)
+    # Lengths of vectors are 1 up to rounding.
+    assert np.abs(np.sqrt(found) - expected).max() < 4 * ROUNDING[precision]
+    n = np.array([0.6, -0.48, 0.64], dtype=real)
+    assert fits.squared_angle(*n, *n, single) == 0.0
+    opposite = fits.squared_angle(*n, *-n, single)
+    assert opposite == pytest.approx(np.pi**2, rel=2 * ROUNDING[precision])
+
+
+def around(switch):
+    return switch * (1 + np.array([-1e-3, -1e-6, -1e-12, 0.0, 1e-12, 1e-6, 1e-3]))
+
+
+def loops(m, quarter):
+    squared, in_m = fits.squared_length_and_slope(m)
+    value, rate = fits.half_sine_squared_and_slope(quarter * squared)
+    return value, rate * quarter * in_m
+
+
+def definitions(m, quarter):
+    def value(m):
+        return cone.clipped_sine_squared(quarter * cone.squared_hyperbolic_distance(m))
+
+    return value(m), grad(value)(m)
+
+
+@pytest.mark.parametrize("function", [loops, definitions])
+@pytest.mark.parametrize("lam", [1e-4, 0.01, 0.125, 1.0, 100.0])
+def test_slopes_of_half_angles(lam, function):
+    kappa = 0.5 / np.sqrt(2.0 * lam)
+    for m in np.concatenate([np.logspace(-30, 6, 200), around(0.0607), around(1e-3)]):
+        found = function(m, 0.25 * kappa**2)
+        with mp.workdps(100):
+            exact_m, exact_kappa = mp.mpf(float(m)), mp.mpf(float(kappa))
+            theta = exact_kappa * mp.acosh(1 + exact_m)
+            slope = mp.sin(theta) / 2 * exact_kappa / mp.sqrt(exact_m * (exact_m + 2))
+            inside = theta < mp.pi
+            expected = float(mp.sin(min(theta, mp.pi) / 2) ** 2), float(slope if inside else 0)
+        np.testing.assert_allclose(found[0], expected[0], rtol=2e-14)
+        # Near θ = π the slope has a zero.
+        np.testing.assert_allclose(found[1], expected[1], rtol=2e-13, atol=1e-14 * kappa**2)
+    at_zero = function(0.0, 0.25 * kappa**2)
+    assert at_zero == (0.0, pytest.approx(0.5 * kappa**2, rel=1e-15))
+
+
+def test_slopes_of_squared_angles():
+    def found(p, q):
+        return fits.squared_angle_and_slope(min(p, q), p <= q)
+
+    squared_chords = np.concatenate([np.logspace(-30, 0, 200), around(0.04), [2.0, 3.0, 3.9, 3.99]])
+    for p in squared_chords:
+        with mp.workdps(100):
+            theta = 2 * mp.asin(mp.sqrt(mp.mpf(float(p))) / 2)
+            expected = float(theta**2), float(theta / mp.sin(theta))
+        np.testing.assert_allclose(found(p, 4.0 - p), expected, rtol=5e-14)
+    assert found(0.0, 4.0) == (0.0, 1.0)
+    assert found(4.0, 0.0) == (pytest.approx(np.pi**2), 0.0)
