@@ -79,7 +79,7 @@ def test_the_readme_is_short():
 
 @pytest.mark.parametrize(
     ("marker", "job"),
-    [("run", "python -m riemhuman"), ("test", "pytest -n auto --dist worksteal")],
+    [("run", "riemhuman tables"), ("test", "pytest -n auto --dist worksteal")],
 )
 def test_commands_are_marked(marker, job):
     text = text_of(README)

@@ -1,7 +1,8 @@
 # PYTHON_ARGCOMPLETE_OK
-"""The command line: verbs that apply the library to files.
+"""The command line: commands that apply the library to files.
 
-Verbs import heavy packages when they run, so that help and usage errors appear at once.
+Commands use the library as its users do, ``import riemhuman as rh``, which loads subpackages when
+they are used: help and usage errors appear at once.
 """
 
 from __future__ import annotations
@@ -13,80 +14,56 @@ from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 
 from riemhuman import __version__
-from riemhuman.cli import (
-    alignment,
-    bases,
-    components,
-    distances,
-    fitting,
-    information,
-    means,
-    measuring,
-    models,
-    motions,
-    paths,
-    registration,
-    reports,
-    tables,
-    transfer,
-    viewing,
-)
-from riemhuman.cli.inputs import path_argument
-from riemhuman.cli.terminal import (
+
+# isort: off
+# The order of the commands in the help.
+from riemhuman.cli import _tables  # noqa: F401
+from riemhuman.cli import _distances, _paths  # noqa: F401
+from riemhuman.cli import _registration  # noqa: F401
+from riemhuman.cli import _measuring  # noqa: F401
+from riemhuman.cli import _bodies  # noqa: F401
+from riemhuman.cli import _motions, _files  # noqa: F401
+
+# isort: on
+from riemhuman.cli._commands import make_parser, path
+from riemhuman.cli._terminal import (
+    Reporter,
+    as_json,
     discard_output,
     flush_output,
     note,
+    say,
     short_warnings,
     tolerate_ascii,
 )
-from riemhuman.cli.verbs import Parser, add_debug
-from riemhuman.errors import (
-    FileError,
-    MissingDependencyError,
-    NotDefinedError,
-    OutsideManifoldError,
-    RiemhumanError,
-)
-from riemhuman.io.outputs import lock_output
+from riemhuman.errors import FileError, RiemhumanError
 from riemhuman.optional import import_optional
 
-_FAILURE = 1
-_BAD_DATA = 2
+__all__ = ["main"]
+
+_DONE = 0
+_NOT_TRUSTED = 1
+_NOT_DONE = 2  # also argparse's code for wrong usage
 _INTERRUPTED = 130
 _BROKEN_PIPE = 141
-
-_VERB_MODULES = (
-    tables,
-    distances,
-    paths,
-    means,
-    components,
-    measuring,
-    transfer,
-    motions,
-    alignment,
-    fitting,
-    viewing,
-    bases,
-    models,
-    registration,
-    information,
-    reports,
-)
-_DEFAULT_VERB = "tables"
 
 _DESCRIPTION = """\
 Distances, geodesics and means of registered human bodies: meshes that share one triangulation.
 The shape metric compares people, the pose metric compares poses.
+
+examples:
+  riemhuman tables                            # who is it, how do they stand? 100 open bodies
+  riemhuman register scan.ply -o body.ply     # a registered body from a raw scan
+  riemhuman dist anna.ply ben.ply             # the distance of two registered bodies
 """
 _EPILOG = """\
-Without a verb, `riemhuman [--faust FOLDER] ...` runs `riemhuman tables`.
-`riemhuman VERB --help` explains a verb and shows examples. After
-`pip install 'riemhuman[completion]'`, the shell completes verbs and options with
+`riemhuman COMMAND --help` explains a command and shows examples. After
+`pip install 'riemhuman[completion]'`, the shell completes commands and options with
 `eval "$(register-python-argcomplete riemhuman)"`.
 
-exit codes: 0 success; 1 failure; 2 wrong usage or unusable data; 130 interrupted;
-141 closed output pipe
+exit codes: 0 done; 1 done, but something in it is not trusted: a scan without a trusted body, or
+a search that has not converged; 2 not done: wrong usage, unusable data or a failure; 130
+interrupted; 141 closed output pipe
 """
 
 
@@ -101,13 +78,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code: 0 for success; 1 for a failure; 2 for unusable data; 130 if interrupted; 141 if
-        the output pipe was closed.
+        Exit code: 0 if the command is done; 1 if it is done, but something in it is not trusted; 2
+        if it is not done; 130 if interrupted; 141 if the output pipe was closed.
 
     Raises
     ------
     SystemExit
         After ``--help`` and ``--version``, with code 0, and after wrong usage, with code 2.
+
+    Examples
+    --------
+    >>> from riemhuman.cli import main
+    >>> main(["dist", "anna.ply", "ben.ply"])  # doctest: +SKIP
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     tolerate_ascii()
@@ -123,67 +105,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if "--debug" in given:
             raise
         note(str(error))
-        return _FAILURE
+        return _NOT_DONE
 
 
 def _run(given: Sequence[str]) -> int:
-    parser = _parser()
+    parser = make_parser(__version__, _DESCRIPTION, _EPILOG)
     if "_ARGCOMPLETE" in os.environ:  # set by the shell while it completes a line
         import_optional("argcomplete", "completion").autocomplete(parser)
-    options = parser.parse_args(_with_verb(given))
-    debug = getattr(options, "debug", False)
+    options = parser.parse_args(given)
+    if not hasattr(options, "run"):
+        parser.print_help()
+        return _DONE
+    options.reporter = Reporter(options.quiet)
     try:
-        with short_warnings(), _output_claimed(options):
-            options.run(options)
+        with short_warnings(), _lock(options):
+            answer = options.run(options)
+        say(as_json(answer.record) if options.json else answer.text)
+        return _DONE if answer.trusted else _NOT_TRUSTED
     except KeyboardInterrupt:
         note("interrupted")
         return _INTERRUPTED
     except BrokenPipeError:
         raise
-    except RiemhumanError as error:
-        if debug:
-            raise
-        note(str(error))
-        failures = (MissingDependencyError, NotDefinedError, OutsideManifoldError)
-        return _FAILURE if isinstance(error, failures) else _BAD_DATA
-    except MemoryError:
-        if debug:
-            raise
-        note("not enough memory; use fewer or coarser meshes")
-        return _FAILURE
     except Exception as error:
-        if debug:
+        if getattr(options, "debug", False):
             raise
-        note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
-        return _FAILURE
-    return 0
+        if isinstance(error, RiemhumanError):
+            note(str(error))
+        elif isinstance(error, MemoryError):
+            note("not enough memory; use fewer or coarser meshes")
+        else:
+            note(f"unexpected {type(error).__name__}: {error}; --debug shows the traceback")
+        return _NOT_DONE
 
 
-def _output_claimed(options: argparse.Namespace) -> AbstractContextManager[None]:
+def _lock(options: argparse.Namespace) -> AbstractContextManager[None]:
+    """Keep other processes from writing the same output."""
     output = getattr(options, "output", None)
-    return nullcontext() if output is None else lock_output(path_argument(os.fspath(output)))
+    if output is None:
+        return nullcontext()
+    from riemhuman.io.outputs import lock_output
 
-
-def _parser() -> argparse.ArgumentParser:
-    parser = Parser(
-        prog="riemhuman",
-        description=_DESCRIPTION,
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-    )
-    parser.add_argument("--version", action="version", version=f"riemhuman {__version__}")
-    add_debug(parser)
-    verbs = parser.add_subparsers(metavar="VERB", required=True, title="verbs")
-    for module in _VERB_MODULES:
-        module.add_verbs(verbs)
-    return parser
-
-
-def _with_verb(given: Sequence[str]) -> list[str]:
-    """Return the arguments, with the default verb if there is none."""
-    before = [argument for argument in given[:1] if argument == "--debug"]
-    rest = list(given[len(before) :])
-    if not rest or (rest[0].startswith("-") and rest[0] not in ("-h", "--help", "--version")):
-        rest.insert(0, _DEFAULT_VERB)
-    return before + rest
+    return lock_output(path(os.fspath(output)))

@@ -151,6 +151,7 @@ def plot_embedding(
     labels: ArrayLike,
     names: Sequence[str] | None = None,
     *,
+    item_names: Sequence[str] | None = None,
     points: ArrayLike | None = None,
     faces: ArrayLike | None = None,
     view: View | None = None,
@@ -167,6 +168,8 @@ def plot_embedding(
         Class of each item, counted from 0.
     names : sequence of str, optional
         Names of the classes.
+    item_names : sequence of str, length n, optional
+        Names of the items, written beside them instead of a legend of the classes.
     points : array_like, shape (n, V, 3), optional
         Bodies of the items; the body nearest to the middle of each class is drawn.
     faces : array_like, shape (F, 3), optional
@@ -218,7 +221,9 @@ def plot_embedding(
     margin = (0.16 if points is not None else 0.05) * np.maximum(high - low, 1e-9)
     ax.set_xlim(low[0] - margin[0], high[0] + margin[0])
     ax.set_ylim(low[1] - margin[1], high[1] + margin[1])
-    if points is None or faces is None:
+    for place, item_name in zip(places, item_names or (), strict=False):
+        ax.annotate(item_name, place, xytext=(4, 3), textcoords="offset points", fontsize="small")
+    if item_names is None and points is None:
         ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize="small")
     if unit is not None:
         _add_length_bar(ax, unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from riemhuman.descriptors import (
@@ -14,8 +15,9 @@ from riemhuman.descriptors import (
 )
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces, GaugeInvariantMetric, SobolevMetric, SRNFMetric
-from riemhuman.report.code_descriptors import shipped_descriptors
-from riemhuman.report.retrieval_benchmark import table_metrics
+from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
+from riemhuman.report.paper import PAPER_TABLES
+from riemhuman.report.retrieval_benchmark import BenchmarkRecord, table_metrics
 from riemhuman.solvers.simple_paths import LinearPath
 from riemhuman.terms.normal_projection import mixed_edges
 
@@ -109,3 +111,30 @@ def metrics_of_extensions(bodies: Any) -> dict[str, Any]:
         return {}
     space = AlignedSurfaces(bodies.template, equip=False)
     return {name: metric(space) for name, metric in extensions("metrics").items()}
+
+
+def benchmark_notes(records: Sequence[BenchmarkRecord]) -> list[str]:
+    """Return paragraphs that explain the columns and the rows of a formatted benchmark."""
+    columns = (
+        "Per cent, each body against all others: NN nearest neighbour, FT and ST first and "
+        "second tier,\nmAP mean average precision; an asterisk marks the best of a column."
+    )
+    notes = [columns]
+    if any(record.representation.endswith(STRAIGHT) for record in records):
+        notes.append(
+            "Metrics called straight have no closed-form distance: their rows compare by the\n"
+            "norm of the difference of two bodies, halfway between them."
+        )
+    if any(record.representation.endswith(LEARNED) for record in records):
+        scores = [
+            f"  {row[0]} {', '.join(f'{score:.1f}' for score in row[1:])} ({task})"
+            for task, rows in PAPER_TABLES.items()
+            for row in rows
+            if row[0].startswith(("GDVAE", "Zhou"))
+        ]
+        notes.append(
+            "Codes are from networks after GDVAE and Zhou et al., trained on open bodies of other "
+            "people in other\nposes. The paper's scores of the originals on FAUST (NN, FT, ST):\n"
+            + "\n".join(scores)
+        )
+    return notes

@@ -12,68 +12,53 @@ import pytest
 
 import riemhuman
 from riemhuman.cli import main
-from riemhuman.cli.terminal import as_json
+from riemhuman.cli._commands import COMMANDS, make_parser
+from riemhuman.cli._terminal import Reporter, as_json, note
+from riemhuman.progress import ProgressBar
 
-VERBS = (
-    "tables",
-    "dist",
-    "matrix",
-    "retrieve",
-    "geodesic",
-    "mean",
-    "components",
-    "transfer",
-    "disentangle",
-    "align",
-    "fit",
-    "view",
-    "plot",
-    "scores",
-    "basis",
-    "convert-model",
-    "info",
-    "report",
-    "register",
-    "measure",
-    "compare",
-)
+NAMES = tuple(command.name for command in COMMANDS)
 COMMAND = (sys.executable, "-m", "riemhuman")
 
 
-def test_help_lists_every_verb(capsys):
+def test_help_lists_every_command(capsys):
     with pytest.raises(SystemExit, match="0"):
         main(["--help"])
     printed = capsys.readouterr().out
     listed = re.findall(r"^    ([a-z-]+)\b", printed, re.MULTILINE)
-    # Motions have verbs of their own, which their help lists.
-    assert sorted(listed) == sorted((*VERBS, "motions"))
-    assert "exit codes: 0 success" in printed
+    assert sorted(listed) == sorted({name.split()[0] for name in NAMES})
+    assert "exit codes: 0 done" in printed
 
 
-@pytest.mark.parametrize("verb", VERBS)
-def test_help_of_every_verb_has_examples(capsys, verb):
+def test_without_a_command_the_help_and_three_examples_appear(capsys):
+    assert main([]) == 0
+    printed = capsys.readouterr().out
+    examples = re.findall(r"^  (riemhuman \w.*?)(?:  +#.*)?$", printed, re.MULTILINE)
+    assert len(examples) == 3
+    for example in examples:
+        assert make_parser("", "", "").parse_args(example.split()[1:]).run
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_help_of_every_command_has_examples(capsys, name):
     with pytest.raises(SystemExit, match="0"):
-        main([verb, "--help"])
+        main([*name.split(), "--help"])
     described, examples = capsys.readouterr().out.split("\nexamples:\n")
     assert "--debug" in described
     commands = [line.strip() for line in examples.splitlines() if line.strip()]
-    named = commands if verb != "tables" else commands[1:]
-    assert len(named) >= 2
-    assert all(command.startswith(f"riemhuman {verb}") for command in named)
+    assert len(commands) >= 2
+    assert all(command.startswith(f"riemhuman {name}") for command in commands)
 
 
-@pytest.mark.parametrize("verb", [v for v in VERBS if v != "tables"])
-def test_examples_parse(capsys, monkeypatch, verb):
+@pytest.mark.parametrize("name", NAMES)
+def test_examples_parse(capsys, monkeypatch, name):
     """Every example is one the parser takes; nothing is run."""
-    from riemhuman.cli import _parser
-
     with pytest.raises(SystemExit, match="0"):
-        main([verb, "--help"])
+        main([*name.split(), "--help"])
     examples = capsys.readouterr().out.split("\nexamples:\n")[1]
     for command in examples.splitlines():
         words = re.sub(r"(#|\|).*", "", command).split()[1:]
         if words:
-            assert _parser().parse_args(words).run
+            assert make_parser("", "", "").parse_args(words).run
 
 
 def test_version(capsys):
@@ -117,9 +102,9 @@ def test_wrong_usage(capsys, arguments):
     ("error", "code", "message"),
     [
         (riemhuman.RiemhumanError("two\n lines"), 2, "two lines"),
-        (riemhuman.errors.MissingDependencyError("h5py"), 1, "h5py"),
-        (MemoryError(), 1, "not enough memory"),
-        (ZeroDivisionError("by zero"), 1, "unexpected ZeroDivisionError: by zero; --debug"),
+        (riemhuman.errors.MissingDependencyError("h5py"), 2, "h5py"),
+        (MemoryError(), 2, "not enough memory"),
+        (ZeroDivisionError("by zero"), 2, "unexpected ZeroDivisionError: by zero; --debug"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
 )
@@ -127,7 +112,7 @@ def test_errors_take_one_line(run, scans, monkeypatch, error, code, message):
     def fail(path):
         raise error
 
-    monkeypatch.setattr("riemhuman.io.meshes.load_mesh", fail)
+    monkeypatch.setattr("riemhuman.load_mesh", fail)
     finished = run("info", scans / "body_0.ply")
     assert (finished.code, finished.out) == (code, "")
     assert finished.err.startswith(f"riemhuman: {message}")
@@ -219,7 +204,7 @@ def test_what_nothing_is_near_to_is_refused_with_what_there_is(capsys):
     assert "disentangle" in said
 
 
-def test_the_shell_completes_verbs_and_options(tmp_path):
+def test_the_shell_completes_names_and_options(tmp_path):
     pytest.importorskip("argcomplete")
 
     def completed(line):
@@ -232,3 +217,49 @@ def test_the_shell_completes_verbs_and_options(tmp_path):
 
     assert completed("riemhuman disent") == ["disentangle"]
     assert "--align" in completed("riemhuman dist --al")
+
+
+def test_a_log_file_gets_one_line_a_task(capsys):
+    reporter = Reporter(quiet=False)
+    assert not reporter.bars
+    with reporter.task("Reading"):
+        assert capsys.readouterr().err == ""
+    assert re.fullmatch(r"Reading: \d\.\d s\n", capsys.readouterr().err)
+
+
+def test_a_terminal_is_told_at_once(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    reporter = Reporter(quiet=False)
+    assert reporter.bars
+    with reporter.task("Reading"):
+        assert capsys.readouterr().err == "Reading ..."
+    assert re.fullmatch(r"\rReading: \d\.\d s\n", capsys.readouterr().err)
+    with pytest.raises(ZeroDivisionError), reporter.task("Reading"):
+        raise ZeroDivisionError
+    assert capsys.readouterr().err == "Reading ...\n"
+
+
+def test_notes_stand_above_bars(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with Reporter(quiet=False).task("Reading"), ProgressBar(range(3)) as bar:
+        bar.update()
+        note("one is unreadable")
+    written = capsys.readouterr().err
+    # The bar is wiped out first, the note has a line of its own, and the bar is drawn again.
+    before, after = written.split("\r\x1b[Kriemhuman: one is unreadable\n")
+    assert before.endswith("\r")
+    assert "1/3" in after
+
+
+def test_notes_in_a_log_file_have_no_signs_of_a_terminal(capsys):
+    note("one is unreadable")
+    assert capsys.readouterr().err == "riemhuman: one is unreadable\n"
+
+
+def test_quiet(capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    reporter = Reporter(quiet=True)
+    assert not reporter.bars
+    with reporter.task("Reading"):
+        pass
+    assert capsys.readouterr().err == ""

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 
 import numpy as np
@@ -187,7 +188,7 @@ def test_retrieve_ranks_by_dist(run, scans):
     assert {line.split()[2] for line in nearest} == {str(scans / NAMES[i]) for i in (3, 5)}
 
 
-def test_failures(refused, run, scans, bodies, tmp_path):
+def test_failures_of_distances(refused, run, scans, bodies, tmp_path):
     one, two = scans / NAMES[0], scans / NAMES[1]
     other = tmp_path / "other.ply"
     save_mesh(other, bodies.points[0], bodies.template.faces[::-1])
@@ -223,3 +224,24 @@ def test_other_units_are_refused(run, scans, bodies, tmp_path):
     assert "one were in millimetres and the other in metres" in finished.err
     assert "--any-scale" in finished.err
     assert float(run("dist", *files, "--any-scale").out) > 10
+
+
+def test_dist_says_what_is_usual_under_the_metric(run, scans):
+    files = (scans / NAMES[0], scans / NAMES[1])
+    usual = {}
+    for preset in ("--shape", "--pose"):
+        finished = run("dist", *files, preset)
+        assert re.fullmatch(r"[\d.e-]+\n", finished.out)
+        said = re.search(
+            r"another pose is at about (\S+), .* same pose at about (\S+)", finished.err
+        )
+        usual[preset] = tuple(map(float, said.groups()))
+        assert run("dist", *files, preset, "--quiet").err == ""
+    assert usual["--shape"][0] < usual["--shape"][1]
+    assert usual["--pose"][0] > usual["--pose"][1]
+
+
+def test_scans_are_to_be_registered_first(refused, scans, tmp_path):
+    np.savetxt(tmp_path / "scan.xyz", np.zeros((3, 3)))
+    message = refused("mean", scans / NAMES[0], tmp_path / "scan.xyz", "-o", tmp_path / "m.ply")
+    assert "register it first: riemhuman register" in message

@@ -70,7 +70,7 @@ def test_two_visits(run, scans, bodies, own, tmp_path):
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
 
 
-def test_failures(refused, scans, bodies, tmp_path):
+def test_failures_of_measuring(refused, scans, bodies, tmp_path):
     one = scans / "body_0.ply"
     assert "ending must be" in refused("measure", one, "-o", tmp_path / "table.txt")
     assert "did you mean 'stature'" in refused("measure", one, "--only", "statur")

@@ -31,9 +31,12 @@ def test_what_is_no_body_is_not_written(tmp_path, capsys):
     file, output = tmp_path / "box.npy", tmp_path / "body.ply"
     np.save(file, np.random.default_rng(0).random((2000, 3)))
     arguments = ["register", str(file), "-o", str(output), "--coarse", "--up", "y", "-q"]
-    assert main(arguments) == 2
-    assert "box.npy is not registered: " in capsys.readouterr().err
+    assert main(arguments) == 1
+    assert "box.npy is not trusted: " in capsys.readouterr().err
     assert not output.exists()
+    # A folder with such a scan ends with the same code.
+    arguments = ["register", str(tmp_path), "-o", str(tmp_path / "bodies"), *arguments[4:]]
+    assert main(arguments) == 1
 
 
 @pytest.mark.parametrize(

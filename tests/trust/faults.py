@@ -49,12 +49,12 @@ def basis(inputs, outputs):
 
 
 def geodesic(inputs, outputs):
-    from riemhuman.cli import paths
+    from riemhuman.cli import _paths
 
     ends = (inputs / "scans" / "body_0.ply", inputs / "scans" / "body_1.ply")
     options = ("--n-nodes", 3, "--n-components", 4, "--force", "-q")
     # Drawing takes most of the time, and is part of `picture`.
-    with mock.patch.object(paths, "_write_png", paths._write_npz):
+    with mock.patch.dict(_paths._WRITERS, {".png": _paths._write_npz}):
         return cli("geodesic", *ends, "-o", f"{outputs / 'path'}/", *options)
 
 

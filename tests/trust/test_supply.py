@@ -34,7 +34,8 @@ def run(code, cwd):
 
 
 def test_the_main_job_needs_no_network():
-    code = "from riemhuman.__main__ import main\nsys.exit(main(['--resolution', 'coarse']))"
+    command = "main(['tables', '--resolution', 'coarse'])"
+    code = f"from riemhuman.__main__ import main\nsys.exit({command})"
     done = run(REFUSE_NETWORK + code, ROOT)
     assert done.returncode == 0, done.stderr
     assert "pose metric (0, 0, 1)" in done.stdout

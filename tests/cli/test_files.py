@@ -1,4 +1,4 @@
-"""The verb info says what files are, and what is wrong with meshes."""
+"""The commands info and view."""
 
 import json
 
@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from riemhuman.cli.mesh_facts import mesh_facts
+from riemhuman.cli._files import mesh_facts
 from riemhuman.datasets import load_open_model
 from riemhuman.io import save_mesh
+from riemhuman.measurements import Measurements
 from riemhuman.surfaces import DeformationBasis
 
 
@@ -104,6 +105,18 @@ def test_archives(facts, run, scans, bodies, tmp_path):
     assert facts(tmp_path / "path.npz")["times"] == 3
     np.savez(tmp_path / "other.npz", some=np.zeros((2, 3)))
     assert facts(tmp_path / "other.npz")["some"] == "float64 (2, 3)"
+
+
+def test_scans_measurements_and_labels(facts, scans, bodies, tmp_path):
+    np.save(tmp_path / "scan.npy", bodies.points[0])
+    found = facts(tmp_path / "scan.npy")
+    assert found["points"] == 1202
+    assert "riemhuman register" in found["next"]
+    definitions = Measurements(load_open_model("coarse")).definitions
+    definitions.with_measurements(["stature"]).save(tmp_path / "own.json")
+    assert facts(tmp_path / "own.json")["measurements"] == ["stature"]
+    assert facts(scans / "labels.csv")["kind"] == "table of labels"
+    assert facts(scans / "labels.csv")["rows"] == 6
 
 
 def test_hdf5(facts, bodies, tmp_path):

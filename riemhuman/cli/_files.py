@@ -1,0 +1,328 @@
+"""The commands ``view`` and ``info``."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import riemhuman as rh
+from riemhuman.cli._commands import (
+    ANY_SCALE,
+    JSON,
+    UNIT,
+    Answer,
+    command,
+    option,
+    output,
+    path_option,
+)
+from riemhuman.cli._meshes import (
+    MESH_ENDINGS,
+    advice,
+    check_file,
+    list_folder,
+    list_meshes,
+    read_surfaces,
+)
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+_HDF5_ENDINGS = (".hdf5", ".h5")
+_PICKLE_ENDINGS = (".pkl", ".pickle")
+_POINT_ENDINGS = (".xyz", ".npy")
+
+
+@command(
+    "view",
+    "an interactive page of bodies or of a path",
+    "Writes a page for any browser, without a network connection: registered meshes side by\n"
+    "side, or one after the other with --motion, or the path in an .npz file.",
+    "  riemhuman view anna.ply ben.ply -o both.html\n"
+    "  riemhuman view walk/ --motion -o walk.html\n"
+    "  riemhuman view path.npz -o path.html --open\n",
+    path_option("meshes", metavar="FILES", nargs="+", help="meshes, folders, or an .npz"),
+    output("HTML"),
+    option("--motion", action="store_true", help="the meshes are the frames of one motion"),
+    option("--open", action="store_true", help="open the page in the browser"),
+    ANY_SCALE,
+    UNIT,
+)
+def _view(options: argparse.Namespace) -> Answer:
+    import webbrowser
+
+    check_file(options.output, [".html"], options)
+    first = options.meshes[0]
+    with options.reporter.task("Page"):
+        if first.suffix.lower() == ".npz":
+            if len(options.meshes) > 1:
+                raise ArgumentError("give either one .npz file with a path, or meshes")
+            arrays = rh.io.load_arrays(first, ["path", "faces"])
+            title = f"Path in {first.name}"
+            viewer = rh.plots.view_path(arrays["path"], arrays["faces"], title=title)
+        else:
+            files = list_meshes(options.meshes)
+            surfaces = read_surfaces(files, options)
+            faces = surfaces.template.faces
+            if options.motion:
+                title = f"{files[0].name} to {files[-1].name}"
+                viewer = rh.plots.view_path(surfaces[:], faces, title=title)
+            else:
+                names = [file.stem for file in files]
+                title = ", ".join(names[:3]) + (" …" if len(names) > 3 else "")
+                viewer = rh.plots.view_bodies(surfaces[:], faces, names, title=title)
+        viewer.save(options.output)
+    if options.open:
+        webbrowser.open(options.output.resolve().as_uri())
+    return Answer(str(options.output))
+
+
+@command(
+    "info",
+    "the kind, size and defects of a file",
+    "Describes what other commands read: a mesh (PLY, OBJ, OFF), a scan (also XYZ, NPY), a\n"
+    "folder of meshes or of motions, an .npz file (basis, body model, distance matrix, path or\n"
+    "other arrays), measurements (JSON), labels or landmarks (CSV), an SMPL model's pickle\n"
+    "(without running it) or an HDF5 file of Dynamic FAUST.",
+    "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
+    "  riemhuman info scans/              # do they share one triangulation?\n"
+    "  riemhuman info basis.npz --json\n",
+    path_option("file", metavar="FILE", help="file or folder"),
+    JSON,
+)
+def _info(options: argparse.Namespace) -> Answer:
+    facts = {"file": str(options.file), **_facts(options.file)}
+    width = max(map(len, facts))
+    said = []
+    for name, value in facts.items():
+        rows = value if isinstance(value, list) and len(value) > 4 else [_readable(value)]
+        for number, row in enumerate(rows):
+            title = "" if number else name.replace("_", " ")
+            said.append(f"{title:<{width}}  {row}")
+    return Answer("\n".join(said), facts)
+
+
+def _readable(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int):
+        return f"{value:,}"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list):
+        return ", ".join(map(_readable, value))
+    return "-" if value is None else str(value)
+
+
+def _facts(file: Path) -> dict[str, Any]:
+    ending = file.suffix.lower()
+    if not file.exists():
+        raise FileError(f"there is no file or folder {file}")
+    if file.is_dir():
+        return _folder_facts(file)
+    readers = {
+        **dict.fromkeys(MESH_ENDINGS, _mesh_facts),
+        **dict.fromkeys(_POINT_ENDINGS, _scan_facts),
+        ".npz": _npz_facts,
+        ".json": _measurement_facts,
+        ".csv": _table_facts,
+        **dict.fromkeys(_HDF5_ENDINGS, _hdf5_facts),
+        **dict.fromkeys(_PICKLE_ENDINGS, _model_facts),
+    }
+    if ending not in readers:
+        known = ", ".join(readers)
+        raise FileFormatError(f"{file}: the ending must be one of {known}, or a folder")
+    return readers[ending](file)
+
+
+def _mesh_facts(file: Path) -> dict[str, Any]:
+    vertices, faces = rh.load_mesh(file)
+    if not len(faces):
+        return _scan_facts(file)
+    return {"kind": "mesh", **mesh_facts(vertices, faces)}
+
+
+def _scan_facts(file: Path) -> dict[str, Any]:
+    scan = rh.registration.load_scan(file)
+    return {
+        "kind": "scan: points without triangles",
+        "points": len(scan),
+        "normals": scan.normals is not None,
+        "extents": (scan.points.max(axis=0) - scan.points.min(axis=0)).tolist(),
+        "next": advice(file),
+    }
+
+
+def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
+    """Return counts, sizes (in the unit of the file) and defects of a mesh by name."""
+    import numpy as np
+    from scipy import sparse
+    from scipy.sparse.csgraph import connected_components
+
+    from riemhuman.surfaces.distortion import signed_volume, triangle_areas
+    from riemhuman.units import likely_units
+
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    _, n_triangles = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+    _, n_directed = np.unique(sides, axis=0, return_counts=True)
+    used = np.unique(faces)
+    graph = sparse.coo_array((np.ones(len(sides)), sides.T), shape=(len(vertices),) * 2)
+    _, part = connected_components(graph, directed=False)
+    extents = np.ptp(vertices[used], axis=0)
+    closed = bool((n_triangles == 2).all())
+    oriented = bool((n_directed == 1).all())
+    areas = triangle_areas(vertices, faces)
+    corners = vertices[faces]
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=-1).max(axis=1)
+    units = " or ".join(likely_units(float(extents.max())))
+    try:
+        rh.Template(vertices, faces)
+        usable = "yes"
+    except ArgumentError as error:
+        usable = f"no: {error}"
+    return {
+        "vertices": len(vertices),
+        "triangles": len(faces),
+        "edges": len(n_triangles),
+        "parts": len(np.unique(part[used])),
+        "closed": closed,
+        "boundary_edges": int((n_triangles == 1).sum()),
+        "non_manifold_edges": int((n_triangles > 2).sum()),
+        "consistently_oriented": oriented,
+        "unused_vertices": len(vertices) - len(used),
+        "coincident_vertices": len(vertices) - len(np.unique(vertices, axis=0)),
+        # Those whose height is zero up to rounding.
+        "degenerate_triangles": int((2 * areas <= 1e-12 * longest**2).sum()),
+        "extents": extents.tolist(),
+        "area": float(areas.sum()),
+        "volume": float(signed_volume(vertices, faces)) if closed and oriented else None,
+        "unit_guess": units or "none: no human body has this size",
+        "usable_as_template": usable,
+    }
+
+
+def _folder_facts(folder: Path) -> dict[str, Any]:
+    inner = sorted(place for place in folder.iterdir() if place.is_dir())
+    try:
+        files = list_folder(folder)
+    except FileError:
+        if not inner:
+            raise
+        motions = rh.datasets.load_mesh_motions(folder)
+        return {
+            "kind": "folder of motions",
+            "motions": [f"{motion.sequence}: {len(motion):,} frames" for motion in motions],
+        }
+    facts: dict[str, Any] = {"kind": "folder of meshes", "meshes": len(files)}
+    facts |= {"first": files[0].name, "last": files[-1].name}
+    try:
+        meshes = rh.datasets.RegisteredMeshes(files)
+        points, faces = meshes[:], meshes.faces
+    except FileFormatError as error:
+        advised = f"; {advice(folder)}".replace("body.ply", "bodies/")
+        return facts | {"registered": f"no: {error}", "next": advised.strip("; ")}
+    extents = (points.max(axis=1) - points.min(axis=1)).max(axis=0).tolist()
+    return facts | {
+        "registered": True,
+        "vertices": points.shape[1],
+        "triangles": len(faces),
+        "largest_extents": extents,
+    }
+
+
+def _npz_facts(file: Path) -> dict[str, Any]:
+    arrays = rh.io.load_arrays(file, ())
+    if {"vectors", "format_version"} <= arrays.keys():
+        basis = rh.DeformationBasis.load(file)
+        ratio = basis.explained_variance_ratio
+        return {
+            "kind": "basis of deformations",
+            "deformations": basis.n_components,
+            "vertices": basis.n_vertices,
+            "orthonormal": True,
+            "explained_variance": None if ratio is None else float(ratio.sum()),
+        }
+    if {"v_template", "shapedirs"} <= arrays.keys():
+        return _model_facts(file)
+    if {"distances", "names"} <= arrays.keys():
+        return _matrix_facts(arrays)
+    if {"path", "faces"} <= arrays.keys() and arrays["path"].ndim == 3:
+        n_times, n_vertices = arrays["path"].shape[:2]
+        n_triangles = len(arrays["faces"])
+        return {"kind": "path", "times": n_times, "vertices": n_vertices, "triangles": n_triangles}
+    return {"kind": "arrays"} | {
+        name: f"{array.dtype} {array.shape}" for name, array in arrays.items()
+    }
+
+
+def _model_facts(file: Path) -> dict[str, Any]:
+    model = rh.BodyModel.from_file(file)
+    return {
+        "kind": "body model",
+        "vertices": model.n_vertices,
+        "triangles": len(model.faces),
+        "joints": model.n_joints,
+        "shape_coefficients": model.n_betas,
+        "pose_blend_shapes": model.posedirs is not None,
+        "joint_names": ", ".join(model.joint_names),
+    }
+
+
+def _matrix_facts(arrays: Mapping[str, ndarray]) -> dict[str, Any]:
+    import numpy as np
+
+    distances = arrays["distances"]
+    square = distances.ndim == 2 and distances.shape[0] == distances.shape[1]
+    pairs = distances[~np.eye(len(distances), dtype=bool)] if square else distances.ravel()
+    return {
+        "kind": "distance matrix",
+        "shape": list(distances.shape),
+        "names": len(arrays["names"]),
+        "metric": str(arrays["metric"]) if "metric" in arrays else None,
+        "symmetric": bool(square and np.array_equal(distances, distances.T)),
+        "zero_diagonal": bool(square and not distances.diagonal().any()),
+        "finite": bool(np.isfinite(distances).all()),
+        "smallest": float(pairs.min()) if pairs.size else None,
+        "largest": float(pairs.max()) if pairs.size else None,
+    }
+
+
+def _measurement_facts(file: Path) -> dict[str, Any]:
+    import json
+
+    from riemhuman.io.text_tables import read_text
+
+    try:
+        fields = json.loads(read_text(file))
+        names = [str(measurement["name"]) for measurement in fields["measurements"]]
+        sizes = {"vertices": int(fields["n_vertices"]), "triangles": int(fields["n_faces"])}
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise FileFormatError(f"{file} does not hold definitions of measurements") from error
+    return {"kind": "definitions of measurements", **sizes, "measurements": names}
+
+
+def _table_facts(file: Path) -> dict[str, Any]:
+    import csv
+
+    from riemhuman.io.text_tables import read_text
+
+    rows = list(csv.reader(read_text(file).splitlines()))
+    columns = rows[0] if rows else []
+    kind = "table of labels" if {"file", "subject", "pose"} <= {*columns} else "table"
+    return {"kind": kind, "columns": columns, "rows": max(0, len(rows) - 1)}
+
+
+def _hdf5_facts(file: Path) -> dict[str, Any]:
+    motions = rh.datasets.load_dfaust(file)
+    return {
+        "kind": "motions of Dynamic FAUST",
+        "motions": len(motions),
+        "people": sorted({motion.subject for motion in motions}),
+        "frames": sum(len(motion) for motion in motions),
+        "vertices": int(motions[0].faces.max()) + 1,
+        "triangles": len(motions[0].faces),
+        "sequences": [f"{m.subject}_{m.sequence}: {len(m):,} frames" for m in motions],
+    }

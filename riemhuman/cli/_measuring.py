@@ -1,0 +1,203 @@
+"""The commands ``measure`` and ``compare``: girths, lengths and volumes, and their changes."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import riemhuman as rh
+from riemhuman.cli._commands import (
+    FILES,
+    FORCE,
+    JSON,
+    UNIT,
+    Answer,
+    command,
+    mesh,
+    option,
+    path_option,
+    several,
+)
+from riemhuman.cli._meshes import advice, check_file, list_meshes, save_figure
+from riemhuman.cli._terminal import csv_text
+from riemhuman.errors import ArgumentError
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+    from riemhuman.measurements import MeasuredBodies
+
+_MOST_COLUMNS = 5
+
+_DEFINITIONS = several(
+    path_option(
+        "--model",
+        metavar="NPZ",
+        help="body model the meshes are registered to (default: the open body model)",
+    ),
+    path_option(
+        "--definitions",
+        metavar="JSON",
+        help="measurements and landmarks of the model (default: those of the open body model)",
+    ),
+    option("--only", metavar="NAME", action="append", help="measurement to take; repeatable"),
+    UNIT,
+)
+
+
+@command(
+    "measure",
+    "girths, lengths, heights and volumes of registered meshes",
+    "Measures bodies registered to the open body model, or to another model with --model and\n"
+    "--definitions, in metres, square metres, cubic metres and kilograms. A fit of the body\n"
+    "model brings bodies to the standard pose first; --as-is measures them as they stand.",
+    "  riemhuman measure anna.ply\n"
+    "  riemhuman measure scans/ -o table.csv\n"
+    "  riemhuman measure anna.ply --as-is --only stature --only volume\n"
+    "  riemhuman measure anna.ply --picture lines.png\n"
+    "  riemhuman measure scans/ --model smpl.npz --definitions smpl.json -o table.csv\n",
+    FILES,
+    path_option("-o", "--output", metavar="CSV", help="table to write, one row per body"),
+    path_option(
+        "--picture",
+        metavar="PICTURE",
+        help="draw every measurement line on the first body (.png, .svg or .pdf)",
+    ),
+    _DEFINITIONS,
+    option("--as-is", action="store_true", help="measure bodies as they stand"),
+    JSON,
+    FORCE,
+)
+def _measure(options: argparse.Namespace) -> Answer:
+    check_file(options.output, [".csv"], options)
+    check_file(options.picture, [".png", ".svg", ".pdf"], options)
+    files = list_meshes(options.meshes)
+    measurements, points = _read(files, options)
+    axes = "body"
+    if not options.as_is:
+        with options.reporter.task(f"Standard pose of {len(files)} meshes"):
+            points = rh.measurements.in_standard_pose(measurements.definitions, points)
+        axes = "space"
+    with options.reporter.task(f"Measurements of {len(files)} meshes"):
+        measured = measurements.measure(points, axes=axes, missing="nan")
+    if options.picture is not None:
+        lines = measurements.tapes(points[0], axes=axes)
+        faces = measurements.definitions.faces
+        with rh.plots.figure_style():
+            figure = rh.plots.plot_measurement_lines(points[0], faces, lines)
+            save_figure(figure, options.picture)
+    names, units = measured.names, dict(zip(measured.names, measured.units, strict=True))
+    rows = [[str(f), *v] for f, v in zip(files, measured.values.tolist(), strict=True)]
+    if options.output is not None:
+        titles = [f"{name} ({unit})" for name, unit in units.items()]
+        _write_table(options.output, [["file", *titles], *rows])
+    record = {
+        "pose": "as is" if options.as_is else "standard",
+        "units": units,
+        "bodies": {file: dict(zip(names, values, strict=True)) for file, *values in rows},
+        "output": options.output,
+    }
+    return Answer(_measured_table(files, measured, options.output, options.picture), record)
+
+
+def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: Path | None) -> str:
+    width = max(map(len, measured.names))
+    shown = files[:_MOST_COLUMNS]
+    columns = [max(9, len(file.stem)) for file in shown]
+    titles = " ".join(f"{file.stem:>{w}}" for file, w in zip(shown, columns, strict=True))
+    said = [f"{'':{width}}  {titles}"]
+    for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
+        values = zip(measured.values[: len(shown), number], columns, strict=True)
+        said.append(f"{name:{width}}  {' '.join(f'{v:{w}.4f}' for v, w in values)} {unit}")
+    if len(files) > len(shown):
+        said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
+    return "\n".join([*said, *(f"written to  {file}" for file in written if file is not None)])
+
+
+@command(
+    "compare",
+    "changes of one person between two visits",
+    "Brings two registered meshes of one person to the standard pose and prints how their\n"
+    "measurements changed. A change is marked if it exceeds two standard deviations of a\n"
+    "difference over poses of one person.",
+    "  riemhuman compare visit1.ply visit2.ply\n"
+    "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
+    mesh("before", "BEFORE", "the first visit"),
+    mesh("after", "AFTER", "the second visit"),
+    path_option("-o", "--output", metavar="CSV", help="table to write"),
+    _DEFINITIONS,
+    JSON,
+    FORCE,
+)
+def _compare(options: argparse.Namespace) -> Answer:
+    check_file(options.output, [".csv"], options)
+    measurements, points = _read([options.before, options.after], options)
+    with options.reporter.task("Standard pose of 2 meshes"):
+        result = rh.measurements.compare_visits(measurements, *points)
+    columns = (
+        *(result.names, result.units, result.before, result.after),
+        *(result.changes, result.noise, result.seen),
+    )
+    rows = list(zip(*columns, strict=True))
+    if options.output is not None:
+        titles = ["measurement", "unit", "before", "after", "change", "noise", "seen"]
+        _write_table(options.output, [titles, *([*row[:-1], bool(row[-1])] for row in rows)])
+    outward = 1000.0 * result.displacements
+    record = {
+        "before": options.before,
+        "after": options.after,
+        "changes": result.changes,
+        "noise": result.noise,
+        "seen": result.seen,
+        "names": result.names,
+        "units": result.units,
+        "outward_millimetres": {"least": outward.min(), "most": outward.max()},
+        "areas_seen": float(result.areas_seen.mean()),
+        "output": options.output,
+    }
+    width = max(map(len, result.names))
+    said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'noise':>9}"]
+    for name, unit, before, after, change, noise, seen in rows:
+        mark = "  changed" if seen else ""
+        said.append(
+            f"{name:{width}}  {before:9.4f} {after:9.4f} {change:+9.4f} {noise:9.4f} {unit}{mark}"
+        )
+    said += [
+        f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
+        f"triangles whose area changed: {100 * result.areas_seen.mean():.1f} %",
+    ]
+    said += [] if options.output is None else [f"written to  {options.output}"]
+    return Answer("\n".join(said), record)
+
+
+def _read(files: Sequence[Path], options: argparse.Namespace) -> tuple[Any, ndarray]:
+    """Return the measurements, and the meshes in files."""
+    if options.definitions is not None and options.model is None:
+        raise ArgumentError("--definitions JSON needs --model NPZ")
+    files = list_meshes(files)
+    meshes = rh.datasets.RegisteredMeshes(files, scale=None, unit=options.unit, up=options.up)
+    template = rh.Template(meshes[0], meshes.faces)
+    if options.model is not None:
+        model = rh.BodyModel.from_file(options.model)
+        model.template.check_faces(meshes.faces, str(files[0]))
+        measurements = rh.measurements.Measurements(model, options.definitions)
+    else:
+        definitions = rh.measurements.open_measurements(template)
+        if definitions is None:
+            raise ArgumentError(
+                f"{files[0]} has {template.n_vertices} vertices and {template.n_faces} triangles, "
+                f"not those of the open body model; {advice(files[0])}, or give --model and "
+                "--definitions"
+            )
+        measurements = rh.measurements.Measurements(definitions)
+    if options.only:
+        measurements = rh.measurements.Measurements(measurements.definitions, options.only)
+    return measurements, meshes[:]
+
+
+def _write_table(file: Path, rows: Sequence[Sequence[object]]) -> None:
+    from riemhuman.io.files import write_text
+
+    write_text(file, csv_text(rows))

@@ -1,0 +1,282 @@
+"""The commands of ``motions``: comparison, alignment, means and search of sequences of bodies."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import riemhuman as rh
+from riemhuman.cli._commands import (
+    FOLDER_OR_FILE,
+    JSON,
+    UNIT,
+    Answer,
+    command,
+    option,
+    output,
+    path_option,
+    several,
+)
+from riemhuman.cli._meshes import check_file, check_folder_or_file, write_motion
+from riemhuman.cli._terminal import csv_text, lines, matrix_rows
+from riemhuman.errors import ArgumentError
+
+_TEMPLATE = several(
+    path_option("--template", metavar="MESH", help="template mesh (default: the first frame)"),
+    UNIT,
+)
+_PAIR = several(
+    path_option("a_motion", metavar="A", help="folder or .npz file"),
+    path_option("b_motion", metavar="B", help="folder or .npz file"),
+    _TEMPLATE,
+)
+_SEVERAL = several(
+    path_option(
+        "motions",
+        metavar="MOTIONS",
+        nargs="+",
+        help="folders of meshes, folders of such folders, or .npz files",
+    ),
+    _TEMPLATE,
+)
+_BY = option(
+    "--by",
+    choices=("warping", "changes", "velocities", "rate-invariant"),
+    default="warping",
+    help="dynamic time warping of poses, of their changes from the mean of each motion, or of "
+    "velocities; or the rate-invariant metric (default: warping)",
+)
+_N_TIMES = option(
+    "--n-times", type=int, default=40, metavar="N", help="times of the result (default: 40)"
+)
+
+
+class _StoredMotion:
+    """The motion in an .npz file that `riemhuman transfer` wrote."""
+
+    def __init__(self, file: Path) -> None:
+        arrays = rh.io.load_arrays(file, ("path", "faces"))
+        self._frames, self.faces = arrays["path"], arrays["faces"]
+
+    def __len__(self) -> int:
+        return len(self._frames)
+
+    def __getitem__(self, index: Any) -> Any:
+        return self._frames[index]
+
+
+def _read(
+    options: argparse.Namespace, paths: Sequence[Path], count: int | None = None
+) -> tuple[list[str], list[Any]]:
+    """Return the names of motions, and the motions, whose frames are read when they are needed."""
+    if (options.unit or options.up) and not any(path.is_dir() for path in paths):
+        raise ArgumentError("--unit and --up are for folders of meshes; .npz files are in metres")
+    names: list[str] = []
+    motions: list[Any] = []
+    for path in paths:
+        if path.suffix.lower() == ".npz":
+            names.append(path.stem)
+            motions.append(_StoredMotion(path))
+            continue
+        for motion in rh.datasets.load_mesh_motions(path, unit=options.unit, up=options.up):
+            names.append(motion.sequence)
+            motions.append(motion)
+    if count is not None and len(motions) != count:
+        raise ArgumentError(
+            f"{' and '.join(map(str, paths))} must hold one motion each; found {len(motions)}"
+        )
+    for name, motion in zip(names, motions, strict=True):
+        if _differ(motion.faces, motions[0].faces):
+            raise ArgumentError(
+                f"all motions must share one triangulation; {name} has another than {names[0]}"
+            )
+    return names, motions
+
+
+def _differ(faces: Any, expected: Any) -> bool:
+    return faces.shape != expected.shape or bool((faces != expected).any())
+
+
+def _space(options: argparse.Namespace, motion: Any, n_times: int = 40) -> Any:
+    """Return the space of motions with the pose metric; by default, a first frame is template."""
+    body = motion[0]
+    if options.template is not None:
+        meshes = rh.datasets.RegisteredMeshes([options.template], unit=options.unit, up=options.up)
+        if _differ(meshes.faces, motion.faces):
+            raise ArgumentError(
+                f"--template {options.template} has other triangles than the motions"
+            )
+        body = meshes[0]
+    space = rh.AlignedSurfaces(rh.Template(body, motion.faces), equip=False)
+    space.equip_with_metric(rh.ElasticMetric, a=0.0, lam=0.0, c=1.0)
+    return rh.motions.MotionSpace(space, n_times)
+
+
+def _measure(options: argparse.Namespace, space: Any, n_components: int | None = None) -> Any:
+    """Return the measure of motions, exact or on principal components."""
+    if options.by == "rate-invariant":
+        return rh.motions.RateInvariantMetric(space, n_components=n_components)
+    metric, shared = space.frames.metric, {"n_components": n_components, "n_jobs": -1}
+    if options.by == "velocities":
+        return rh.motions.VelocityTimeWarping(metric, **shared)
+    centered = options.by == "changes"
+    return rh.motions.DynamicTimeWarping(metric, centered=centered, between_frames=True, **shared)
+
+
+@command(
+    "motions dist",
+    "distance of two motions, whatever their speeds",
+    "Prints the distance of two motions after the best re-timing.",
+    "  riemhuman motions dist anna_runs/ ben_runs/\n"
+    "  riemhuman motions dist anna_runs/ ben_runs/ --by rate-invariant --json\n",
+    _PAIR,
+    _BY,
+    JSON,
+)
+def _dist(options: argparse.Namespace) -> Answer:
+    names, motions = _read(options, [options.a_motion, options.b_motion], 2)
+    dist = float(_measure(options, _space(options, motions[0])).dist(*motions))
+    record = {"a": names[0], "b": names[1], "by": options.by, "distance": dist}
+    return Answer(f"{dist:.8g}", record)
+
+
+@command(
+    "motions matrix",
+    "all distances between several motions",
+    "Writes the arrays distances (n, n) and names (n,) of an .npz file, or a .csv table.",
+    "  riemhuman motions matrix all_motions/ -o D.npz\n"
+    "  riemhuman motions matrix anna_*/ ben_*/ -o D.csv --by changes --components 200\n",
+    _SEVERAL,
+    output("FILE"),
+    option(
+        "--components",
+        type=int,
+        metavar="K",
+        help="compare K principal components, which is faster (default: exact distances)",
+    ),
+    _BY,
+    JSON,
+)
+def _matrix(options: argparse.Namespace) -> Answer:
+    import numpy as np
+
+    from riemhuman.io.files import write_text
+
+    check_file(options.output, [".npz", ".csv"], options)
+    names, motions = _read(options, options.motions)
+    measure = _measure(options, _space(options, motions[0]), options.components)
+    with options.reporter.task(f"Distances of {len(motions)} motions"):
+        distances = measure.dist_pairwise(motions, progress=options.reporter.bars)
+    if options.output.suffix.lower() == ".npz":
+        rh.io.save_arrays(options.output, {"distances": distances, "names": np.array(names)})
+    else:
+        write_text(options.output, csv_text(matrix_rows(names, distances, "")))
+    record = {"names": names, "by": options.by, "output": options.output}
+    return Answer(lines(written_to=options.output), record)
+
+
+@command(
+    "motions align",
+    "two motions aligned in time",
+    "Writes a page (.html) that plays both motions, the second re-timed to the first, with\n"
+    "the re-timing as a curve and corresponding frames, or an .npz file with the arrays\n"
+    "first, second, first_times and second_times.",
+    "  riemhuman motions align anna_runs/ ben_runs/ -o both.html\n"
+    "  riemhuman motions align anna_runs/ ben_runs/ -o both.npz --n-times 100\n",
+    _PAIR,
+    output("FILE"),
+    _N_TIMES,
+    _BY,
+    JSON,
+)
+def _align(options: argparse.Namespace) -> Answer:
+    check_file(options.output, [".html", ".npz"], options)
+    names, (a, b) = _read(options, [options.a_motion, options.b_motion], 2)
+    space = _space(options, a, options.n_times)
+    with options.reporter.task("Alignment"):
+        measure = _measure(options, space)
+        first, second, warp = rh.motions.align_motions(space, a, b, measure, tuple(names))
+    if options.output.suffix.lower() == ".npz":
+        arrays = {"first": first, "second": second}
+        arrays |= {"first_times": warp.first, "second_times": warp.second}
+        rh.io.save_arrays(options.output, arrays)
+    else:
+        faces = space.frames.template.faces
+        rh.plots.AlignedMotions(first, second, faces, warp, names).save(options.output)
+    record = {"a": names[0], "b": names[1], "by": options.by, "distance": warp.dist}
+    text = lines(distance=f"{warp.dist:.8g}", written_to=options.output)
+    return Answer(text, record | {"output": options.output})
+
+
+@command(
+    "motions mean",
+    "the mean of several performances",
+    "Writes the Karcher mean of motions modulo re-timing: a folder of meshes with a page that\n"
+    "plays them, motion.html, or a .glb file (an animation) or an .npz file (the array\n"
+    "path).",
+    "  riemhuman motions mean runs/ -o mean_run/\n"
+    "  riemhuman motions mean anna_run/ ben_run/ carla_run/ -o mean.glb --n-times 30\n",
+    _SEVERAL,
+    FOLDER_OR_FILE,
+    _N_TIMES,
+    _BY,
+    JSON,
+)
+def _mean(options: argparse.Namespace) -> Answer:
+    place, ending = check_folder_or_file(options)
+    names, motions = _read(options, options.motions)
+    space = _space(options, motions[0], options.n_times)
+    alignment, bars = _measure(options, space), options.reporter.bars
+    estimator = rh.motions.MotionMean(space, alignment=alignment, progress=bars)
+    with options.reporter.task(f"Mean of {len(motions)} motions"):
+        mean = estimator.fit(motions)
+    faces = space.frames.template.faces
+    write_motion(place, ending, mean.estimate_, faces, "Mean of motions", times=mean.times_)
+    text = lines(motions=len(motions), variance=f"{mean.variance_:.8g}", written_to=place)
+    return Answer(text, {"motions": names, "variance": mean.variance_, "output": place})
+
+
+@command(
+    "motions find",
+    "occurrences of a short motion in a long one",
+    "Prints the parts of a motion that are most similar to a query, at any speed, nearest\n"
+    "first: distance, first and last frame. The motion is read once, frame by frame.",
+    "  riemhuman motions find lifted_knee/ hour/\n"
+    "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
+    path_option("a_motion", metavar="QUERY", help="motion to find"),
+    path_option("b_motion", metavar="MOTION", help="motion to search"),
+    _TEMPLATE,
+    option(
+        "-k", type=int, default=5, metavar="K", help="largest number of parts to print (default: 5)"
+    ),
+    JSON,
+)
+def _find(options: argparse.Namespace) -> Answer:
+    _, (query, motion) = _read(options, [options.a_motion, options.b_motion], 2)
+    metric = _space(options, query).frames.metric
+    parts = rh.motions.MotionSearch(metric, options.reporter.bars).find(query, motion, options.k)
+    record = [{"distance": p.dist, "first": p.start, "last": p.stop - 1} for p in parts]
+    rows = [f"{p.dist:10.6g}  {p.start:6d}  {p.stop - 1:6d}" for p in parts]
+    return Answer("\n".join(["  distance   first    last", *rows]), record)
+
+
+@command(
+    "motions table",
+    "scores of representations on the open motions",
+    "Re-times the 140 open motions at random, to between 24 and 60 frames, and prints how\n"
+    "well each representation finds the same motion of other people.",
+    "  riemhuman motions table\n  riemhuman motions table --angles --seed 3 --json\n",
+    option("--seed", type=int, default=0, metavar="S", help="seed of the speeds (default: 0)"),
+    option("--angles", action="store_true", help="also compare joint angles, which takes minutes"),
+    JSON,
+)
+def _table(options: argparse.Namespace) -> Answer:
+    from dataclasses import asdict
+
+    task = options.reporter.task
+    compared = rh.motions.compare_representations(options.seed, angles=options.angles, task=task)
+    rows = rh.retrieval.retrieval_table(*compared)
+    record = {row.representation: asdict(row.scores) for row in rows}
+    return Answer(rh.retrieval.format_table("Which motion is it?", rows), record)

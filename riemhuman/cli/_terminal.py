@@ -1,0 +1,148 @@
+"""Output of the command line: results on standard output, all else on standard error."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import sys
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from typing import TYPE_CHECKING, Any
+
+from riemhuman.errors import ConvergenceWarning, FileError
+
+if TYPE_CHECKING:
+    from riemhuman.solvers import Result
+
+
+def say(text: str) -> None:
+    """Write lines of a result to standard output; raise FileError if the disk is full."""
+    with _output_errors():
+        sys.stdout.write(f"{text}\n")
+
+
+def flush_output() -> None:
+    """Flush standard output; raise FileError if the disk is full."""
+    with _output_errors():
+        sys.stdout.flush()
+
+
+@contextmanager
+def _output_errors() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        discard_output()
+        raise FileError(f"standard output cannot be written: {error.strerror or error}") from error
+
+
+def as_json(record: Any) -> str:
+    """Return a result as JSON with all digits; NaN and infinity become null."""
+    return json.dumps(_plain(record), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in types that JSON can hold."""
+    if isinstance(value, dict):
+        return {str(key): _plain(each) for key, each in value.items()}
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(each) for each in value]
+    if isinstance(value, float) and not abs(value) < float("inf"):
+        return None
+    return os.fspath(value) if isinstance(value, os.PathLike) else value
+
+
+def csv_text(rows: Iterable[Sequence[object]]) -> str:
+    """Return rows as comma-separated text with all digits, which spreadsheets do not run."""
+    from riemhuman.io.text_tables import csv_cell
+
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerows([csv_cell(x) if isinstance(x, str) else x for x in row] for row in rows)
+    return stream.getvalue()
+
+
+def matrix_rows(names: Sequence[str], matrix: Any, corner: str = "file") -> list[list[object]]:
+    """Return the rows of a table of a square matrix with names."""
+    rows = zip(names, matrix.tolist(), strict=True)
+    return [[corner, *names], *([name, *row] for name, row in rows)]
+
+
+def lines(**values: object) -> str:
+    """Return a line for each value that is not None, with its name; values in one column."""
+    given = {name.replace("_", " "): value for name, value in values.items() if value is not None}
+    width = max(map(len, given))
+    return "\n".join(f"{name:<{width}}  {value}" for name, value in given.items())
+
+
+def convergence(result: Result) -> str:
+    """Return a phrase that says whether a solver has converged."""
+    iterations = "iteration" if result.n_iterations == 1 else "iterations"
+    return f"{'yes' if result.converged else 'no'}, after {result.n_iterations} {iterations}"
+
+
+def note(text: str) -> None:
+    """Write one line to standard error, above progress bars and in place of the task's name."""
+    tqdm = sys.modules.get("tqdm")  # only progress bars import it
+    with tqdm.tqdm.external_write_mode(sys.stderr) if tqdm else nullcontext():
+        begin = "\r\x1b[K" if sys.stderr.isatty() else ""
+        sys.stderr.write(f"{begin}riemhuman: {' '.join(text.split())}\n")
+
+
+def tolerate_ascii() -> None:
+    """Print λ and similar characters as ``?`` on terminals without Unicode."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and "utf" not in stream.encoding.lower():
+            stream.reconfigure(errors="replace")
+
+
+def discard_output() -> None:
+    """Discard the rest of standard output, which nothing can receive."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class Reporter:
+    """Reports on standard error what a command does; progress bars appear only on a terminal."""
+
+    def __init__(self, quiet: bool) -> None:
+        self.quiet = quiet
+        self.bars = not quiet and sys.stderr.isatty()
+
+    @contextmanager
+    def task(self, name: str) -> Iterator[None]:
+        """Report a task, and then the time that it took."""
+        start = time.perf_counter()
+        if self.bars:
+            sys.stderr.write(f"{name} ...")
+            sys.stderr.flush()
+        try:
+            yield
+        except BaseException:
+            if self.bars:
+                sys.stderr.write("\n")
+            raise
+        if not self.quiet:
+            # On a terminal, this replaces the name of the task.
+            begin = "\r" if self.bars else ""
+            sys.stderr.write(f"{begin}{name}: {time.perf_counter() - start:.1f} s\n")
+
+
+@contextmanager
+def short_warnings() -> Iterator[None]:
+    """Show each warning in one line, without its place in the code."""
+
+    def show(message: Warning | str, *rest: object, **settings: object) -> None:
+        note(f"warning: {message}")
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", ConvergenceWarning)
+        warnings.showwarning = show
+        yield

@@ -1,0 +1,308 @@
+"""The commands transfer, disentangle, align, fit, basis and convert-model."""
+
+import json
+import pickle
+
+import h5py
+import numpy as np
+import pytest
+
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import load_open_model, load_open_motions
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.io import load_mesh, save_mesh
+from riemhuman.io.arrays import load_arrays
+from riemhuman.solvers import Disentangling, MotionTransfer
+from riemhuman.surfaces import DeformationBasis, Template
+from riemhuman.surfaces.procrustes import procrustes
+
+
+@pytest.fixture
+def moved(bodies):
+    """Return the third mesh moved as the first two."""
+    space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
+    return MotionTransfer().solve(space, bodies.points[:2], bodies.points[20])
+
+
+def test_motion_into_a_folder(run, scans, moved, tmp_path):
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    onto = scans / "body_20.ply"
+    finished = run("transfer", *files, "--onto", onto, "-o", tmp_path / "moved", "--json")
+    assert finished.code == 0, finished.err
+    assert json.loads(finished.out)["n_frames"] == 2
+    names = sorted(path.name for path in (tmp_path / "moved").iterdir())
+    assert names == ["frame_0000.ply", "frame_0001.ply", "motion.html"]
+    for name, frame in zip(names[:2], moved, strict=True):
+        np.testing.assert_array_equal(load_mesh(tmp_path / "moved" / name)[0], frame)
+    page = (tmp_path / "moved" / "motion.html").read_text(encoding="utf-8")
+    assert "2 meshes, body_0.ply to body_1.ply, replayed on body_20.ply." in page
+    again = ("transfer", *files, "--onto", onto, "-o", tmp_path / "moved", "-q")
+    assert run(*again).code == 2
+    assert run(*again, "--force").code == 0
+
+
+def test_motion_into_a_file(run, scans, moved, tmp_path):
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    onto = ("--onto", scans / "body_20.ply")
+    finished = run("transfer", *files, *onto, "-o", tmp_path / "moved.npz")
+    assert "meshes      2" in finished.out
+    np.testing.assert_array_equal(np.load(tmp_path / "moved.npz")["path"], moved)
+    assert run("transfer", *files, *onto, "-o", tmp_path / "moved.glb").code == 0
+    assert (tmp_path / "moved.glb").read_bytes()[:4] == b"glTF"
+
+
+def test_a_terminal_shows_how_many_meshes_are_done(run, scans, tmp_path, monkeypatch):
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    onto = ("--onto", scans / "body_20.ply")
+    finished = run("transfer", *files, *onto, "-o", tmp_path / "moved.npz")
+    assert "100%" in finished.err
+    assert "| 2/2 [" in finished.err
+    assert "%" not in run("transfer", *files, *onto, "-o", tmp_path / "two.npz", "-q").err
+
+
+def test_poses_into_a_file(run, scans, bodies, tmp_path):
+    files = [scans / f"body_{number}.ply" for number in (0, 1)]
+    options = ("--onto", scans / "body_20.ply", "--transfer", "pose", "--json")
+    finished = run("transfer", *files, *options, "-o", tmp_path / "moved.npz")
+    assert json.loads(finished.out)["transfer"] == "pose"
+    space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
+    expected = MotionTransfer(transfer="pose").solve(space, bodies.points[:2], bodies.points[20])
+    np.testing.assert_array_equal(np.load(tmp_path / "moved.npz")["path"], expected)
+
+
+def test_disentangled_body(run, scans, bodies, tmp_path):
+    files = (scans / "body_0.ply", scans / "body_21.ply")
+    finished = run("disentangle", *files, "-o", tmp_path / "both.ply", "--json")
+    space = AlignedSurfaces(Template(bodies.points[0], bodies.template.faces), equip=False)
+    metrics = ElasticMetric(space, 1.0, 1.0, 0.0), ElasticMetric(space, 0.0, 0.0, 1.0)
+    expected = Disentangling().solve(*metrics, bodies.points[0], bodies.points[21])
+    np.testing.assert_array_equal(load_mesh(tmp_path / "both.ply")[0], expected.surface)
+    record = json.loads(finished.out)
+    assert record["shape_distance"] == expected.shape_dist
+    assert record["pose_distance"] == expected.pose_dist
+
+
+def test_disentangled_in_a_basis(run, scans, bodies, tmp_path):
+    DeformationBasis.from_laplacian(bodies.template, 6).save(tmp_path / "basis.npz")
+    files = (scans / "body_0.ply", scans / "body_21.ply")
+    options = ("--basis", tmp_path / "basis.npz", "--pose-weight", 10)
+    finished = run("disentangle", *files, "-o", tmp_path / "both.obj", *options)
+    assert "converged          yes, after" in finished.out
+    assert load_mesh(tmp_path / "both.obj")[0].shape == (1202, 3)
+
+
+def test_failures_of_transfer(refused, scans, tmp_path):
+    one = scans / "body_0.ply"
+    assert "--force" in refused("disentangle", one, one, "-o", one)
+    assert "ending must be" in refused("disentangle", one, one, "-o", tmp_path / "both.npz")
+    assert "pose_weight must be" in refused(
+        "disentangle", one, one, "-o", tmp_path / "both.ply", "--pose-weight", -1
+    )
+    assert "ending must be" in refused(
+        "transfer", one, "--onto", one, "-o", tmp_path / "moved.html"
+    )
+    assert "absent.ply" in refused(
+        "transfer", one, "--onto", tmp_path / "absent.ply", "-o", tmp_path / "moved"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+# z up, in millimetres.
+TURN = 1000 * np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]).T
+
+
+@pytest.fixture
+def turned(bodies, tmp_path):
+    """Return a folder of meshes in millimetres with z up."""
+    folder = tmp_path / "turned"
+    folder.mkdir()
+    for name, f in zip("ab", bodies.points[:2] @ TURN, strict=True):
+        save_mesh(folder / f"{name}.ply", f, bodies.template.faces)
+    return folder
+
+
+def test_align_takes_out_rigid_motions(run, scans, bodies, tmp_path):
+    finished = run("align", scans, "-o", tmp_path / "aligned", "--json")
+    record = json.loads(finished.out)
+    assert record["root_mean_square"][0] == pytest.approx(0, abs=1e-6)
+    found, _ = load_mesh(tmp_path / "aligned" / "body_20.ply")
+    np.testing.assert_allclose(found, procrustes(bodies.points[20], bodies.points[0]), atol=1e-6)
+    assert (tmp_path / "aligned" / "aligned.html").exists()
+
+
+def test_align_brings_units_and_axes(run, turned, bodies, tmp_path):
+    options = ("--unit", "millimetres", "--up", "z")
+    assert run("align", turned, "-o", tmp_path / "aligned", *options).code == 0
+    found, _ = load_mesh(tmp_path / "aligned" / "a.ply")
+    np.testing.assert_allclose(found, bodies.points[0], atol=1e-5)
+
+
+def test_units_and_axes_make_other_verbs_measure_the_same(run, turned, scans):
+    ours = run("dist", scans / "body_0.ply", scans / "body_1.ply")
+    theirs = run("dist", turned / "a.ply", turned / "b.ply", "--unit", "millimetres", "--up", "z")
+    assert float(theirs.out) == pytest.approx(float(ours.out), rel=1e-5)
+
+
+def test_align_refuses_two_meshes_of_one_name(refused, scans, turned, bodies, tmp_path):
+    save_mesh(turned / "body_0.ply", bodies.points[0], bodies.template.faces)
+    files = (scans / "body_0.ply", turned / "body_0.ply")
+    assert "the same name" in refused("align", *files, "-o", tmp_path / "aligned")
+    assert not (tmp_path / "aligned").exists()
+
+
+def test_labelled_folders_take_template_unit_and_what_is_there(run, refused, turned, scans):
+    (turned / "labels.csv").write_text(
+        "file,subject,pose\na.ply,anna,sits\nb.ply,anna,sits\nc.ply,ben,sits\n"
+        "body_0.ply,ben,stands\n", encoding="utf-8",
+    )  # fmt: skip
+    options = ("--unit", "millimetres", "--up", "z", "--template", turned / "b.ply")
+    assert "rows without a mesh" in refused("tables", "--bodies", turned, *options, "--json")
+    finished = run("tables", "--bodies", turned, *options, "--allow-missing", "--json")
+    assert finished.code == 0
+    assert "shape metric (1, 0.0001, 0)" in finished.out
+    assert "--bodies FOLDER" in refused("tables", "--unit", "metres")
+    assert "--template needs" in refused("tables", "--template", scans / "body_0.ply")
+    assert "--allow-missing needs" in refused("tables", "--allow-missing")
+
+
+def test_fit_is_that_of_the_library(run, scans, bodies, tmp_path):
+    output, picture = tmp_path / "fit.npz", tmp_path / "fit.png"
+    options = ("--picture", picture, "--json")
+    finished = run("fit", scans / "body_0.ply", scans / "body_20.ply", "-o", output, *options)
+    assert finished.code == 0
+    arrays = load_arrays(output, ["betas", "pose", "trans", "distances", "names"])
+    assert arrays["names"].tolist() == ["body_0.ply", "body_20.ply"]
+    model = bodies.model
+    shown = model(arrays["betas"], arrays["pose"], arrays["trans"])
+    gaps = np.linalg.norm(shown - bodies.points[[0, 20]], axis=-1)
+    np.testing.assert_allclose(gaps, arrays["distances"], atol=1e-5)
+    means = json.loads(finished.out)["mean_distance_mm"]
+    np.testing.assert_allclose(means, 1000 * arrays["distances"].mean(axis=1))
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_fit_asks_for_a_model_that_fits(refused, tmp_path):
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    save_mesh(tmp_path / "other.ply", corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    assert "--model FILE" in refused("fit", tmp_path / "other.ply", "-o", tmp_path / "fit.npz")
+
+
+@pytest.fixture(scope="module")
+def knees():
+    (motion,) = load_open_motions("coarse", "lean runner", "knees", frames_per_second=10)
+    return motion
+
+
+def write_frames(folder, knees, ending="ply"):
+    folder.mkdir(parents=True)
+    for number, frame in enumerate(knees):
+        save_mesh(folder / f"frame{number}.{ending}", frame, knees.faces)
+    return folder
+
+
+def test_open_motions(run, tmp_path):
+    output = tmp_path / "basis.npz"
+    people = ("--subjects", "lean runner", "average man", "--sequences", "knees")
+    options = ("--open", "--resolution", "coarse", *people, "-n", 4, "--step", 20, "--json")
+    record = json.loads(run("basis", *options, "-o", output).out)
+    motions = load_open_motions("coarse", ["lean runner", "average man"], "knees")
+    expected = DeformationBasis.from_motions(motions, 4, 20)
+    np.testing.assert_array_equal(DeformationBasis.load(output).vectors, expected.vectors)
+    assert record["explained_variance"] == expected.explained_variance_ratio.sum()
+    assert record["n_motions"] == 2
+    assert record["n_frames"] == sum(map(len, motions))
+
+
+def test_folders_of_meshes_are_motions(run, knees, tmp_path):
+    expected = DeformationBasis.from_motions([knees[:]], 3, 2)
+    one = write_frames(tmp_path / "knees", knees)
+    for motions in ([one], [write_frames(tmp_path / "all" / "knees", knees, "off").parent]):
+        finished = run("basis", *motions, "-o", tmp_path / "b.npz", "-n", 3, "--step", 2, "-f")
+        assert finished.code == 0, finished.err
+        found = DeformationBasis.load(tmp_path / "b.npz")
+        np.testing.assert_array_equal(found.vectors, expected.vectors)
+    assert "% of the variance of the motions" in finished.out
+
+
+def test_dynamic_faust(run, knees, tmp_path):
+    with h5py.File(tmp_path / "registrations_m.hdf5", "w") as file:
+        file["50002_knees"] = np.moveaxis(knees[:], 0, -1)
+        file["50002_hips"] = np.moveaxis(knees[::-1], 0, -1)
+        file["faces"] = knees.faces
+    options = ("-n", 3, "--step", 2, "--sequences", "knees")
+    for source in (tmp_path / "registrations_m.hdf5", tmp_path):
+        run("basis", source, "-o", tmp_path / "b.npz", *options, "--force")
+        found = DeformationBasis.load(tmp_path / "b.npz").vectors
+        expected = DeformationBasis.from_motions([knees[:]], 3, 2).vectors
+        np.testing.assert_array_equal(found, expected)
+
+
+def test_failures_of_basis(refused, knees, tmp_path):
+    output = ("-o", tmp_path / "basis.npz")
+    assert "or --open" in refused("basis", *output)
+    assert "or --open" in refused("basis", tmp_path, "--open", *output)
+    assert "no file or folder" in refused("basis", tmp_path / "absent.hdf5", *output)
+    assert "holds no motion" in refused("basis", tmp_path, *output)
+    frames = write_frames(tmp_path / "knees", knees)
+    assert "step=500" in refused("basis", frames, *output, "--step", 500)
+    assert "exceeds the rank" in refused("basis", frames, *output)
+    assert "choose from HDF5" in refused("basis", frames, *output, "--sequences", "knees")
+    assert "lean runner" in refused("basis", "--open", *output, "--subjects", "nobody")
+    other = tmp_path / "other"
+    other.mkdir()
+    for number in range(3):
+        save_mesh(other / f"{number}.ply", knees[0], knees.faces[::-1])
+    message = refused("basis", frames, other, *output)
+    assert "other and knees do not" in message
+    save_mesh(frames / "frame4.ply", knees[0], knees.faces[::-1])
+    assert "frame4.ply is not registered" in refused("basis", frames, *output, "--step", 1)
+    assert not (tmp_path / "basis.npz").exists()
+
+
+@pytest.fixture(scope="module")
+def fields():
+    model = load_open_model("coarse")
+    return {
+        "v_template": model.template.vertices,
+        "f": model.faces,
+        "shapedirs": model.shapedirs,
+        "J_regressor": model.joint_regressor,
+        "weights": model.weights,
+        "kintree_table": np.stack([model.parents, np.arange(model.n_joints)]),
+    }
+
+
+def test_pickle_becomes_plain_arrays(run, fields, tmp_path):
+    source, target = tmp_path / "model.pkl", tmp_path / "model.npz"
+    source.write_bytes(pickle.dumps(fields, protocol=2))
+    finished = run("convert-model", source, "-o", target, "--n-betas", 4)
+    assert finished.code == 0, finished.err
+    assert "1,202 vertices" in finished.out
+    assert "4 shape coefficients" in finished.out
+    with np.load(target, allow_pickle=False) as saved:
+        np.testing.assert_array_equal(saved["v_template"], fields["v_template"])
+    model = BodyModel.from_file(target)
+    original = load_open_model("coarse")
+    expected = original(np.pad(np.arange(4.0), (0, original.n_betas - 4)))
+    np.testing.assert_allclose(model(np.arange(4.0)), expected, atol=1e-12)
+    assert "body model" in run("info", source).out
+
+
+def test_code_in_a_pickle_is_named_and_not_run(refused, tmp_path):
+    source = tmp_path / "model.pkl"
+    source.write_bytes(b"cos\nsystem\n(S'touch " + str(tmp_path / "run").encode() + b"'\ntR.")
+    message = refused("convert-model", source, "-o", tmp_path / "model.npz")
+    assert "os.system" in message or "os system" in message or "posix.system" in message
+    refused("info", source)
+    assert list(tmp_path.iterdir()) == [source]
+
+
+def test_failures(refused, fields, tmp_path):
+    source = tmp_path / "model.pkl"
+    source.write_bytes(pickle.dumps({"f": fields["f"]}, protocol=2))
+    assert "absent.pkl" in refused("convert-model", "absent.pkl", "-o", tmp_path / "model.npz")
+    assert "v_template" in refused("convert-model", source, "-o", tmp_path / "model.npz")
+    assert "ending must be .npz" in refused("convert-model", source, "-o", tmp_path / "m.pkl")
+    (tmp_path / "model.npz").touch()
+    assert "exists" in refused("convert-model", source, "-o", tmp_path / "model.npz")

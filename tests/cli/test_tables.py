@@ -1,0 +1,319 @@
+"""The commands tables, scores, plot, view and report."""
+
+import json
+import re
+from dataclasses import asdict
+
+import h5py
+import numpy as np
+import pytest
+from third_party import Extents, VertexOffsets
+
+from riemhuman import extensions, retrieval
+from riemhuman.__main__ import main
+from riemhuman.datasets import Bodies, load_open_bodies
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.io import save_mesh
+from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.retrieval import scores
+from riemhuman.surfaces import DeformationBasis
+
+
+def test_prints_the_tables(capsys):
+    assert main(["tables", "--resolution", "coarse"]) == 0
+    captured = capsys.readouterr()
+    printed = captured.out
+    assert "100 bodies: 10 people, 10 poses, 1,202 vertices, 2,400 triangles" in printed
+    assert len(re.findall(r"4,950 distances: \d+\.\d s", captured.err)) == 5
+    who, how = printed.split("How do they stand?")
+    shape_on_people, shape_on_poses = (
+        float(re.search(r"shape metric \(1, 0.0001, 0\)  +(\d+\.\d)", part)[1])
+        for part in (who.split("Who is it?")[1], how)
+    )
+    pose_on_people, pose_on_poses = (
+        float(re.search(r"pose metric \(0, 0, 1\)  +(\d+\.\d)", part)[1])
+        for part in (who.split("Who is it?")[1], how)
+    )
+    assert shape_on_people > 90 > 20 > shape_on_poses
+    assert pose_on_poses > 90 > 20 > pose_on_people
+
+
+def test_reads_registrations(tmp_path, capsys):
+    bodies = load_open_bodies("coarse")
+    for i, points in enumerate(bodies.points):
+        save_mesh(tmp_path / f"tr_reg_{i:03d}.ply", points, bodies.template.faces)
+    assert main(["tables", "--faust", str(tmp_path)]) == 0
+    registrations = capsys.readouterr().out
+    assert main(["tables", "--resolution", "coarse"]) == 0
+    embedded = capsys.readouterr().out
+
+    def shape_row(text):
+        return re.search(r"shape metric .*\d$", text, re.MULTILINE)[0]
+
+    # The shape metric sees neither the template nor rigid motions.
+    assert shape_row(registrations) == shape_row(embedded)
+
+
+def test_reads_a_labelled_folder(tmp_path, capsys):
+    bodies = load_open_bodies("coarse")
+    rows = ["file,subject,pose"]
+    for i in (0, 1, 20, 21):
+        save_mesh(tmp_path / f"{i}.off", bodies.points[i], bodies.template.faces)
+        rows.append(f"{i},person {i // 10},pose {i % 10}")
+    (tmp_path / "table.csv").write_text("\n".join(rows), encoding="utf-8")
+    labels = ["--labels", str(tmp_path / "table.csv")]
+    assert main(["tables", "--bodies", str(tmp_path), *labels]) == 0
+    printed = capsys.readouterr().out
+    assert "4 bodies: 2 people, 2 poses, 1,202 vertices" in printed
+    assert len(re.findall(r"shape metric \(1, 0.0001, 0\) +100.0  100.0", printed)) == 1
+    assert main(["tables", "--bodies", str(tmp_path)]) == 2
+    assert "labels.csv; write one with the columns" in capsys.readouterr().err
+    assert main(["tables", *labels]) == 2
+    assert "--labels needs --bodies FOLDER" in capsys.readouterr().err
+
+
+def test_tables_as_json(capsys):
+    assert main(["tables", "--resolution", "coarse", "--json"]) == 0
+    captured = capsys.readouterr()
+    tables = json.loads(captured.out)
+    assert "4,950 distances" in captured.err
+    scores = tables["Who is it?"]["shape metric (1, 0.0001, 0)"]
+    assert (
+        scores["nn"] > 90 > 20 > tables["How do they stand?"]["shape metric (1, 0.0001, 0)"]["nn"]
+    )
+    assert scores["n_queries"] == 100
+
+
+def test_natural_and_other_people(capsys):
+    choice = ["--resolution", "coarse", "--json", "--quiet", "--open", "natural"]
+    found = []
+    for options in ([], ["--people", "1"]):
+        assert main(["tables", *choice, *options]) == 0
+        tables = json.loads(capsys.readouterr().out)
+        found.append(tables["How do they stand?"]["pose metric (0, 0, 1)"])
+    people = [load_open_bodies("coarse", "natural", people=seed) for seed in (None, 1)]
+    for found_scores, bodies in zip(found, people, strict=True):
+        metric = ElasticMetric(AlignedSurfaces(bodies.template), a=0.0, lam=0.0, c=1.0)
+        expected = retrieval.scores(metric.dist_pairwise(bodies.points), bodies.pose)
+        assert found_scores["first_tier"] == pytest.approx(expected.first_tier)
+
+
+def few_bodies(resolution):
+    bodies = load_open_bodies(resolution)
+    chosen = [0, 2, 80, 82]
+    return Bodies(
+        points=bodies.points[chosen],
+        subject=bodies.subject[chosen],
+        pose=bodies.pose[chosen],
+        template=bodies.template,
+        model=bodies.model,
+        subject_names=bodies.subject_names,
+        pose_names=bodies.pose_names,
+    )
+
+
+def test_all_representations(monkeypatch, capsys):
+    few = few_bodies("coarse")
+    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", lambda *of: few)
+    assert main(["tables", "--all", "--resolution", "coarse"]) == 0
+    printed = capsys.readouterr().out
+    who, how = printed.split("How do they stand?")
+    for name in ("shape metric", "SRNF", "model shape vector", "APT", "ShapeDNA", "HKS", "WKS"):
+        assert re.search(rf"^{name}.* \d+\.\d", who, re.MULTILINE), name
+    assert re.search(r"^(Better|Nothing is better) than pose metric \(0, 0, 1\)", how, re.MULTILINE)
+    assert re.search(r"^shape code, trained here.* \d+\.\d", who, re.MULTILINE)
+    assert "GDVAE intrinsic 27.0, 24.8, 46.2 (shape)" in how
+    assert "failed" not in printed
+
+    assert main(["tables", "--all", "--resolution", "coarse", "--json"]) == 0
+    records = json.loads(capsys.readouterr().out)
+    assert {"representation": "HKS", "task": "shape"}.items() <= records[-6].items()
+    assert records[-6]["scores"]["nn"] == 100.0
+
+
+def test_refuses_a_missing_folder(tmp_path, capsys):
+    assert main(["tables", "--faust", str(tmp_path / "absent")]) == 2
+    captured = capsys.readouterr()
+    assert "absent" in captured.err
+    assert "Traceback" not in captured.err
+
+
+def test_keyboard_interrupt_ends_quietly(monkeypatch, capsys):
+    def interrupt(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("riemhuman.datasets.load_open_bodies", interrupt)
+    assert main(["tables"]) == 130
+    assert capsys.readouterr().err == "riemhuman: interrupted\n"
+
+
+LABELS = "labels.csv"
+
+
+@pytest.fixture(scope="module")
+def matrix(scans, bodies, tmp_path_factory):
+    """Return the file of a distance matrix of the scans."""
+    file = tmp_path_factory.mktemp("matrix") / "D.npz"
+    names = sorted((path.name for path in scans.glob("*.ply")), key=lambda name: int(name[5:-4]))
+    places = np.random.default_rng(0).normal(size=(len(names), 3))
+    distances = np.linalg.norm(places[:, None] - places, axis=-1)
+    save_arrays(file, {"distances": distances, "names": np.array(names)})
+    return file
+
+
+def test_view_shows_meshes_motions_and_paths(run, scans, bodies, tmp_path):
+    page = tmp_path / "both.html"
+    finished = run("view", scans / "body_0.ply", scans / "body_1.ply", "-o", page)
+    assert (finished.code, finished.out) == (0, f"{page}\n")
+    assert '"label":"body_0"' in page.read_text(encoding="utf-8")
+    run("view", scans, "--motion", "-o", tmp_path / "motion.html")
+    assert '"n_frames":6' in (tmp_path / "motion.html").read_text(encoding="utf-8")
+    arrays = {"path": bodies.points[:3], "faces": bodies.template.faces}
+    save_arrays(tmp_path / "path.npz", arrays)
+    run("view", tmp_path / "path.npz", "-o", tmp_path / "path.html")
+    assert '"n_frames":3' in (tmp_path / "path.html").read_text(encoding="utf-8")
+
+
+def test_view_refuses(refused, scans, tmp_path):
+    assert "must be .html" in refused("view", scans, "-o", tmp_path / "page.png")
+    save_arrays(tmp_path / "other.npz", {"vectors": np.zeros(3)})
+    assert "path" in refused("view", tmp_path / "other.npz", "-o", tmp_path / "page.html")
+    assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize("options", [[], ["--by", "pose"], ["--method", "t-sne"]], ids=str)
+def test_plot_draws_a_map(run, scans, matrix, tmp_path, options):
+    picture = tmp_path / "map.svg"
+    finished = run("plot", matrix, "--labels", scans / LABELS, "-o", picture, *options)
+    assert finished.code == 0
+    assert picture.read_text(encoding="utf-8").startswith("<?xml")
+    assert ("stress" in finished.out) == ("--method" not in options)
+
+
+def test_plot_without_labels_names_points_by_files_and_explains_its_scale(
+    run, matrix, tmp_path, monkeypatch
+):
+    figures = []
+    save = "riemhuman.cli._tables.save_figure"
+    monkeypatch.setattr(save, lambda figure, file: figures.append(figure))
+    assert run("plot", matrix, "-o", tmp_path / "map.png", "--quiet").code == 0
+    (ax,) = figures[0].axes
+    texts = [text.get_text() for text in ax.texts]
+    assert {f"body_{number}" for number in (0, 1, 2, 20, 21, 22)} <= set(texts)
+    assert "under the metric, in metres" in ax.get_xlabel()
+
+
+def test_scores_are_those_of_the_library(run, scans, matrix):
+    finished = run("scores", matrix, "--labels", scans / LABELS, "--json")
+    found = json.loads(finished.out)
+    distances = load_arrays(matrix, ["distances"])["distances"]
+    people = scores(distances, [0, 0, 0, 1, 1, 1])
+    assert found["subject"]["nn"] == people.nn
+    assert found["subject"]["mean_average_precision"] == people.mean_average_precision
+    printed = run("scores", matrix, "--labels", scans / LABELS).out
+    assert f"{people.first_tier:8.1f}" in printed.splitlines()[1]
+
+
+def test_scores_refuse_labels_of_other_files(refused, matrix, tmp_path):
+    table = tmp_path / "labels.csv"
+    table.write_text("file,subject,pose\nother.ply,anna,sits\n", encoding="utf-8")
+    assert "rows without a mesh: other.ply" in refused("scores", matrix, "--labels", table)
+
+
+def test_meshes_without_labels_are_left_out_if_they_may(run, refused, scans, matrix, tmp_path):
+    table = tmp_path / "labels.csv"
+    lines = (scans / LABELS).read_text(encoding="utf-8").splitlines()
+    table.write_text("\n".join([*lines[:-1], "gone.ply,cleo,sits"]), encoding="utf-8")
+    given = ("scores", matrix, "--labels", table, "--json")
+    assert "rows without a mesh: gone.ply" in refused(*given)
+    found = json.loads(run(*given, "--allow-missing").out)
+    distances = load_arrays(matrix, ["distances"])["distances"]
+    assert found["subject"] == asdict(scores(distances[:5, :5], [0, 0, 0, 1, 1]))
+    picture = tmp_path / "map.png"
+    finished = run("plot", matrix, "--labels", table, "--allow-missing", "-o", picture)
+    assert finished.out.startswith("meshes      5, mds")
+
+
+@pytest.mark.parametrize("ending", [".png", ".html"])
+def test_a_mean_makes_a_picture_too(run, scans, tmp_path, ending):
+    picture = tmp_path / f"mean{ending}"
+    meshes = [scans / f"body_{k}.ply" for k in (0, 20)]
+    options = ("--n-components", 4, "--picture", picture)
+    assert run("mean", *meshes, "-o", tmp_path / "mean.ply", *options).code == 0
+    start = b"\x89PNG" if ending == ".png" else b"<!doctype html>"
+    assert picture.read_bytes().startswith(start)
+
+
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(refused, scans, tmp_path):
+    output = tmp_path / "mean.ply"
+    said = refused("mean", scans, "-o", output, "--picture", tmp_path / "mean.gif")
+    assert "must be .png or .html" in said
+    assert not output.exists()
+
+
+@pytest.fixture
+def extended():
+    """Register a metric and a descriptor of another package."""
+    added = (("metrics", "offsets", VertexOffsets), ("descriptors", "extents", Extents))
+    for one in added:
+        extensions.register(*one)
+    yield
+    for kind, name, _ in added:
+        extensions.unregister(kind, name)
+
+
+@pytest.mark.sampled(3, "reports without figures")
+@pytest.mark.slow
+def test_page_of_a_labelled_folder(extended, undrawn, run, scans, tmp_path):
+    finished = run("report", "--quick", "--bodies", scans, "-o", tmp_path / "report")
+    assert finished.code == 0, finished.err
+    page = tmp_path / "report" / "index.html"
+    assert finished.out == f"{page}\n"
+    text = page.read_text(encoding="utf-8")
+    assert "<html" in text.lower()
+    assert "offsets" in text
+    assert "extents" in text
+    provenance = json.loads((page.parent / "provenance.json").read_text(encoding="utf-8"))
+    assert provenance["status"] == "finished"
+    assert "Karcher mean" in finished.err
+
+
+def test_options_reach_the_report(run, scans, bodies, tmp_path, monkeypatch):
+    asked = {}
+
+    def make_report(output, **settings):
+        asked.update(settings, output=output)
+        return output / "index.html"
+
+    monkeypatch.setattr("riemhuman.report.make_report", make_report)
+    monkeypatch.setattr("riemhuman.cli._tables._N_COMPONENTS", 3)
+    with h5py.File(tmp_path / "registrations_m.hdf5", "w") as file:
+        file["faces"] = bodies.template.faces
+        file["50002_hips"] = np.moveaxis(bodies.points[:50], 0, -1)
+    labels = scans / "labels.csv"
+    arguments = ("--bodies", scans, "--labels", labels, "--dfaust", tmp_path, "-o", tmp_path)
+    assert run("report", *arguments).out == f"{tmp_path / 'index.html'}\n"
+    assert asked["bodies"].subject.tolist() == [1, 1, 1, 0, 0, 0]
+    assert asked["bodies"].subject_names == ("athletic woman", "tall slim woman")
+    expected = DeformationBasis.from_motions([bodies.points[:50]], 3)
+    np.testing.assert_array_equal(asked["basis"].vectors, expected.vectors)
+    assert asked["quick"] is False
+    assert asked["scans"] is None
+    run("report", "--quick", "--open", "natural", "--people", 4, "--scans", tmp_path)
+    assert asked["scans"] == tmp_path
+    expected = load_open_bodies("coarse", "natural", people=4)
+    np.testing.assert_array_equal(asked["bodies"].points, expected.points)
+    assert (asked["basis"], asked["quick"]) == (None, True)
+    assert str(asked["output"]) == "riemhuman-report"
+
+
+def test_failures_of_report(refused, scans, tmp_path):
+    assert "--labels needs --bodies" in refused("report", "--labels", "labels.csv")
+    assert "--people SEED is for" in refused("report", "--bodies", scans, "--people", 1)
+    assert "people" in refused("report", "--people", -1, "-o", tmp_path / "r")
+    assert "no folder" in refused("report", "--faust", tmp_path / "absent", "-o", tmp_path / "r")
+    message = refused("report", "--bodies", scans, "--labels", "absent.csv", "-o", tmp_path / "r")
+    assert "no table of labels absent.csv" in message
+    assert "neither" in refused("report", "--dfaust", tmp_path, "-o", tmp_path / "r")
+    assert "other files" in refused("report", "--bodies", scans, "-o", scans)
+    assert list(tmp_path.iterdir()) == []
