@@ -1,18 +1,27 @@
 """Body measurements: girths, lengths, heights, breadths and volumes, and bodies from them."""
 
-from riemhuman.measurements.comparison import VisitComparison, compare_visits, noise_of_poses
-from riemhuman.measurements.definitions import measurement_from_dict
-from riemhuman.measurements.inverse import MeasuredPerson, model_from_measurements
-from riemhuman.measurements.length_measurements import Height, Length
-from riemhuman.measurements.measurement import Measurement
-from riemhuman.measurements.measurement_set import MeasurementSet
-from riemhuman.measurements.measuring import MeasuredBodies, Measurements
-from riemhuman.measurements.nearest_body import NearestBody, nearest_body
-from riemhuman.measurements.open_body import open_measurements
-from riemhuman.measurements.regression import ShapeRegression, regress_shape
-from riemhuman.measurements.section_measurements import Breadth, Depth, Girth
-from riemhuman.measurements.standard_pose import in_standard_pose
-from riemhuman.measurements.volume_measurements import Area, Mass, Volume
+from riemhuman.measurements.bodies_from_measurements import (
+    MeasuredPerson,
+    NearestBody,
+    model_from_measurements,
+    nearest_body,
+)
+from riemhuman.measurements.definitions import (
+    Area,
+    Breadth,
+    Depth,
+    Girth,
+    Height,
+    Length,
+    Mass,
+    Measurement,
+    Volume,
+    measurement_from_dict,
+)
+from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
+from riemhuman.measurements.measuring import MeasuredBodies, Measurements, in_standard_pose
+from riemhuman.measurements.shape_regression import ShapeRegression, regress_shape
+from riemhuman.measurements.visits import VisitComparison, compare_visits, noise_of_poses
 
 __all__ = [
     "Area",

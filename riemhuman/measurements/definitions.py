@@ -1,22 +1,534 @@
-"""The kinds of measurements, and measurements from JSON records."""
+"""Kinds of measurements: records of parameters that JSON can hold.
+
+A measurement refers to landmarks, axes and parts by name; a
+`riemhuman.measurements.MeasurementSet` locates them on a template.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import MISSING, asdict, dataclass, fields
 from difflib import get_close_matches
-from typing import Any
+from itertools import pairwise
+from typing import Any, ClassVar
 
+import autograd.numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import one_of, real_number, values_of
 from riemhuman.errors import ArgumentError, ArgumentTypeError
-from riemhuman.measurements.length_measurements import Height, Length
-from riemhuman.measurements.measurement import Measurement
-from riemhuman.measurements.section_measurements import Breadth, Depth, Girth
-from riemhuman.measurements.volume_measurements import Area, Mass, Volume
+from riemhuman.measurements._geodesics import geodesic_lengths, geodesic_path
+from riemhuman.measurements._landmarked_bodies import LandmarkedBodies, Place
+from riemhuman.measurements._sections import (
+    EXTENT,
+    HULL,
+    LENGTH,
+    MEETS_OTHER_PART,
+    MISSES,
+    closed_line,
+    section_sizes,
+)
 
-KINDS = {
-    kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth, Volume, Mass, Area)
+DENSITY = 1000.0
+"""Density of a body in kg/m³: that of water, from which the body's differs by a few per cent."""
+
+_AXES = ("up", "left", "forward")
+_PATHS = ("straight", "surface", "joints")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measurement:
+    """The base class of measurements.
+
+    Subclasses define `value`, and `lines` if the measurement runs along a line.
+
+    Parameters
+    ----------
+    name : str
+        Name in tables.
+    standard : str
+        The standard that defines it, such as "ISO 8559-1".
+    note : str
+        A remark.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> isinstance(rh.measurements.Height(name="stature", at="crown"), rh.measurements.Measurement)
+    True
+    """
+
+    name: str
+    standard: str = ""
+    note: str = ""
+    units: ClassVar[str] = "m"
+    needs_closed_surface: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.name, str) or not self.name:
+            raise ArgumentTypeError(f"name must be a non-empty string; found {self.name!r}")
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """Places that the measurement refers to."""
+        return ()
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """Parts of the body that the measurement refers to."""
+        return ()
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the measurement of each body; autograd can differentiate it.
+
+        Parameters
+        ----------
+        bodies : LandmarkedBodies
+            The bodies.
+
+        Returns
+        -------
+        array, shape (n,)
+            NaN for bodies where the measurement is not defined.
+        """
+        raise NotImplementedError
+
+    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+        """Return the measurement lines on the first body.
+
+        Parameters
+        ----------
+        bodies : LandmarkedBodies
+            The bodies.
+
+        Returns
+        -------
+        list of array, shape (k, 3)
+            Empty for volumes and areas.
+        """
+        return []
+
+    def why_missing(self, bodies: LandmarkedBodies) -> str:
+        """Return why the measurement of the first body is not defined.
+
+        Parameters
+        ----------
+        bodies : LandmarkedBodies
+            The bodies.
+
+        Returns
+        -------
+        str
+        """
+        return "there is no path along the surface"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the record that JSON holds: the kind and the parameters without their defaults.
+
+        Returns
+        -------
+        dict
+        """
+        defaults = {f.name: f.default for f in fields(self) if f.default is not MISSING}
+        record = {"kind": type(self).__name__}
+        for name, value in asdict(self).items():
+            if value != () and (name not in defaults or value != defaults[name]):
+                record[name] = _as_lists(value)
+        return record
+
+
+def _as_lists(value: Any) -> Any:
+    if isinstance(value, (tuple, list)):
+        return [_as_lists(entry) for entry in value]
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+def _names(value: Any, name: str) -> tuple[str, ...]:
+    if isinstance(value, str) or not all(isinstance(part, str) for part in value):
+        raise ArgumentTypeError(f"{name} must be a list of names; found {value!r}")
+    return tuple(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _PlaneSection(Measurement):
+    """A measurement of the section of the body by a plane."""
+
+    at: Place
+    normal: Any = "up"
+    parts: tuple[str, ...] = ()
+    leave_out: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "parts", _names(self.parts, "parts"))
+        object.__setattr__(self, "leave_out", _names(self.leave_out, "leave_out"))
+        if isinstance(self.normal, str):
+            one_of(self.normal, "normal", _AXES)
+        elif not isinstance(self.normal, Sequence) or len(self.normal) != 2:
+            raise ArgumentError(f"normal must be an axis or two places; found {self.normal!r}")
+        else:
+            object.__setattr__(self, "normal", tuple(self.normal))
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        bone = () if isinstance(self.normal, str) else tuple(self.normal)
+        return (self.at, *bone)
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        return (*self.parts, *self.leave_out)
+
+    def why_missing(self, bodies: LandmarkedBodies) -> str:
+        _, status = self._section(bodies)
+        parts = " and ".join(self.parts) or "the surface"
+        if status == MISSES:
+            return f"its plane misses {parts}"
+        if status == MEETS_OTHER_PART:
+            return (
+                f"its line leaves {parts} and meets another part of the body; list that part in "
+                "leave_out, or measure at another place or in another pose"
+            )
+        return f"its line around {parts} meets a boundary or a defect of the mesh"
+
+    def _size(self, bodies: LandmarkedBodies, kind: int, direction: str) -> Any:
+        cutter = bodies.set.cutter(self.parts, self.leave_out)
+        plane = bodies.place(self.at), bodies.axis(self.normal)
+        return section_sizes(bodies.surfaces, *plane, bodies.axis(direction), cutter, kind)
+
+    def _section(self, bodies: LandmarkedBodies) -> tuple[ndarray, int]:
+        """Return the section of the first body, shape (k, 3), and its status, see `_sections`."""
+        cutter = bodies.set.cutter(self.parts, self.leave_out)
+        plane = bodies.place(self.at)[0], bodies.axis(self.normal)[0]
+        return cutter.section(bodies.surfaces[0], *plane)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Girth(_PlaneSection):
+    """The length of the closed line around a part of the body, in a plane.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    at : str or mapping of str to float
+        A place in the plane: a landmark, or landmarks with weights. The line nearest to it is
+        measured.
+    normal : str or pair of places
+        Normal of the plane: "up", "left", "forward", or the direction from one place to another,
+        such as along a bone.
+    parts : sequence of str
+        Parts of the body that are measured; by default the whole body.
+    leave_out : sequence of str
+        Parts that the line crosses without being measured, such as arms that touch the chest; they
+        require ``hull=True``.
+    hull : bool
+        Whether to measure the convex hull of the line, as a tape measure that spans hollows.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.measurements.Girth(name="waist girth", at="waist", parts=["trunk"], hull=True).hull
+    True
+    """
+
+    hull: bool = False
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.leave_out and not self.hull:
+            raise ArgumentError(f"{self.name!r} has leave_out; it needs hull=True")
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the girths."""
+        return self._size(bodies, HULL if self.hull else LENGTH, "up")
+
+    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+        """Return the closed line."""
+        return [closed_line(self._section(bodies)[0], self.hull)]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Breadth(_PlaneSection):
+    """The extent of a section of the body from side to side.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    at : str or mapping of str to float
+        A place in the plane, as for `Girth`.
+    normal : str or pair of places
+        Normal of the plane, as for `Girth`.
+    parts, leave_out : sequence of str
+        Parts of the body that are measured, and that are not, as for `Girth`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> hips = rh.measurements.Breadth(name="hip breadth", at="left_buttock", parts=["trunk"])
+    >>> own = rh.measurements.Measurements(bodies.model, [hips])
+    >>> own.names, own.units
+    (('hip breadth',), ('m',))
+    """
+
+    _direction: ClassVar[str] = "left"
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the extents."""
+        return self._size(bodies, EXTENT, self._direction)
+
+    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+        """Return the line through the middle of the section."""
+        section, axis = self._section(bodies)[0], bodies.axis(self._direction)[0]
+        middle = section.mean(axis=0)
+        along = (section - middle) @ axis
+        return [middle + np.array([along.min(), along.max()])[:, None] * axis]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Depth(Breadth):
+    """The extent of a section of the body from back to front.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    at : str or mapping of str to float
+        A place in the plane, as for `Girth`.
+    normal : str or pair of places
+        Normal of the plane, as for `Girth`.
+    parts, leave_out : sequence of str
+        Parts of the body that are measured, and that are not, as for `Girth`.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> chest = rh.measurements.Depth(name="chest depth", at="under_bust", parts=["trunk"])
+    >>> chest.to_dict()["kind"]
+    'Depth'
+    """
+
+    _direction: ClassVar[str] = "forward"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Height(Measurement):
+    """The height of a place above the floor, along the axis "up".
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    at : str or mapping of str to float
+        The place: a landmark, or landmarks with weights.
+    above : str or mapping of str to float, optional
+        Place from which the height is measured; by default the floor, at the lowest vertex.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> crown = rh.measurements.Height(name="stature", at="crown")
+    >>> own = rh.measurements.Measurements(bodies.model, [crown])
+    >>> round(float(own.measure(bodies[0])["stature"]), 2)
+    1.85
+    """
+
+    at: Place
+    above: Any = None
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The place, and that from which the height is measured."""
+        return (self.at,) if self.above is None else (self.at, self.above)
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the heights."""
+        up = bodies.axis("up")
+        height = np.sum(bodies.place(self.at) * up, axis=-1)
+        if self.above is not None:
+            return height - np.sum(bodies.place(self.above) * up, axis=-1)
+        return height - bodies.floor
+
+    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+        """Return the line from the place down."""
+        top = bodies.place(self.at)[0]
+        return [np.stack([top, top - self.value(bodies)[0] * bodies.axis("up")[0]])]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Length(Measurement):
+    """The length of a path through places of the body.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    along : sequence of places
+        Two or more places in order; for the path "joints", the first and the last joint.
+    path : {"straight", "surface", "joints"}
+        Straight lines between the places, geodesics on the surface between them, or straight lines
+        from joint to joint of the body model.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> leg = rh.measurements.Length(name="leg", along=["left_hip", "left_ankle"], path="joints")
+    >>> own = rh.measurements.Measurements(bodies.model, [leg])
+    >>> own.measure(bodies.points[:2]).values.shape
+    (2, 1)
+    """
+
+    along: tuple[Place, ...]
+    path: str = "straight"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        one_of(self.path, "path", _PATHS)
+        if isinstance(self.along, (str, Mapping)) or len(self.along) < 2:
+            raise ArgumentError(f"along must hold two or more places; found {self.along!r}")
+        object.__setattr__(self, "along", tuple(self.along))
+        if self.path == "joints" and (
+            len(self.along) != 2 or not all(isinstance(place, str) for place in self.along)
+        ):
+            raise ArgumentError(f"along must hold two names of joints; found {self.along!r}")
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The places of the path."""
+        return self.along
+
+    def _stops(self, bodies: LandmarkedBodies) -> tuple[Place, ...]:
+        return bodies.set.bones(*self.along) if self.path == "joints" else self.along
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the lengths."""
+        pairs = pairwise(self._stops(bodies))
+        if self.path == "surface":
+            on_surface, mesh = bodies.set.on_surface, bodies.set.mesh
+            return sum(
+                geodesic_lengths(bodies.surfaces, on_surface(a), on_surface(b), mesh)
+                for a, b in pairs
+            )
+        steps = (bodies.place(a) - bodies.place(b) for a, b in pairs)
+        return sum(np.sqrt(np.sum(step**2, axis=-1)) for step in steps)
+
+    def lines(self, bodies: LandmarkedBodies) -> list[Any]:
+        """Return the path, or its parts between the places."""
+        stops = self._stops(bodies)
+        if self.path == "surface":
+            on_surface, mesh = bodies.set.on_surface, bodies.set.mesh
+            surface = values_of(bodies.surfaces)[0]
+            return [
+                geodesic_path(surface, on_surface(a), on_surface(b), mesh)
+                for a, b in pairwise(stops)
+            ]
+        return [np.stack([bodies.place(place)[0] for place in stops])]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Volume(Measurement):
+    """The volume that the surface encloses; the surface must be closed.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model, [rh.measurements.Volume(name="volume")])
+    >>> own.units
+    ('m³',)
+    """
+
+    units: ClassVar[str] = "m³"
+    needs_closed_surface: ClassVar[bool] = True
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the volumes."""
+        return bodies.volumes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mass(Measurement):
+    """An estimate of the body mass: the volume times a density.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    density : float
+        Kilograms per cubic metre.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> mass = rh.measurements.Mass(name="mass, estimated", density=1010.0)
+    >>> own = rh.measurements.Measurements(bodies.model, [mass])
+    >>> own.units
+    ('kg',)
+    """
+
+    density: float = DENSITY
+    units: ClassVar[str] = "kg"
+    needs_closed_surface: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        real_number(self.density, "density", minimum=0.0, strict=True)
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the masses."""
+        return self.density * bodies.volumes
+
+
+@dataclass(frozen=True, kw_only=True)
+class Area(Measurement):
+    """The area of the surface or of parts of it.
+
+    Parameters
+    ----------
+    name, standard, note : str
+        Name, the standard that defines it, and a remark.
+    parts : sequence of str
+        Parts of the body; by default the whole body.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> arm = rh.measurements.Area(name="left arm", parts=["left arm"])
+    >>> own = rh.measurements.Measurements(bodies.model, [arm])
+    >>> own.units
+    ('m²',)
+    """
+
+    parts: tuple[str, ...] = ()
+    units: ClassVar[str] = "m²"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "parts", _names(self.parts, "parts"))
+
+    @property
+    def part_names(self) -> tuple[str, ...]:
+        """The parts whose areas are added."""
+        return self.parts
+
+    def value(self, bodies: LandmarkedBodies) -> Any:
+        """Return the areas."""
+        return bodies.areas(bodies.set.faces[bodies.set.in_parts(self.parts)])
+
+
+_KINDS = {kind.__name__: kind for kind in (Girth, Length, Height, Breadth, Depth)} | {
+    kind.__name__: kind for kind in (Volume, Mass, Area)
 }
-"""Kinds of measurements by name."""
 
 
 def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
@@ -48,12 +560,12 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
     """
     if not isinstance(record, Mapping):
         raise ArgumentTypeError(f"a measurement must be a mapping; found {record!r}")
-    known = dict(record)
-    kind = KINDS[nearest_name(str(known.pop("kind", "")), "kind of measurement", KINDS)]
-    for name in known:
+    parameters = dict(record)
+    kind = _KINDS[nearest_name(str(parameters.pop("kind", "")), "kind of measurement", _KINDS)]
+    for name in parameters:
         nearest_name(name, f"parameter of {kind.__name__}", [f.name for f in fields(kind)])
     try:
-        return kind(**known)
+        return kind(**parameters)
     except TypeError as error:
         if isinstance(error, ArgumentTypeError):
             raise
@@ -61,27 +573,7 @@ def measurement_from_dict(record: Mapping[str, Any]) -> Measurement:
 
 
 def nearest_name(name: str, what: str, known: Sequence[str] | Mapping[str, Any]) -> str:
-    """Return a name if it is known; otherwise offer the nearest names.
-
-    Parameters
-    ----------
-    name : str
-        The name.
-    what : str
-        The kind of thing named, for messages.
-    known : sequence of str
-        All known names.
-
-    Returns
-    -------
-    str
-        The name itself.
-
-    Raises
-    ------
-    ArgumentError
-        If it is unknown; the message offers names with a similar spelling.
-    """
+    """Return a name if it is known; otherwise raise an error that offers the nearest names."""
     if name in known:
         return name
     near = get_close_matches(name, list(known), n=3, cutoff=0.5)

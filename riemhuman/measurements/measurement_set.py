@@ -1,34 +1,49 @@
-"""Measurement sets: measurements with the landmarks and parts of one template."""
+"""Measurement sets: measurements with the landmarks and parts of one template, and their files."""
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from scipy import sparse
+from scipy.spatial import cKDTree
 
 from riemhuman.bodies import BodyModel, correspondence_matrix, joints_between
-from riemhuman.errors import ArgumentError
-from riemhuman.measurements.definitions import nearest_name
-from riemhuman.measurements.geodesics import Mesh, SurfacePoint
-from riemhuman.measurements.landmarks import Place, axes_in_frame
-from riemhuman.measurements.measurement import Measurement
-from riemhuman.measurements.moved_landmarks import (
-    Landmark,
-    check_numbers,
-    checked_landmark,
-    moved_landmarks,
-    nearest_triangles,
-    on_triangle,
+from riemhuman.checks import one_of
+from riemhuman.datasets import load_open_model
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.files import file_path, read_bytes, write_text
+from riemhuman.measurements._geodesics import Mesh, SurfacePoint
+from riemhuman.measurements._landmarked_bodies import Place, axes_in_frame
+from riemhuman.measurements._sections import (
+    FOREIGN,
+    LEFT_OUT,
+    WANTED,
+    Cutter,
+    neighbours_of,
 )
-from riemhuman.measurements.sections import FOREIGN, LEFT_OUT, WANTED, Cutter, neighbours_of
-from riemhuman.measurements.set_files import read_set, write_set
+from riemhuman.measurements.definitions import (
+    Length,
+    Measurement,
+    measurement_from_dict,
+    nearest_name,
+)
 from riemhuman.surfaces.nearest_places import nearest_places
 from riemhuman.surfaces.template import Template
+
+DATA = Path(__file__).parent / "data"
+
+_FORMAT = 1
+_RESOLUTIONS = ("full", "coarse")
+# Weights of a landmark come from files with six digits.
+_WEIGHT_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -56,8 +71,8 @@ class MeasurementSet:
     Raises
     ------
     ArgumentError
-        If two measurements share a name, a number of a vertex or triangle is out of range, or a
-        name is unknown; the message offers the nearest names.
+        If two measurements have the same name, a number of a vertex or triangle is out of range, or
+        a name is unknown; the message offers the nearest names.
 
     Examples
     --------
@@ -69,38 +84,44 @@ class MeasurementSet:
 
     template: Template | BodyModel
     measurements: Sequence[Measurement]
-    landmarks: Mapping[str, Landmark] = field(default_factory=dict)
+    landmarks: Mapping[str, Any] = field(default_factory=dict)
     parts: Mapping[str, ndarray] = field(default_factory=dict)
     frame: Sequence[str] = ()
     axes: Any = field(default_factory=lambda: np.eye(3))
     standard_pose: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        marks = {
-            name: checked_landmark(name, mark, self.n_vertices)
-            for name, mark in self.landmarks.items()
-        }
-        if isinstance(self.template, BodyModel):
-            regressor = self.template.joint_regressor
-            for name, row in zip(self.template.joint_names, regressor, strict=True):
+        marks = {name: self._checked_landmark(name, m) for name, m in self.landmarks.items()}
+        if self.model is not None:
+            for name, row in zip(self.model.joint_names, self.model.joint_regressor, strict=True):
                 vertices = np.flatnonzero(row)
                 marks.setdefault(name, (vertices, row[vertices]))
             for name in self.standard_pose:
-                nearest_name(name, "joint", self.template.joint_names)
+                nearest_name(name, "joint", self.model.joint_names)
         parts = {name: np.asarray(faces, dtype=np.int64) for name, faces in self.parts.items()}
         for name, faces in parts.items():
-            check_numbers(f"part {name!r} has triangle", faces, len(self.faces))
+            _check_numbers(f"part {name!r} has triangle", faces, len(self.faces))
         object.__setattr__(self, "landmarks", marks)
         object.__setattr__(self, "parts", parts)
         object.__setattr__(self, "axes", np.asarray(self.axes, dtype=np.float64))
         object.__setattr__(self, "measurements", tuple(self.measurements))
         self._check_names()
 
+    def _checked_landmark(self, name: str, mark: Any) -> tuple[ndarray, ndarray]:
+        vertices = np.asarray(mark[0], dtype=np.int64)
+        weights = np.asarray(mark[1], dtype=np.float64)
+        if vertices.shape != weights.shape or abs(weights.sum() - 1.0) > _WEIGHT_TOLERANCE:
+            raise ArgumentError(
+                f"landmark {name!r} must have one weight for each vertex, with sum 1; found "
+                f"vertices of shape {vertices.shape} and weights with sum {weights.sum():g}"
+            )
+        _check_numbers(f"landmark {name!r} is at vertex", vertices, self.n_vertices)
+        return vertices, weights / weights.sum()
+
     def _check_names(self) -> None:
-        names = [measurement.name for measurement in self.measurements]
-        if len(set(names)) < len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise ArgumentError(f"two measurements are called {twice!r}")
+        for name in self.names:
+            if self.names.count(name) > 1:
+                raise ArgumentError(f"two measurements are called {name!r}")
         for name in self.frame:
             nearest_name(name, "landmark", self.landmarks)
         if len(self.frame) not in (0, 4):
@@ -109,10 +130,10 @@ class MeasurementSet:
             for place in measurement.places:
                 for name in (place,) if isinstance(place, str) else place:
                     nearest_name(name, f"landmark for {measurement.name!r},", self.landmarks)
-            for name in measurement.parts_named:
+            for name in measurement.part_names:
                 nearest_name(name, f"part for {measurement.name!r},", self.parts)
-            if getattr(measurement, "path", "") == "joints":
-                self.bones(*measurement.places)  # type: ignore[arg-type]
+            if isinstance(measurement, Length) and measurement.path == "joints":
+                self.bones(*measurement.along)  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         return (
@@ -133,21 +154,17 @@ class MeasurementSet:
     @property
     def vertices(self) -> ndarray:
         """Vertices of the template, shape (V, 3)."""
-        return self._surface.vertices
+        return _surface_of(self.template).vertices
 
     @property
     def faces(self) -> ndarray:
         """Triangles, shape (F, 3)."""
-        return self._surface.faces
+        return _surface_of(self.template).faces
 
     @property
     def n_vertices(self) -> int:
         """Number of vertices V."""
-        return self._surface.n_vertices
-
-    @property
-    def _surface(self) -> Template:
-        return self.template.template if isinstance(self.template, BodyModel) else self.template
+        return _surface_of(self.template).n_vertices
 
     @cached_property
     def mesh(self) -> Mesh:
@@ -167,6 +184,12 @@ class MeasurementSet:
         return axes_in_frame(np.array(places), self.axes)
 
     @cached_property
+    def standard_pose_vector(self) -> ndarray:
+        """Axis-angle vectors of all joints in the standard pose, shape (J, 3), radians."""
+        names = self.model.joint_names if self.model else ()
+        return np.array([self.standard_pose.get(name, np.zeros(3)) for name in names])
+
+    @cached_property
     def _cutters(self) -> dict[Any, Cutter]:
         return {}
 
@@ -176,7 +199,7 @@ class MeasurementSet:
         Parameters
         ----------
         parts, leave_out : tuple of str
-            Parts that are measured, all if empty, and parts that the loop passes over.
+            Parts that are measured, all if empty, and parts that are crossed and not measured.
 
         Returns
         -------
@@ -243,10 +266,18 @@ class MeasurementSet:
         -------
         pair of int and array, shape (3,)
         """
-        combined = {place: 1.0} if isinstance(place, str) else place
-        vertices = np.concatenate([self.landmarks[name][0] for name in combined])
-        weights = np.concatenate([w * self.landmarks[name][1] for name, w in combined.items()])
-        return on_triangle((vertices, weights / weights.sum()), self._surface)
+        shares = {place: 1.0} if isinstance(place, str) else place
+        vertices = np.concatenate([self.landmarks[name][0] for name in shares])
+        weights = np.concatenate([w * self.landmarks[name][1] for name, w in shares.items()])
+        weights = weights / weights.sum()
+        around = np.flatnonzero(np.isin(self.faces, vertices[weights != 0]).sum(axis=1))
+        for face in around:
+            corners = [weights[vertices == corner].sum() for corner in self.faces[face]]
+            if abs(sum(corners) - 1.0) < 1e-9 and min(corners) >= 0:
+                return int(face), np.array(corners)
+        point = weights @ self.vertices[vertices]
+        nearest, _ = nearest_places(point[np.newaxis], self.vertices, self.faces)
+        return int(nearest.triangles[0]), nearest.barycentric[0]
 
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
         """Return the same landmarks and parts with other measurements.
@@ -306,28 +337,29 @@ class MeasurementSet:
         ArgumentError
             If the correspondence does not fit the templates.
         """
-        other = template.template if isinstance(template, BodyModel) else template
-        matrix = correspondence_matrix(other, correspondence)
+        surface = _surface_of(template)
+        matrix = correspondence_matrix(surface, correspondence)
         if matrix.shape[0] != self.n_vertices:
             raise ArgumentError(
                 f"correspondence must say where {self.n_vertices} vertices lie; found "
                 f"{matrix.shape[0]}"
             )
-        names = template.joint_names if isinstance(template, BodyModel) else ()
-        marks = {name: mark for name, mark in self.landmarks.items() if name not in names}
-        nearest = nearest_triangles(matrix @ other.vertices, self.faces, other)
+        joints = template.joint_names if isinstance(template, BodyModel) else ()
+        landmarks = {}
+        for name, (vertices, weights) in self.landmarks.items():
+            if name not in joints:
+                row = sparse.csr_array(weights @ matrix[vertices])
+                landmarks[name] = row.indices.astype(np.int64), row.data
+        # A triangle belongs to the parts of this template's triangle with the nearest centroid.
+        tree = cKDTree((matrix @ surface.vertices)[self.faces].mean(axis=1))
+        nearest = tree.query(surface.vertices[surface.faces].mean(axis=1))[1]
         parts = {name: np.flatnonzero(self.in_parts((name,))[nearest]) for name in self.parts}
         if standard_pose is None:
-            known = all(joint in names for joint in self.standard_pose)
-            standard_pose = self.standard_pose if known else {}
+            has_all = all(joint in joints for joint in self.standard_pose)
+            standard_pose = self.standard_pose if has_all else {}
+        axes = self.axes if axes is None else axes
         return MeasurementSet(
-            template,
-            self.measurements,
-            moved_landmarks(marks, matrix),
-            parts,
-            self.frame,
-            self.axes if axes is None else axes,
-            standard_pose,
+            template, self.measurements, landmarks, parts, self.frame, axes, standard_pose
         )
 
     def correspondence_to(
@@ -349,9 +381,9 @@ class MeasurementSet:
         coordinates : array, shape (V, 3)
             Barycentric coordinates.
         """
-        other = template.template if isinstance(template, BodyModel) else template
+        surface = _surface_of(template)
         points = self.vertices if registered is None else np.asarray(registered, dtype=np.float64)
-        places, _ = nearest_places(points, other.vertices, other.faces)
+        places, _ = nearest_places(points, surface.vertices, surface.faces)
         return places.triangles, places.barycentric
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -368,8 +400,22 @@ class MeasurementSet:
             If it cannot be written.
         """
         joints = self.model.joint_names if self.model else ()
-        own = {name: mark for name, mark in self.landmarks.items() if name not in joints}
-        write_set(path, self, own)
+        record = {
+            "format": _FORMAT,
+            "n_vertices": self.n_vertices,
+            "n_faces": len(self.faces),
+            "measurements": [measurement.to_dict() for measurement in self.measurements],
+            "landmarks": {
+                name: {"vertices": vertices.tolist(), "weights": weights.tolist()}
+                for name, (vertices, weights) in self.landmarks.items()
+                if name not in joints
+            },
+            "parts": {name: _as_runs(faces) for name, faces in self.parts.items()},
+            "frame": list(self.frame),
+            "axes": self.axes.tolist(),
+            "standard_pose": {n: np.asarray(v).tolist() for n, v in self.standard_pose.items()},
+        }
+        write_text(path, _json_text(record))
 
     @classmethod
     def load(cls, path: str | os.PathLike[str], template: Template | BodyModel) -> MeasurementSet:
@@ -393,6 +439,106 @@ class MeasurementSet:
         FileFormatError
             If the file does not hold measurements, or is for another template.
         """
-        surface = template.template if isinstance(template, BodyModel) else template
-        sizes = surface.n_vertices, surface.n_faces
-        return read_set(path, sizes, lambda fields: cls(template, **fields))
+        surface, file = _surface_of(template), file_path(path)
+        try:
+            record = json.loads(read_bytes(file))
+            if (record["n_vertices"], record["n_faces"]) != (surface.n_vertices, surface.n_faces):
+                raise ArgumentError(
+                    f"it is for {record['n_vertices']} vertices and {record['n_faces']} triangles; "
+                    f"the template has {surface.n_vertices} and {surface.n_faces}"
+                )
+            return cls(
+                template,
+                [measurement_from_dict(entry) for entry in record["measurements"]],
+                {
+                    name: (np.array(mark["vertices"]), np.array(mark["weights"]))
+                    for name, mark in record["landmarks"].items()
+                },
+                {name: _from_runs(runs) for name, runs in record["parts"].items()},
+                record["frame"],
+                record["axes"],
+                record["standard_pose"],
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            reason = f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+            raise FileFormatError(f"{file} does not hold measurements: {reason}") from error
+
+
+def _surface_of(template: Template | BodyModel) -> Template:
+    return template.template if isinstance(template, BodyModel) else template
+
+
+def _check_numbers(what: str, numbers: ndarray, count: int) -> None:
+    wrong = numbers[(numbers < 0) | (numbers >= count)]
+    if wrong.size:
+        raise ArgumentError(f"{what} {wrong[0]}; there are {count}")
+
+
+def _as_runs(numbers: ndarray) -> list[list[int]]:
+    """Return whole numbers as the first and last of each run of consecutive ones."""
+    ordered = np.unique(numbers)
+    breaks = np.flatnonzero(np.diff(ordered) > 1)
+    firsts = np.concatenate([ordered[:1], ordered[breaks + 1]])
+    lasts = np.concatenate([ordered[breaks], ordered[-1:]])
+    return np.stack([firsts, lasts], axis=1).tolist()
+
+
+def _from_runs(runs: Sequence[Sequence[int]]) -> ndarray:
+    ranges = [np.arange(first, last + 1) for first, last in runs]
+    return np.concatenate(ranges) if ranges else np.empty(0, dtype=np.int64)
+
+
+def _json_text(record: Mapping[str, Any]) -> str:
+    """Return JSON with one entry per line, two levels deep."""
+    lines = []
+    for key, value in record.items():
+        text = json.dumps(value)
+        if isinstance(value, dict) and value:
+            entries = [
+                f"{json.dumps(k)}: {json.dumps(v, ensure_ascii=False)}" for k, v in value.items()
+            ]
+            text = "{\n  " + ",\n  ".join(entries) + "\n }"
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            entries = [json.dumps(entry, ensure_ascii=False) for entry in value]
+            text = "[\n  " + ",\n  ".join(entries) + "\n ]"
+        lines.append(f" {json.dumps(key)}: {text}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def open_measurements(model: BodyModel | Template | str = "full") -> MeasurementSet | None:
+    """Return the measurements of the open body model.
+
+    Parameters
+    ----------
+    model : BodyModel, Template, "full" or "coarse"
+        The open model or a template with the same triangles, or a resolution of the model.
+
+    Returns
+    -------
+    MeasurementSet or None
+        The set of the open model of that resolution; None for other triangles.
+
+    Raises
+    ------
+    ArgumentError
+        If the resolution is unknown.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.measurements.open_measurements("coarse").names[:2]
+    ('stature', 'cervical height')
+    """
+    if isinstance(model, str):
+        return _load_open_set(one_of(model, "model", _RESOLUTIONS))
+    faces = _surface_of(model).faces
+    for resolution in _RESOLUTIONS:
+        if np.array_equal(load_open_model(resolution).faces, faces):
+            return _load_open_set(resolution)
+    return None
+
+
+@lru_cache(maxsize=len(_RESOLUTIONS))
+def _load_open_set(resolution: str) -> MeasurementSet:
+    path = DATA / f"open_body_{resolution}.json"
+    return MeasurementSet.load(path, load_open_model(resolution))

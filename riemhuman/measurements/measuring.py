@@ -1,9 +1,9 @@
-"""Values of measurements of bodies, with names, units and derivatives."""
+"""Values of measurements of bodies, with names, units and derivatives; the standard pose."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,33 +15,24 @@ from riemhuman.bodies import BodyModel
 from riemhuman.checks import one_of, real_array
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.extensions import extensions
+from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.threads import in_chunks
+from riemhuman.measurements._landmarked_bodies import LandmarkedBodies
 from riemhuman.measurements.definitions import nearest_name
-from riemhuman.measurements.landmarks import LandmarkedBodies
-from riemhuman.measurements.measurement_set import MeasurementSet
-from riemhuman.measurements.open_body import open_measurements
-from riemhuman.measurements.section_measurements import PlaneSection
-from riemhuman.measurements.sections import MEETS_OTHER_PART, MISSES
-from riemhuman.measurements.standard_pose import in_standard_pose
-from riemhuman.measurements.volume_measurements import Mass, Volume
+from riemhuman.measurements.measurement_set import MeasurementSet, open_measurements
 from riemhuman.optional import import_optional
+from riemhuman.solvers import ShapeTransfer
 from riemhuman.surfaces.template import Template
 from riemhuman.units import likely_units
 
-POSES = ("as is", "standard")
-AXES = ("body", "space")
+_POSES = ("as is", "standard")
+_AXES = ("body", "space")
 # Vertices of the bodies that are measured together: their temporary arrays stay in the cache.
 _VERTICES = 20_000
-# Number of bodies from which on threads share the work.
+# Number of bodies from which threads are faster.
 _THREADED = 64
-# Number of vertices that the size of a body is estimated from.
+# Number of vertices from which the size of a body is estimated.
 _N_SAMPLES = 256
-_REASONS = {
-    MISSES: "its plane misses {parts}",
-    MEETS_OTHER_PART: "its loop leaves {parts} and meets another part of the body; list that part "
-    "in leave_out, or measure at another place or in another pose",
-}
-_OPEN = "its loop around {parts} meets a boundary or a defect of the mesh"
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +49,8 @@ class MeasuredBodies:
         Unit of each measurement: "m", "m²", "m³" or "kg".
     gradient : array, shape (..., M, V, 3), optional
         Derivatives of the values by the vertices, if they were requested.
+    why_missing : dict of (int, str) to str
+        Why values are NaN, by the number of the body and the name of the measurement.
 
     Examples
     --------
@@ -72,6 +65,7 @@ class MeasuredBodies:
     values: ndarray
     units: tuple[str, ...]
     gradient: ndarray | None = None
+    why_missing: Mapping[tuple[int, str], str] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> ndarray:
         """Return the values of one measurement, shape (...)."""
@@ -109,9 +103,8 @@ class MeasuredBodies:
         """
         pandas = import_optional("pandas", "tables")
         columns = [f"{n} ({u})" for n, u in zip(self.names, self.units, strict=True)]
-        return pandas.DataFrame(
-            self.values.reshape(-1, len(self.names)), columns=columns, index=index
-        )
+        rows = self.values.reshape(-1, len(self.names))
+        return pandas.DataFrame(rows, columns=columns, index=index)
 
 
 class Measurements:
@@ -141,16 +134,16 @@ class Measurements:
     """
 
     def __init__(
-        self,
-        model: BodyModel | Template | MeasurementSet,
-        definitions: Any = None,
+        self, model: BodyModel | Template | MeasurementSet, definitions: Any = None
     ) -> None:
         own: MeasurementSet | None
         if isinstance(model, MeasurementSet):
             own = model
         elif isinstance(definitions, MeasurementSet):
             own, definitions = definitions, None
-            _check_fits(own, model)
+            surface = model.template if isinstance(model, BodyModel) else model
+            if not np.array_equal(surface.faces, own.faces):
+                raise ArgumentError(f"definitions are for {own!r}; the model is {model!r}")
         elif isinstance(definitions, (str, Path)):
             own, definitions = MeasurementSet.load(definitions, model), None
         else:
@@ -204,7 +197,8 @@ class Measurements:
         gradient : bool
             Whether to return derivatives by the vertices; only for bodies as they stand.
         missing : {"raise", "nan"}
-            Whether a measurement that is not defined raises an error or gives NaN.
+            Whether a measurement that is not defined raises an error or gives NaN, with the reason
+            in `why_missing`.
 
         Returns
         -------
@@ -218,21 +212,24 @@ class Measurements:
         DegenerateSurfaceError
             If a volume or mass is requested and the template has boundaries.
         """
-        one_of(pose, "pose", POSES)
+        one_of(pose, "pose", _POSES)
         one_of(missing, "missing", ("raise", "nan"))
-        one_of(axes, "axes", AXES)
+        one_of(axes, "axes", _AXES)
         points = real_array(points, "points", (self.definitions.n_vertices, 3))
         lead = points.shape[:-2]
         surfaces = points.reshape(-1, *points.shape[-2:])
-        _refuse_other_units(surfaces)
-        self._check_closed()
+        _check_metres(surfaces)
+        for measurement in self.definitions.measurements:
+            if measurement.needs_closed_surface and not self.definitions.is_closed:
+                raise DegenerateSurfaceError(
+                    f"{measurement.name!r} needs a closed surface; the template has boundaries"
+                )
         if pose == "standard":
             if gradient:
                 raise ArgumentError('gradient requires pose="as is"; found pose="standard"')
             surfaces, axes = in_standard_pose(self.definitions, surfaces), "space"
         if not self.definitions.frame:
             axes = "space"
-        shape = (*lead, len(self.names))
         values = np.empty((len(surfaces), len(self.names)))
         slopes = np.empty((*values.shape, *points.shape[-2:])) if gradient else None
         size = max(1, _VERTICES // points.shape[-2])
@@ -240,19 +237,22 @@ class Measurements:
         def task(first: int, last: int) -> None:
             for k in range(first, last, size):
                 part = slice(k, min(k + size, last))
-                values[part], own = self._measure(surfaces[part], axes, gradient)
+                values[part], derivatives = self._measure(surfaces[part], axes, gradient)
                 if slopes is not None:
-                    slopes[part] = own
+                    slopes[part] = derivatives
 
         in_chunks(task, len(surfaces), threaded=len(surfaces) >= _THREADED)
-        if missing == "raise" and np.isnan(values).any():
-            self._refuse_missing(surfaces, values, axes)
+        why_missing = self._why_missing(surfaces, values, axes)
+        if missing == "raise" and why_missing:
+            (number, name), reason = next(iter(why_missing.items()))
+            raise ArgumentError(f"{name!r} cannot be taken of body {number}: {reason}")
+        shape = (*lead, len(self.names))
         if slopes is not None:
             slopes = slopes.reshape(*shape, *points.shape[-2:])
-        return MeasuredBodies(self.names, values.reshape(shape), self.units, slopes)
+        return MeasuredBodies(self.names, values.reshape(shape), self.units, slopes, why_missing)
 
-    def tapes(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
-        """Return the tapes of all measurements on one body as it stands.
+    def lines(self, surface: Any, *, axes: str = "body") -> dict[str, list[ndarray]]:
+        """Return the measurement lines of one body as it stands.
 
         Parameters
         ----------
@@ -264,19 +264,18 @@ class Measurements:
         Returns
         -------
         dict of str to list of array, shape (k, 3)
-            Curves by name; empty for volumes, areas and measurements that are not defined.
+            Lines by name; empty for volumes, areas and measurements that are not defined.
         """
         shape = (self.definitions.n_vertices, 3)
         surface = real_array(surface, "surface", shape, batched=False)
-        axes = one_of(axes, "axes", AXES) if self.definitions.frame else "space"
+        axes = one_of(axes, "axes", _AXES) if self.definitions.frame else "space"
         bodies = LandmarkedBodies(self.definitions, surface[np.newaxis], axes)
-        found = {}
+        lines = {}
         for measurement in self.definitions.measurements:
-            taken = not np.isnan(measurement.value(bodies)[0])
-            found[measurement.name] = [
-                np.asarray(curve) for curve in (measurement.curves(bodies) if taken else [])
-            ]
-        return found
+            is_defined = not np.isnan(measurement.value(bodies)[0])
+            own = measurement.lines(bodies) if is_defined else []
+            lines[measurement.name] = [np.asarray(line) for line in own]
+        return lines
 
     def _measure(
         self, surfaces: ndarray, axes: str, gradient: bool
@@ -289,7 +288,7 @@ class Measurements:
         values, slopes = [], []
         for measurement in measurements:
             pull_back, value = make_vjp(
-                lambda moved, taken=measurement: taken.value(
+                lambda moved, measurement=measurement: measurement.value(
                     LandmarkedBodies(self.definitions, moved, axes)
                 )
             )(surfaces)
@@ -297,57 +296,74 @@ class Measurements:
             slopes.append(pull_back(np.ones(len(surfaces))))
         return np.stack(values, axis=-1), np.stack(slopes, axis=1)
 
-    def _check_closed(self) -> None:
-        for measurement in self.definitions.measurements:
-            if isinstance(measurement, (Volume, Mass)) and not self.definitions.is_closed:
-                raise DegenerateSurfaceError(
-                    f"{measurement.name!r} needs a closed surface; the template has boundaries"
-                )
-
-    def _refuse_missing(self, surfaces: ndarray, values: ndarray, axes: str) -> None:
-        number, which = (int(i) for i in np.argwhere(np.isnan(values))[0])
-        measurement = self.definitions.measurements[which]
-        where = f"{measurement.name!r} cannot be taken of body {number}: "
-        if not isinstance(measurement, PlaneSection):
-            raise ArgumentError(f"{where}there is no path along the surface")
-        bodies = LandmarkedBodies(self.definitions, surfaces[[number]], axes)
-        _, status = measurement.section(bodies)
-        parts = " and ".join(measurement.parts) or "the surface"
-        raise ArgumentError(where + _REASONS.get(status, _OPEN).format(parts=parts))
+    def _why_missing(
+        self, surfaces: ndarray, values: ndarray, axes: str
+    ) -> dict[tuple[int, str], str]:
+        reasons = {}
+        for number, which in np.argwhere(np.isnan(values)).tolist():
+            measurement = self.definitions.measurements[which]
+            bodies = LandmarkedBodies(self.definitions, surfaces[[number]], axes)
+            reasons[number, measurement.name] = measurement.why_missing(bodies)
+        return reasons
 
 
-def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
-    """Return values of measurements by name, after checking the names.
+def in_standard_pose(description: MeasurementSet, points: ndarray) -> ndarray:
+    """Return bodies in the standard pose, along the axes of the body model.
+
+    The body model is fitted to each body. `riemhuman.solvers.ShapeTransfer` then transfers the
+    difference between the body and its fit to the fitted person in the standard pose: triangles
+    stretch by the same amounts, along axes that rotate with them.
 
     Parameters
     ----------
-    values : mapping of str to float
-        Values by name.
-    names : sequence of str
-        Known names.
+    description : MeasurementSet
+        Measurements of a body model, with the standard pose.
+    points : array, shape (..., V, 3)
+        Bodies, metres.
 
     Returns
     -------
-    dict of str to float
+    array, shape (..., V, 3)
 
     Raises
     ------
     ArgumentError
-        If there are no values, or a name is unknown; the message offers the nearest names.
+        If the template is not a body model.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> own = rh.measurements.Measurements(bodies.model)
+    >>> straight = rh.measurements.in_standard_pose(own.definitions, bodies[3])
+    >>> straight.shape
+    (1202, 3)
     """
+    model = description.model
+    if model is None:
+        raise ArgumentError(
+            'pose="standard" needs a body model, whose fit removes the pose; found a surface'
+        )
+    fit = model.fit(points, weights=model.template.vertex_areas)
+    space = AlignedSurfaces(model.template, equip=False, scale=None)
+    transfer, pose = ShapeTransfer(), description.standard_pose_vector
+    straight = np.empty_like(points)
+    for index in np.ndindex(points.shape[:-2]):
+        fitted = model(fit.betas[index], fit.pose[index], fit.trans[index])
+        target = model(fit.betas[index], pose)
+        straight[index] = transfer.solve(space, fitted, points[index], target)
+    return straight
+
+
+def as_mapping(values: Any, names: Sequence[str]) -> dict[str, float]:
+    """Return values of measurements by name; raise an error if there are none or unknown ones."""
     if not isinstance(values, Mapping) or not values:
         raise ArgumentError(f"values must map names of measurements to numbers; found {values!r}")
     return {nearest_name(name, "measurement", names): float(v) for name, v in values.items()}
 
 
-def _check_fits(own: MeasurementSet, model: BodyModel | Template) -> None:
-    surface = model.template if isinstance(model, BodyModel) else model
-    if not np.array_equal(surface.faces, own.faces):
-        raise ArgumentError(f"definitions are for {own!r}; the model is {model!r}")
-
-
-def _refuse_other_units(surfaces: ndarray) -> None:
-    """Refuse bodies in other units, such as millimetres; accept sizes of a body in no unit."""
+def _check_metres(surfaces: ndarray) -> None:
+    """Raise an error if bodies are in other units; sizes that fit no unit are accepted."""
     if not surfaces.size:
         return
     some = surfaces[:, :: max(1, surfaces.shape[1] // _N_SAMPLES)]

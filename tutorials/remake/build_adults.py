@@ -20,7 +20,7 @@ from build_open_model import EXTRA, adult_phenotypes, read_source
 
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import FileError
-from riemhuman.measurements.open_body import FOLDER
+from riemhuman.measurements.measurement_set import DATA as FOLDER
 from riemhuman.optional import import_optional
 
 _DIGITS = 5

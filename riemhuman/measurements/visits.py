@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -13,14 +14,14 @@ from numpy import ndarray
 from riemhuman.checks import real_array
 from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.vertex_normals import vertex_normals
-from riemhuman.measurements.measurement_set import MeasurementSet
-from riemhuman.measurements.measuring import Measurements
-from riemhuman.measurements.open_body import FOLDER
-from riemhuman.measurements.standard_pose import in_standard_pose
+from riemhuman.measurements.measurement_set import DATA, MeasurementSet
+from riemhuman.measurements.measuring import Measurements, in_standard_pose
 from riemhuman.surfaces.procrustes import procrustes
 
-# A difference has the variance of both visits; a change counts above two of its deviations.
-_SEEN = 2.0 * np.sqrt(2.0)
+# A change is the difference of two visits, so that its standard deviation is √2 times the noise of
+# one; it is significant above two of these. Chance alone exceeds them in 4.55 % of comparisons.
+_SIGNIFICANT = 2.0 * np.sqrt(2.0)
+_CHANCE = math.erfc(np.sqrt(2.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,14 +73,24 @@ class VisitComparison:
         return self.after - self.before
 
     @property
-    def seen(self) -> ndarray:
-        """Which changes exceed two standard deviations of their noise, shape (M,)."""
-        return np.abs(self.changes) > _SEEN * self.noise
+    def thresholds(self) -> ndarray:
+        """Changes beyond which a measurement has changed, shape (M,): 2√2 times the noise."""
+        return _SIGNIFICANT * self.noise
 
     @property
-    def areas_seen(self) -> ndarray:
+    def is_significant(self) -> ndarray:
+        """Which changes of measurements exceed their thresholds, shape (M,)."""
+        return np.abs(self.changes) > self.thresholds
+
+    @property
+    def expected_by_chance(self) -> float:
+        """Number of measurements expected beyond their thresholds if nothing changed."""
+        return float(_CHANCE * np.isfinite(self.noise).sum())
+
+    @property
+    def areas_significant(self) -> ndarray:
         """Which changes of area exceed two standard deviations of their noise, shape (F,)."""
-        return np.abs(self.area_changes) > _SEEN * self.area_noise
+        return np.abs(self.area_changes) > _SIGNIFICANT * self.area_noise
 
 
 def compare_visits(measurements: Measurements, before: Any, after: Any) -> VisitComparison:
@@ -122,7 +133,7 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
     )
     straight = in_standard_pose(description, visits)
     measured = measurements.measure(straight, axes="space", missing="nan")
-    one, other = straight[0], procrustes(straight[1], to=straight[0])
+    first, second = straight[0], procrustes(straight[1], to=straight[0])
     assert description.model is not None
     space = AlignedSurfaces(description.model.template, equip=False, scale=None)
     areas = space.face_areas(straight)
@@ -133,11 +144,11 @@ def compare_visits(measurements: Measurements, before: Any, after: Any) -> Visit
         before=measured.values[0],
         after=measured.values[1],
         noise=np.array([known.get(name, np.nan) for name in measured.names]),
-        points_before=one,
-        points_after=other,
+        points_before=first,
+        points_after=second,
         area_changes=np.log(areas[1] / areas[0]),
         area_noise=_noise_of_areas(description, by_part),
-        displacements=np.sum((other - one) * vertex_normals(one, description.faces), axis=1),
+        displacements=np.sum((second - first) * vertex_normals(first, description.faces), axis=1),
     )
 
 
@@ -162,7 +173,7 @@ def noise_of_poses() -> tuple[dict[str, float], dict[str, float]]:
     >>> girths["waist girth"] < 0.005
     True
     """
-    record = json.loads((FOLDER / "noise_of_poses.json").read_text(encoding="utf-8"))
+    record = json.loads((DATA / "noise_of_poses.json").read_text(encoding="utf-8"))
     return record["measurements"], record["log_areas"]
 
 

@@ -10,7 +10,7 @@ from numpy import ndarray
 
 from riemhuman.checks import Rng, generator, real_array, whole_number
 from riemhuman.errors import ArgumentError
-from riemhuman.solvers.geodesic_regression import GeodesicRegression
+from riemhuman.solvers import GeodesicRegression
 from riemhuman.solvers.image_spaces import image_space
 from riemhuman.solvers.tangent_pca import mean_point
 
@@ -117,10 +117,11 @@ def regress_shape(
     gram = _gram_matrix(space, regression, points)
     rng = generator(rng)
     own = values[first]
-    found = _explained(gram, own[of_person])
-    dealt = [_explained(gram, rng.permutation(own)[of_person]) for _ in range(n_permutations)]
-    as_much = 1 + int(np.sum(np.array(dealt) >= found * (1.0 - 1e-12)))
-    return ShapeRegression(regression, found, as_much / (1 + n_permutations), n_permutations)
+    explained = _explained(gram, own[of_person])
+    permuted = [_explained(gram, rng.permutation(own)[of_person]) for _ in range(n_permutations)]
+    n_at_least = 1 + int(np.sum(np.array(permuted) >= explained * (1.0 - 1e-12)))
+    p_value = n_at_least / (1 + n_permutations)
+    return ShapeRegression(regression, explained, p_value, n_permutations)
 
 
 def _gram_matrix(space: Any, regression: GeodesicRegression, points: ndarray) -> ndarray:
@@ -130,7 +131,7 @@ def _gram_matrix(space: Any, regression: GeodesicRegression, points: ndarray) ->
     base = image.embed(mean[None])[0]
     logs = image.metric.log(image.embed(points), base)
     return np.array(
-        [[float(image.metric.inner_product(one, other, base)) for other in logs] for one in logs]
+        [[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs]
     )
 
 

@@ -29,50 +29,25 @@ SurfacePoint = tuple[int, ndarray]
 # The strip changes if the path gets shorter by more than this share of its length.
 _GAIN = 1e-12
 _MOST_ROUNDS = 200
-# Triangles that a strip may have, for each that it starts with.
-_ROOM = 4
+# A strip may grow to this many times its first number of triangles, and 200 more.
+_MOST_GROWTH = 4
 
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
-    """Vertices, triangles and adjacency of a template.
-
-    Attributes
-    ----------
-    vertices : array, shape (V, 3)
-        Vertices of the template, metres.
-    faces : array of int, shape (F, 3)
-        Triangles.
-    neighbours : array of int, shape (F, 3)
-        Triangle beyond the edge from corner k to k + 1; -1 at boundaries.
-    """
+    """Vertices, triangles and adjacency of a template; `neighbours` as `neighbours_of` returns."""
 
     vertices: ndarray
     faces: ndarray
     neighbours: ndarray
 
     def strip(self, first: int, last: int) -> ndarray:
-        """Return the triangles on the shortest path of centroids from one triangle to another.
-
-        Parameters
-        ----------
-        first, last : int
-            Numbers of triangles.
-
-        Returns
-        -------
-        strip : array of int, shape (k,)
-
-        Raises
-        ------
-        ArgumentError
-            If no path on the surface connects them.
-        """
-        one, corner = np.nonzero(self.neighbours >= 0)
-        other = self.neighbours[one, corner]
+        """Return the triangles on the shortest path of centroids from one triangle to another."""
+        face, corner = np.nonzero(self.neighbours >= 0)
+        beyond = self.neighbours[face, corner]
         centroids = self.vertices[self.faces].mean(axis=1)
-        lengths = np.linalg.norm(centroids[one] - centroids[other], axis=1)
-        graph = sparse.csr_array((lengths, (one, other)), shape=(len(self.faces),) * 2)
+        lengths = np.linalg.norm(centroids[face] - centroids[beyond], axis=1)
+        graph = sparse.csr_array((lengths, (face, beyond)), shape=(len(self.faces),) * 2)
         _, before = dijkstra(graph, indices=last, return_predecessors=True)
         strip = [first]
         while strip[-1] != last:
@@ -86,21 +61,7 @@ class Mesh:
 
 @primitive
 def geodesic_lengths(surfaces: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> Any:
-    """Return the lengths of geodesics; autograd can differentiate them by the surfaces.
-
-    Parameters
-    ----------
-    surfaces : array, shape (n, V, 3)
-        Surfaces over the template.
-    start, end : pair of int and array, shape (3,)
-        Triangle and barycentric coordinates of the ends.
-    mesh : Mesh
-        The template's mesh.
-
-    Returns
-    -------
-    lengths : array, shape (n,)
-    """
+    """Return the lengths of geodesics, shape (n,); autograd can differentiate by the surfaces."""
     strip = mesh.strip(start[0], end[0])
     return np.array([_shortest(surface, start, end, mesh, strip)[0] for surface in surfaces])
 
@@ -131,22 +92,7 @@ defvjp(geodesic_lengths, _pull_back, argnums=(0,))
 
 
 def geodesic_path(surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh) -> ndarray:
-    """Return the points of a geodesic.
-
-    Parameters
-    ----------
-    surface : array, shape (V, 3)
-        A surface over the template.
-    start, end : pair of int and array, shape (3,)
-        Triangle and barycentric coordinates of the ends.
-    mesh : Mesh
-        The template's mesh.
-
-    Returns
-    -------
-    points : array, shape (k, 3)
-        The two ends and, between them, the crossings with edges.
-    """
+    """Return the two ends of a geodesic and, between them, its crossings with edges."""
     strip = mesh.strip(start[0], end[0])
     _, vertices, weights = _shortest(surface, start, end, mesh, strip)
     return np.einsum("kc,kcx->kx", weights, surface[vertices])
@@ -156,7 +102,7 @@ def _shortest(
     surface: ndarray, start: SurfacePoint, end: SurfacePoint, mesh: Mesh, first: ndarray
 ) -> tuple[float, ndarray, ndarray]:
     """Return the length of a path, and three vertices with weights for each of its points."""
-    strip = np.empty(_ROOM * len(first) + 200, np.int64)
+    strip = np.empty(_MOST_GROWTH * len(first) + 200, np.int64)
     strip[: len(first)] = first
     edges, places = np.empty((len(strip), 2), np.int64), np.empty(len(strip))
     f, *ends = (np.require(array, np.float64, ["C", "W"]) for array in (surface, start[1], end[1]))
@@ -179,11 +125,11 @@ def _corner_of(faces: Any, face: int, vertex: int) -> int:
 
 
 @compiled
-def _product(f: Any, origin: int, one: int, other: int) -> float:
+def _product(f: Any, origin: int, a: int, b: int) -> float:
     """Return the inner product of the edges from a vertex to two others."""
     total = 0.0
     for x in range(3):
-        total += (f[one, x] - f[origin, x]) * (f[other, x] - f[origin, x])
+        total += (f[a, x] - f[origin, x]) * (f[b, x] - f[origin, x])
     return total
 
 
@@ -284,8 +230,8 @@ def _cross_edges(
         goal = left[last] if number < count and of_left[number] else right[last]
         length += np.sqrt((goal[0] - here[0]) ** 2 + (goal[1] - here[1]) ** 2)
         while k <= last and k < size:
-            one, other = _side(here, goal, right[k]), _side(here, goal, left[k])
-            t = 0.5 if one == other else one / (one - other)
+            on_right, on_left = _side(here, goal, right[k]), _side(here, goal, left[k])
+            t = 0.5 if on_right == on_left else on_right / (on_right - on_left)
             if k == last:
                 t = 1.0 if of_left[number] else 0.0
             places[k - 1] = min(max(t, 0.0), 1.0)
@@ -341,9 +287,9 @@ def _straighten(
     f: Any, mesh: Any, strip: Any, size: int, ends: Any, edges: Any, places: Any
 ) -> Any:
     """Shorten a path until no change of its strip helps; return its length and strip size."""
-    room = len(strip)
-    sides = right, left = np.empty((room + 1, 2)), np.empty((room + 1, 2))
-    bends, of_left = np.empty(room + 1, np.int64), np.empty(room + 1, np.bool_)
+    most = len(strip) + 1
+    sides = right, left = np.empty((most, 2)), np.empty((most, 2))
+    bends, of_left = np.empty(most, np.int64), np.empty(most, np.bool_)
     new, new_edges, new_places = np.empty_like(strip), np.empty_like(edges), np.empty_like(places)
     if not _unfold(f, mesh, strip, size, ends, edges, sides):
         return np.nan, size

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from autograd.extend import defvjp, primitive
 from numpy import ndarray
+from scipy.spatial import ConvexHull
 
 from riemhuman.kernels.compiled import compiled
 
@@ -22,25 +23,15 @@ LENGTH, HULL, EXTENT = 0, 1, 2
 """Sizes of a section: its length, the length of its convex hull, its extent."""
 
 FOREIGN, WANTED, LEFT_OUT = 0, 1, 2
-"""Roles of triangles: the loop must not meet them, is measured on them, or passes over them."""
+"""Roles of triangles: the line must not meet them, is measured on them, or passes over them."""
 
 MISSES, MEETS_OTHER_PART, OPEN = -1, -2, -3
-"""Why there is no section: the plane misses the part, or the loop leaves it or meets a boundary."""
+"""Why there is no section: the plane misses the part, or the line leaves it or meets a boundary."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cutter:
-    """The triangles that a plane may cut.
-
-    Attributes
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles.
-    neighbours : array of int, shape (F, 3)
-        Triangle beyond the edge from corner k to k + 1; -1 at boundaries.
-    roles : array of uint8, shape (F,)
-        `FOREIGN`, `WANTED` or `LEFT_OUT`.
-    """
+    """The triangles that a plane may cut, with their neighbours and roles, shape (F,)."""
 
     faces: ndarray
     neighbours: ndarray
@@ -52,53 +43,39 @@ class Cutter:
         return self.faces, self.neighbours, self.roles, np.flatnonzero(self.roles == WANTED)
 
     def section(self, surface: ndarray, origin: ndarray, normal: ndarray) -> tuple[ndarray, int]:
-        """Return the points of one section in order, or why there is none.
+        """Return the crossings with the edges of wanted triangles, shape (k, 3), and a status.
 
-        Parameters
-        ----------
-        surface : array, shape (V, 3)
-            Vertices, metres.
-        origin, normal : array, shape (3,)
-            A point of the plane, and its normal.
-
-        Returns
-        -------
-        points : array, shape (k, 3)
-            Crossings of the loop with the edges of wanted triangles.
-        status : int
-            0, `MISSES`, `MEETS_OTHER_PART` or `OPEN`.
+        The status is 0, or why there is no section: `MISSES`, `MEETS_OTHER_PART` or `OPEN`.
         """
         ends, places, wanted = trace = _workspace(self)
         f, *plane = _plain(surface, origin, normal)
         count = _trace(f, self.mesh, *plane, trace)
         if count < 0:
             return np.empty((0, 3)), int(count)
-        kept = wanted[:count] | np.roll(wanted[:count], 1)
+        is_measured = wanted[:count] | np.roll(wanted[:count], 1)
         a, b = (surface[ends[:count, k]] for k in (0, 1))
-        return (a + places[:count, np.newaxis] * (b - a))[kept], 0
+        return (a + places[:count, np.newaxis] * (b - a))[is_measured], 0
 
 
 def neighbours_of(faces: ndarray) -> ndarray:
-    """Return the neighbour of each triangle across each of its edges.
-
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles.
-
-    Returns
-    -------
-    neighbours : array of int, shape (F, 3)
-        Triangle beyond the edge from corner k to k + 1; -1 if there is none or more than one.
-    """
+    """Return the triangle beyond the edge from corner k to k + 1; -1 if none or more than one."""
     edges = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1).reshape(-1, 2)
     _, numbers, counts = np.unique(edges, axis=0, return_inverse=True, return_counts=True)
     order = np.argsort(numbers.reshape(-1), kind="stable")
     starts = np.concatenate([[0], np.cumsum(counts)[:-1]])[counts == 2]
-    one, other = order[starts], order[starts + 1]
+    first, second = order[starts], order[starts + 1]
     beyond = np.full(len(edges), -1)
-    beyond[one], beyond[other] = other // 3, one // 3
+    beyond[first], beyond[second] = second // 3, first // 3
     return beyond.reshape(-1, 3)
+
+
+def closed_line(points: ndarray, hull: bool) -> ndarray:
+    """Return a section or its convex hull as a closed line, whose last point is the first."""
+    if hull and len(points) > 2:
+        middle = points.mean(axis=0)
+        _, _, axes = np.linalg.svd(points - middle, full_matrices=False)
+        points = points[ConvexHull((points - middle) @ axes[:2].T).vertices]
+    return np.concatenate([points, points[:1]])
 
 
 @primitive
@@ -110,25 +87,11 @@ def section_sizes(
     cutter: Cutter,
     kind: int,
 ) -> ndarray:
-    """Measure one section of every surface; differentiable by the first four arguments.
+    """Return the sizes of one section of every surface, shape (n,); NaN where there is none.
 
-    Parameters
-    ----------
-    surfaces : array, shape (n, V, 3)
-        Vertices, metres.
-    origins, normals : array, shape (n, 3)
-        Points of the planes, and their normals.
-    directions : array, shape (n, 3)
-        Unit vectors along which extents are measured.
-    cutter : Cutter
-        The triangles that a plane may cut.
-    kind : int
-        `LENGTH`, `HULL` or `EXTENT`.
-
-    Returns
-    -------
-    sizes : array, shape (n,)
-        NaN where there is no section.
+    Planes are given by points and normals, shape (n, 3); extents are measured along unit vectors
+    `directions`; `kind` is `LENGTH`, `HULL` or `EXTENT`. Autograd can differentiate by the first
+    four arguments.
     """
     sizes = np.empty(len(surfaces))
     f, *planes = _plain(surfaces, origins, normals, directions)
@@ -244,20 +207,20 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
         if abs(normal[x]) < abs(normal[least]):
             least = x
     # Two axes of the plane; products and sorting are written in loops, which compile fast.
-    one, other = np.zeros(3), np.zeros(3)
+    u, v = np.zeros(3), np.zeros(3)
     before, after = (least + 2) % 3, (least + 1) % 3
-    one[after], one[before] = normal[before], -normal[after]
-    length = np.sqrt(one[after] ** 2 + one[before] ** 2)
+    u[after], u[before] = normal[before], -normal[after]
+    length = np.sqrt(u[after] ** 2 + u[before] ** 2)
     for x in range(3):
-        one[x] /= length
+        u[x] /= length
     for x in range(3):
         y, z = (x + 1) % 3, (x + 2) % 3
-        other[x] = normal[y] * one[z] - normal[z] * one[y]
+        v[x] = normal[y] * u[z] - normal[z] * u[y]
     flat = np.empty((len(numbers), 2))
     for k in range(len(numbers)):
         point = points[numbers[k]]
-        flat[k, 0] = point[0] * one[0] + point[1] * one[1] + point[2] * one[2]
-        flat[k, 1] = point[0] * other[0] + point[1] * other[1] + point[2] * other[2]
+        flat[k, 0] = point[0] * u[0] + point[1] * u[1] + point[2] * u[2]
+        flat[k, 1] = point[0] * v[0] + point[1] * v[1] + point[2] * v[2]
     order = np.arange(len(numbers))
     for k in range(1, len(order)):  # from left to right, then from below
         j = k
@@ -278,10 +241,10 @@ def _hull(points: Any, numbers: Any, normal: Any) -> Any:
             k = order[step] if half == 0 else order[len(order) - 1 - step]
             while size >= start + 2:
                 p, q = chain[size - 2], chain[size - 1]
-                turn = (flat[q, 0] - flat[p, 0]) * (flat[k, 1] - flat[p, 1]) - (
+                bend = (flat[q, 0] - flat[p, 0]) * (flat[k, 1] - flat[p, 1]) - (
                     flat[q, 1] - flat[p, 1]
                 ) * (flat[k, 0] - flat[p, 0])
-                if turn > 0.0:
+                if bend > 0.0:
                     break
                 size -= 1
             chain[size] = k

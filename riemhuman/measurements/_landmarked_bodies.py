@@ -1,0 +1,93 @@
+"""Surfaces over one template, with the landmarks, axes and parts that measurements refer to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import autograd.numpy as np
+import numpy as onp
+from numpy import ndarray
+
+Place = str | Mapping[str, float]
+"""A landmark, or an affine combination of landmarks such as ``{"hip": 0.5, "knee": 0.5}``."""
+
+_AXES = {"left": 0, "up": 1, "forward": 2}
+
+
+class LandmarkedBodies:
+    """Surfaces, shape (n, V, 3) in metres, with landmarks and axes by name.
+
+    Autograd can differentiate everything by the surfaces. Axes are those of the bodies, which move
+    with their trunks ("body"), or those of the template in space ("space").
+    """
+
+    def __init__(self, description: Any, surfaces: Any, axes: str) -> None:
+        self.set, self.surfaces, self._frames = description, surfaces, axes
+        self._positions: dict[str, Any] = {}
+
+    def place(self, place: Place) -> Any:
+        """Return the position of a place on each body, shape (n, 3)."""
+        if isinstance(place, Mapping):
+            total = sum(place.values())
+            return sum(weight / total * self.place(name) for name, weight in place.items())
+        if place not in self._positions:
+            vertices, weights = self.set.landmarks[place]
+            self._positions[place] = np.sum(weights[:, None] * self.surfaces[:, vertices], axis=1)
+        return self._positions[place]
+
+    def axis(self, axis: Any) -> Any:
+        """Return "up", "left" or "forward", or the unit vectors from one place to another."""
+        if isinstance(axis, str):
+            return self._axes[..., _AXES[axis]]
+        start, end = axis
+        return _unit(self.place(end) - self.place(start))
+
+    @cached_property
+    def _axes(self) -> Any:
+        """Left, up and forward of every body as columns, shape (n, 3, 3)."""
+        if self._frames == "space":
+            return onp.asarray(self.set.axes) + np.zeros((len(self.surfaces), 1, 1))
+        # The axes lie in this frame as the template's axes lie in the frame of its landmarks.
+        places = (self.place(name) for name in self.set.frame)
+        return np.matmul(_frame(*places), self.set.axes_in_frame)
+
+    @cached_property
+    def floor(self) -> Any:
+        """Coordinate of the lowest vertex of each body along the axis "up", shape (n,)."""
+        heights = np.matmul(self.surfaces, self.axis("up")[:, :, None])[..., 0]
+        return np.min(heights, axis=-1)
+
+    @cached_property
+    def volumes(self) -> Any:
+        """Volumes that closed surfaces enclose, shape (n,)."""
+        # About the mean vertex, where products of coordinates lose the fewest digits.
+        centred = self.surfaces - np.mean(self.surfaces, axis=1, keepdims=True)
+        a, b, c = _corners(centred, self.set.faces)
+        return np.sum(a * np.cross(b, c), axis=(-2, -1)) / 6.0
+
+    def areas(self, faces: ndarray) -> Any:
+        """Return the sum of the areas of some triangles, shape (n,)."""
+        a, b, c = _corners(self.surfaces, faces)
+        return 0.5 * np.sum(np.sqrt(np.sum(np.cross(b - a, c - a) ** 2, axis=-1)), axis=-1)
+
+
+def _corners(surfaces: Any, faces: ndarray) -> tuple[Any, Any, Any]:
+    return surfaces[:, faces[:, 0]], surfaces[:, faces[:, 1]], surfaces[:, faces[:, 2]]
+
+
+def axes_in_frame(places: ndarray, axes: ndarray) -> ndarray:
+    """Return axes as columns in the frame of four landmarks: bottom, top, right and left."""
+    return _frame(*(place[None] for place in places))[0].T @ axes
+
+
+def _frame(bottom: Any, top: Any, right: Any, left: Any) -> Any:
+    up = _unit(top - bottom)
+    side = left - right
+    side = _unit(side - np.sum(side * up, axis=-1, keepdims=True) * up)
+    return np.stack([side, up, np.cross(side, up)], axis=-1)
+
+
+def _unit(vectors: Any) -> Any:
+    return vectors / np.sqrt(np.sum(vectors**2, axis=-1, keepdims=True))
