@@ -146,7 +146,7 @@ def tapes(bodies) -> None:
     """Draw a person in the standard pose with every tape."""
     own = rh.measurements.Measurements(bodies.model)
     straight = rh.measurements.in_standard_pose(own.definitions, bodies[25])
-    found = own.tapes(straight, axes="space")
+    found = own.lines(straight, axes="space")
     save(rh.plots.plot_measurement_lines(straight, bodies.template.faces, found), "tapes")
 
 

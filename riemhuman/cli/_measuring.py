@@ -83,7 +83,7 @@ def _measure(options: argparse.Namespace) -> Answer:
     with options.reporter.task(f"Measurements of {len(files)} meshes"):
         measured = measurements.measure(points, axes=axes, missing="nan")
     if options.picture is not None:
-        lines = measurements.tapes(points[0], axes=axes)
+        lines = measurements.lines(points[0], axes=axes)
         faces = measurements.definitions.faces
         with rh.plots.figure_style():
             figure = rh.plots.plot_measurement_lines(points[0], faces, lines)
@@ -138,7 +138,7 @@ def _compare(options: argparse.Namespace) -> Answer:
         result = rh.measurements.compare_visits(measurements, *points)
     columns = (
         *(result.names, result.units, result.before, result.after),
-        *(result.changes, result.noise, result.seen),
+        *(result.changes, result.noise, result.is_significant),
     )
     rows = list(zip(*columns, strict=True))
     if options.output is not None:
@@ -150,11 +150,11 @@ def _compare(options: argparse.Namespace) -> Answer:
         "after": options.after,
         "changes": result.changes,
         "noise": result.noise,
-        "seen": result.seen,
+        "seen": result.is_significant,
         "names": result.names,
         "units": result.units,
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
-        "areas_seen": float(result.areas_seen.mean()),
+        "areas_seen": float(result.areas_significant.mean()),
         "output": options.output,
     }
     width = max(map(len, result.names))
@@ -166,7 +166,7 @@ def _compare(options: argparse.Namespace) -> Answer:
         )
     said += [
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
-        f"triangles whose area changed: {100 * result.areas_seen.mean():.1f} %",
+        f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
     said += [] if options.output is None else [f"written to  {options.output}"]
     return Answer("\n".join(said), record)

@@ -264,7 +264,7 @@ def plot_measurement_lines(
     faces : array_like, shape (F, 3)
         Triangles.
     lines : mapping of str to sequence of array, shape (k, 3)
-        Curves by name, as `rh.measurements.Measurements.tapes` returns them.
+        Curves by name, as `rh.measurements.Measurements.lines` returns them.
     height : int
         Height of the pictures in pixels.
 
@@ -281,7 +281,7 @@ def plot_measurement_lines(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> lines = rh.measurements.Measurements(bodies.model).tapes(bodies[0])
+    >>> lines = rh.measurements.Measurements(bodies.model).lines(bodies[0])
     >>> figure = rh.plots.plot_measurement_lines(bodies[0], bodies.template.faces, lines)
     """
     curves = {name: parts for name, parts in lines.items() if len(parts)}

@@ -181,7 +181,7 @@ def _spread_table(step: Step) -> Table:
 
 def _draw_tapes(surface: ndarray, faces: ndarray) -> Figure:
     """Draw a body in the standard pose with all tapes."""
-    tapes = Measurements(Template(surface, faces)).tapes(surface, axes="space")
+    tapes = Measurements(Template(surface, faces)).lines(surface, axes="space")
     return plot_measurement_lines(surface, faces, tapes)
 
 

@@ -63,7 +63,7 @@ def test_two_visits(run, scans, bodies, own, tmp_path):
     record = json.loads(run("compare", *files, "--json").out)
     expected = compare_visits(own, bodies.points[0], bodies.points[2])
     np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
-    assert record["seen"] == expected.seen.tolist()
+    assert record["seen"] == expected.is_significant.tolist()
     finished = run("compare", *files, "-o", tmp_path / "changes.csv", "--only", "stature")
     assert "surface moved outward by" in finished.out
     with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as file:

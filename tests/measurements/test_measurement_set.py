@@ -5,14 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.bodies import BodyModel
+from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.measurements import Girth, Height, Measurements, MeasurementSet, open_measurements
 
 
 @pytest.fixture(scope="module")
 def coarse():
-    return open_measurements(load_open_model("coarse"))
+    return open_measurements("coarse")
 
 
 def test_files_come_back(coarse, tmp_path):
@@ -50,7 +51,7 @@ def test_files_that_are_wrong(coarse, tmp_path, change, message):
 
 def test_mapped_to_the_other_resolution(coarse):
     """By closest points of the templates, as for any template that lies on another."""
-    full = open_measurements()
+    full = open_measurements("full")
     mapped = full.mapped(coarse.template, full.correspondence_to(coarse.template))
     points = coarse.template(np.random.default_rng(1).normal(size=(3, 16)))
     own, through = (Measurements(s).measure(points) for s in (coarse, mapped))
@@ -63,8 +64,6 @@ def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
     model = coarse.template
     order = rng.permutation(model.n_vertices)
     place = np.argsort(order)
-    from riemhuman.bodies import BodyModel
-
     shuffled = BodyModel(
         model.template.vertices[order],
         place[model.faces],
@@ -81,9 +80,11 @@ def test_mapped_to_shuffled_vertices_changes_nothing(coarse):
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
-def test_what_is_refused(coarse):
+def test_wrong_arguments(coarse):
     with pytest.raises(ArgumentError, match="did you mean 'trunk'"):
         coarse.with_measurements([Girth(name="g", at="crown", parts=["trunc"])])
+    with pytest.raises(ArgumentError, match="model must be one of"):
+        open_measurements("fine")
     with pytest.raises(ArgumentError, match="landmark"):
         MeasurementSet(coarse.template, [], {"far": ([10**6], [1.0])})
     with pytest.raises(ArgumentError, match="weights with sum 2"):

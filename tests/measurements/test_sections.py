@@ -125,8 +125,9 @@ def test_a_plane_that_misses():
         ArgumentError, match="'g' cannot be taken of body 0: its plane misses lower"
     ):
         Measurements(own).measure(template.vertices)
-    values = Measurements(own).measure(template.vertices, missing="nan").values
-    assert np.isnan(values).all()
+    measured = Measurements(own).measure(template.vertices, missing="nan")
+    assert np.isnan(measured.values).all()
+    assert measured.why_missing == {(0, "g"): "its plane misses lower end"}
 
 
 def test_a_loop_that_meets_another_part():

@@ -31,7 +31,7 @@ def test_other_templates_have_no_section():
 
 def test_every_tape_is_drawn_on_every_side(nine_bodies):
     pytest.importorskip("matplotlib")
-    tapes = Measurements(nine_bodies.model).tapes(nine_bodies.points[0])
+    tapes = Measurements(nine_bodies.model).lines(nine_bodies.points[0])
     figure = plot_measurement_lines(
         nine_bodies.points[0], nine_bodies.template.faces, tapes, height=60
     )

@@ -20,7 +20,7 @@ from build_open_model import EXTRA, adult_phenotypes, read_source
 
 from riemhuman.datasets import load_open_model
 from riemhuman.errors import FileError
-from riemhuman.measurements.measurement_set import DATA as FOLDER
+from riemhuman.measurements.measurement_set import DATA
 from riemhuman.optional import import_optional
 
 _DIGITS = 5
@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         If the folder does not exist.
     """
     parser = argparse.ArgumentParser(description="Rebuild the statistics of adults.")
-    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     folder = parser.parse_args(arguments).folder
     if not folder.is_dir():
         raise FileError(f"{folder} is not a folder; it must exist to receive the statistics")

@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from riemhuman.measurements.length_measurements import Height, Length
-from riemhuman.measurements.measurement import Measurement
-from riemhuman.measurements.section_measurements import Breadth, Depth, Girth
-from riemhuman.measurements.volume_measurements import DENSITY, Area, Mass, Volume
+from riemhuman.measurements import (
+    Area,
+    Breadth,
+    Depth,
+    Girth,
+    Height,
+    Length,
+    Mass,
+    Measurement,
+    Volume,
+)
 
 STANDARD_POSE = {"shoulder": ("z", -50), "hip": ("z", 3)}
 """Joint angles of the standard pose, in the notation of `riemhuman.datasets.open_poses`."""
@@ -170,6 +177,6 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
         Area(name="surface area"),
         Mass(
             name="body mass",
-            note=f"an estimate: the volume at {DENSITY:g} kg a cubic metre",
+            note="an estimate: the volume at 1000 kg a cubic metre",
         ),
     )

@@ -1,6 +1,6 @@
 """Rebuild the measurements of the open body model from the geometry of its mean body.
 
-    python -m riemhuman.measurements.build_open_measurements [folder]
+    python tutorials/remake/build_open_measurements.py [folder]
 
 writes open_body_full.json and open_body_coarse.json, by default over those that ship. Landmarks are
 found on the mean body in the standard pose: legs straight down, arms straight at 50 degrees below
@@ -14,24 +14,17 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy import ndarray
+from open_definitions import LEGS, PARTS, STANDARD_POSE, TRUNK, open_definitions
 
 from riemhuman.bodies import BodyModel
 from riemhuman.datasets import joint_rotations, load_open_model, pose_vectors
 from riemhuman.errors import FileError
-from riemhuman.measurements.landmarks import LandmarkedBodies, Place
-from riemhuman.measurements.measurement_set import MeasurementSet
-from riemhuman.measurements.open_body import FOLDER, RESOLUTIONS
-from riemhuman.measurements.open_definitions import (
-    LEGS,
-    PARTS,
-    STANDARD_POSE,
-    TRUNK,
-    open_definitions,
-)
-from riemhuman.measurements.section_measurements import Girth
+from riemhuman.measurements import Girth, Measurements, MeasurementSet
+from riemhuman.measurements.measurement_set import DATA
 from riemhuman.surfaces.nearest_places import nearest_places
 
 _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
@@ -57,13 +50,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         If the folder does not exist.
     """
     parser = argparse.ArgumentParser(description="Rebuild the open body's measurements.")
-    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     folder = parser.parse_args(arguments).folder
     if not folder.is_dir():
         raise FileError(f"{folder} is not a folder; it must exist to receive the measurements")
     full = load_open_model("full")
     points, fractions = find_landmarks(full)
-    for resolution in RESOLUTIONS:
+    for resolution in ("full", "coarse"):
         path = folder / f"open_body_{resolution}.json"
         build(load_open_model(resolution), points, fractions).save(path)
         sys.stdout.write(f"{path}: {len(points)} landmarks, {path.stat().st_size / 1e3:.0f} kB\n")
@@ -174,7 +167,6 @@ class _Body:
 
     def __init__(self, bare: MeasurementSet, surface: ndarray) -> None:
         self._set, self._surface = bare, surface
-        self._bodies = LandmarkedBodies(bare, surface[np.newaxis], "space")
         self._corners = surface[bare.faces]
 
     def hits(self, origin: ndarray, *directions: ndarray) -> list[ndarray]:
@@ -191,16 +183,18 @@ class _Body:
             found.append(origin + distance[inside].min() * direction)
         return found
 
-    def girth(self, at: Place, normal: tuple[str, str], parts: tuple[str, ...]) -> float:
+    def girth(self, at: Any, normal: Any, parts: tuple[str, ...], **landmarks: Any) -> float:
         """Return the length of the hull of a section."""
-        girth = Girth(name="g", at=at, normal=normal, parts=parts, hull=True)
-        return float(girth.value(self._bodies)[0])
+        girth = Girth(name="girth", at=at, normal=normal, parts=parts, hull=True)
+        own = Measurements(replace(self._set, measurements=[girth], landmarks=landmarks))
+        return float(own.measure(self._surface, axes="space").values[0])
 
     def level_girth(self, height: float) -> float:
         """Return the length of the hull of a level section of the trunk."""
-        cutter = self._set.cutter(TRUNK)
-        loop, _ = cutter.section(self._surface, np.array([0.0, height, 0.0]), _UP)
-        return float(np.linalg.norm(np.diff(self._bodies.tape(loop, True), axis=0), axis=1).sum())
+        back = self.hits(np.array([0.0, height, 0.0]), -_FORWARD)
+        places, _ = nearest_places(np.array(back), self._surface, self._set.faces)
+        landmark = self._set.faces[places.triangles[0]], places.barycentric[0]
+        return self.girth("back", "up", TRUNK, back=landmark)
 
 
 def _fold(body: _Body, nipple: ndarray) -> ndarray:

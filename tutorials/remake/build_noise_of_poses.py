@@ -1,6 +1,6 @@
 """Measure how much the measurements of one person vary over poses; rebuild noise_of_poses.json.
 
-    python -m riemhuman.measurements.build_noise_of_poses [folder] [--resolution full]
+    python tutorials/remake/build_noise_of_poses.py [folder] [--resolution full]
 
 prints, for the plain and the natural open bodies, the standard deviation of every measurement over
 ten poses, in millimetres: the median and the worst of ten people in the standard pose, and the
@@ -22,13 +22,16 @@ from numpy import ndarray
 from riemhuman.datasets import Bodies, load_open_bodies, load_open_model
 from riemhuman.errors import FileError
 from riemhuman.geometry import AlignedSurfaces
-from riemhuman.measurements.length_measurements import Height
-from riemhuman.measurements.measurement import Measurement
-from riemhuman.measurements.measurement_set import MeasurementSet
-from riemhuman.measurements.measuring import Measurements
-from riemhuman.measurements.open_body import FOLDER
-from riemhuman.measurements.section_measurements import Breadth, Girth
-from riemhuman.measurements.standard_pose import in_standard_pose
+from riemhuman.measurements import (
+    Breadth,
+    Girth,
+    Height,
+    Measurement,
+    Measurements,
+    MeasurementSet,
+    in_standard_pose,
+)
+from riemhuman.measurements.measurement_set import DATA
 
 _HELD_OUT = 1
 _DIGITS = 6
@@ -51,7 +54,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         If the folder does not exist.
     """
     parser = argparse.ArgumentParser(description="Measure people in ten poses.")
-    parser.add_argument("folder", nargs="?", type=Path, default=FOLDER)
+    parser.add_argument("folder", nargs="?", type=Path, default=DATA)
     parser.add_argument("--resolution", choices=("coarse", "full"), default="coarse")
     options = parser.parse_args(arguments)
     if not options.folder.is_dir():

@@ -1,0 +1,137 @@
+"""Bodies from measurements: they have them, and are the most probable or the nearest."""
+
+import numpy as np
+import pytest
+
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.errors import ArgumentError, ConvergenceWarning
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SobolevMetric
+from riemhuman.measurements import (
+    Measurements,
+    in_standard_pose,
+    model_from_measurements,
+    nearest_body,
+)
+
+SIXTEEN = (
+    ["stature", "cervical height", "chest girth", "under-bust girth", "waist girth", "hip girth"]
+    + ["upper arm girth", "forearm girth", "wrist girth", "thigh girth", "knee girth"]
+    + ["calf girth", "neck girth", "arm length", "inside leg height"]
+    + ["shoulder (biacromial) breadth"]
+)
+
+
+@pytest.fixture(scope="module")
+def own():
+    return Measurements(load_open_model("coarse"))
+
+
+def test_sixteen_of_people_outside_the_model(own):
+    """Natural people have a surface that no shape coefficient describes."""
+    bodies = load_open_bodies("coarse", "natural", people=11)
+    straight = in_standard_pose(own.definitions, bodies.points[:30:10])
+    for row in own.measure(straight, axes="space").values:
+        wanted = {name: row[own.names.index(name)] for name in SIXTEEN}
+        person = model_from_measurements(wanted, resolution="coarse")
+        assert person.converged
+        assert max(map(abs, person.misses.values())) < 0.002
+        assert person.contradictory == ()
+        again = Measurements(own.definitions, SIXTEEN).measure(person.points, axes="space")
+        np.testing.assert_allclose(again.values, list(person.values.values()), rtol=1e-12)
+
+
+def test_the_rest_is_the_most_probable(own):
+    woman = model_from_measurements({"stature": 1.65}, "woman", resolution="coarse")
+    man = model_from_measurements({"stature": 1.65}, "man", resolution="coarse")
+    assert abs(woman.values["stature"] - 1.65) < 5e-4
+    measured = own.measure(np.stack([woman.points, man.points]))
+    breadths = measured["shoulder (biacromial) breadth"] / measured["hip breadth"]
+    assert breadths[0] < breadths[1]
+    short = model_from_measurements({"stature": 1.64}, "woman", resolution="coarse")
+    assert short.improbability > woman.improbability
+    loose, tight = (
+        model_from_measurements({"stature": 1.95}, "woman", tolerances=t, resolution="coarse")
+        for t in ({"stature": 0.2}, None)
+    )
+    assert loose.values["stature"] < tight.values["stature"] - 0.05
+    assert loose.improbability < tight.improbability
+
+
+def test_contradictory_values_are_named(own):
+    measured = own.measure(load_open_model("coarse")())
+    wanted = {name: float(measured[name]) for name in SIXTEEN}
+    person = model_from_measurements(wanted, resolution="coarse")
+    assert person.contradictory == ()
+    assert "agree" in person.message
+    wanted["inside leg height"] += 0.12
+    person = model_from_measurements(wanted, resolution="coarse")
+    assert person.contradictory[0] == "inside leg height"
+    assert "inside leg height of" in person.message
+
+
+def test_wrong_values():
+    for arguments, message in (
+        (({"waist grith": 0.8},), "did you mean 'waist girth'"),
+        (({"waist girth": 0.8}, "w"), "sex must be one of"),
+        (({"waist girth": -0.8},), "waist girth must be a finite number above 0"),
+        (({},), "must map names"),
+    ):
+        with pytest.raises(ArgumentError, match=message):
+            model_from_measurements(*arguments)
+    with pytest.raises(ArgumentError, match="there is no measurement 'stature'"):
+        model_from_measurements({"waist girth": 0.8}, tolerances={"stature": 1.0})
+
+
+class TestNearestBody:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def body():
+        return load_open_bodies("coarse").points[0]
+
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def few(own):
+        names = ["waist girth", "hip girth", "stature", "head girth"]
+        return Measurements(own.definitions, names)
+
+    @pytest.fixture(scope="class", params=["first order", "second order"])
+    @staticmethod
+    def metric(request):
+        space = AlignedSurfaces(load_open_model("coarse").template)
+        if request.param == "first order":
+            return ElasticMetric(space, a=1.0, lam=1.0, c=1.0)
+        return SobolevMetric(space, a0=1.0, a2=0.01)
+
+    def test_a_waist_of_five_centimetres_less(self, body, few, metric):
+        waist = float(few.measure(body)["waist girth"]) - 0.05
+        result = nearest_body(few, metric, body, {"waist girth": waist})
+        assert result.converged
+        assert abs(result.after["waist girth"] - waist) < 1e-4
+        assert abs(result.changes["waist girth"] + 0.05) < 1e-4
+        assert abs(result.changes["head girth"]) < 5e-4
+        squared, slopes = metric.energy_and_gradient(np.stack([body, result.point]))
+        np.testing.assert_allclose(result.distance**2, squared, rtol=1e-9)
+        # At the nearest body, the gradient of the squared distance is a multiple of the waist's, as
+        # far as the hull of the waist has one.
+        slope = slopes[1].ravel()
+        waist_only = Measurements(few.definitions, ["waist girth"])
+        gradient = waist_only.measure(result.point, gradient=True).gradient[0].ravel()
+        multiplier = slope @ gradient / (gradient @ gradient)
+        assert np.linalg.norm(slope - multiplier * gradient) < 0.2 * np.linalg.norm(slope)
+
+    def test_requested_values_are_met_and_cost(self, body, few, metric):
+        now = few.measure(body)
+        wanted = {"waist girth": now["waist girth"] - 0.03, "hip girth": now["hip girth"]}
+        result = nearest_body(few, metric, body, wanted)
+        assert abs(result.changes["hip girth"]) < 2e-4
+        free = nearest_body(few, metric, body, {"waist girth": wanted["waist girth"]})
+        assert free.distance < result.distance
+        same = nearest_body(few, metric, body, {"stature": now["stature"]})
+        assert same.distance < 1e-8
+        np.testing.assert_allclose(same.point, body, atol=1e-8)
+
+    def test_wrong_arguments_and_too_few_steps(self, body, few, metric):
+        with pytest.raises(ArgumentError, match="did you mean 'waist girth'"):
+            nearest_body(few, metric, body, {"waist grith": 0.7})
+        with pytest.warns(ConvergenceWarning, match="not met: waist girth"):
+            nearest_body(few, metric, body, {"waist girth": 0.4}, max_iter=1)

@@ -1,0 +1,103 @@
+"""Two visits of one person, and regression of shape on a measurement."""
+
+import numpy as np
+import pytest
+
+from riemhuman.bodies import joint_motions, rotation_matrix, skin_surface
+from riemhuman.datasets import load_open_bodies, load_open_model
+from riemhuman.errors import ArgumentError
+from riemhuman.geometry import AlignedSurfaces, ElasticMetric
+from riemhuman.measurements import (
+    Measurements,
+    compare_visits,
+    noise_of_poses,
+    open_measurements,
+    regress_shape,
+)
+
+
+@pytest.fixture(scope="module")
+def bodies():
+    return load_open_bodies("coarse", people=5)
+
+
+def test_the_same_person_in_other_poses(bodies):
+    own = Measurements(bodies.model)
+    result = compare_visits(own, bodies.points[3], bodies.points[8])
+    assert result.is_significant.mean() < 0.2
+    assert np.nanmean(result.areas_significant) < 0.1
+    assert np.abs(result.displacements).mean() < 0.005
+    # The threshold is twice the deviation of a difference; 4.55 % of normal numbers exceed it.
+    np.testing.assert_allclose(result.thresholds, 2 * np.hypot(result.noise, result.noise))
+    assert result.expected_by_chance == pytest.approx(0.0455 * len(own.names), rel=1e-3)
+    with pytest.raises(ArgumentError, match="after must have shape"):
+        compare_visits(own, bodies.points[0], bodies.points[1][:-1])
+
+
+def test_a_change_is_found_where_it_is(bodies):
+    """The belly grows by three centimetres between a squat and a wave."""
+    own = Measurements(bodies.model, ["waist girth", "head girth", "calf girth", "arm length"])
+    model, betas = bodies.model, bodies.betas[0]
+    grown = model.template.vertices.copy()
+    belly = np.exp(-(((grown - [0.0, 1.1, 0.1]) / 0.12) ** 2).sum(axis=1))
+    shape = model(betas) + 0.03 * belly[:, None] * [0.0, 0.0, 1.0]
+    rotations, places = joint_motions(
+        model.joints(betas),
+        rotation_matrix(bodies.pose_vectors[5]),
+        model.parents,
+        model.joint_order,
+    )
+    after = skin_surface(shape, model.weights, model.joints(betas), rotations, places)
+    result = compare_visits(own, bodies.points[9], after)
+    assert result.is_significant.tolist() == [True, False, False, False]
+    assert 0.02 < result.changes[0] < 0.09
+    most = np.argsort(-result.displacements)[:8]
+    assert (belly[most] > 0.3).all()
+
+
+def test_noise_is_known_of_all_measurements():
+    measurements, parts = noise_of_poses()
+    assert set(measurements) == set(open_measurements("full").names)
+    assert set(parts) == set(open_measurements("full").parts)
+    assert all(0 < value < 1 for value in measurements.values())
+
+
+@pytest.fixture(scope="module")
+def people():
+    model = load_open_model("coarse")
+    betas = np.random.default_rng(2).normal(size=(12, 16))
+    space = AlignedSurfaces(model.template)
+    space.equip_with_metric(ElasticMetric, a=1.0, lam=1.0, c=0.1)
+    return space, model(betas), Measurements(model)
+
+
+def test_a_measurement_explains_shape_and_random_numbers_do_not(people):
+    space, points, own = people
+    waists = own.measure(points)["waist girth"]
+    result = regress_shape(space, waists, points, n_permutations=99, rng=0, max_iter=0)
+    assert result.p_value == pytest.approx(0.01)
+    assert 0.1 < result.explained < 1
+    thin, wide = own.measure(result.regression.predict([0.7, 0.95]))["waist girth"]
+    assert wide - thin > 0.1
+    rng = np.random.default_rng(1)
+    p_values = [
+        regress_shape(
+            space, rng.normal(size=12), points, n_permutations=49, rng=k, max_iter=0
+        ).p_value
+        for k in range(3)
+    ]
+    assert np.median(p_values) > 0.1
+
+
+def test_people_are_permuted_as_a_whole(people):
+    space, points, own = people
+    waists = own.measure(points[::2])["waist girth"]
+    who = np.repeat(np.arange(6), 2)
+    result = regress_shape(
+        space, np.repeat(waists, 2), points, people=who, n_permutations=9, rng=0, max_iter=0
+    )
+    assert result.n_permutations == 9
+    with pytest.raises(ArgumentError, match="same for all bodies of a person"):
+        regress_shape(space, np.arange(12.0), points, people=who, max_iter=0)
+    with pytest.raises(ArgumentError, match="people must have shape"):
+        regress_shape(space, np.arange(12.0), points, people=who[1:], max_iter=0)
