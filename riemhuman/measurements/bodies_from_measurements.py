@@ -214,7 +214,8 @@ class _Search:
 
     def _cost(self, betas: ndarray, values: ndarray) -> float:
         deviation = betas - self._mean
-        cost = deviation @ self._precision @ deviation + np.sum(((values - self._wanted) / self._spread) ** 2)
+        misses = (values - self._wanted) / self._spread
+        cost = deviation @ self._precision @ deviation + np.sum(misses**2)
         return float(cost) if np.isfinite(cost) else np.inf
 
     def _person(
@@ -319,8 +320,8 @@ def nearest_body(
     """Return the body nearest to a given one whose measurements have given values.
 
     All vertices are free, and the metric decides how they move. With a first-order metric, such as
-    `rh.ElasticMetric`, the surface may get a crease along the measurement line; a second-order term, as in
-    `rh.SobolevMetric`, makes the change smooth.
+    `rh.ElasticMetric`, the surface may get a crease along the measurement line; a second-order
+    term, as in `rh.SobolevMetric`, makes the change smooth.
 
     Parameters
     ----------

@@ -130,9 +130,7 @@ def _gram_matrix(space: Any, regression: GeodesicRegression, points: ndarray) ->
     mean = mean_point(regression.mean_, space, image, points)
     base = image.embed(mean[None])[0]
     logs = image.metric.log(image.embed(points), base)
-    return np.array(
-        [[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs]
-    )
+    return np.array([[float(image.metric.inner_product(a, b, base)) for b in logs] for a in logs])
 
 
 def _explained(gram: ndarray, values: ndarray) -> float:
