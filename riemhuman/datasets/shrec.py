@@ -21,7 +21,7 @@ from riemhuman.datasets.registered_meshes import (
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.io.files import file_path
 from riemhuman.io.meshes import load_mesh
-from riemhuman.io.text_tables import read_text
+from riemhuman.io.files import read_text
 from riemhuman.representation import Record, join_names
 
 

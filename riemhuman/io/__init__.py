@@ -1,4 +1,4 @@
-"""Files: meshes, arrays, pickled body models and the folders of jobs.
+"""Files: meshes, points, arrays, pickled body models and the folders of jobs.
 
 Threat model: files come from colleagues and the web. Reading one never runs code, never writes
 outside memory that it owns, and takes memory of a small multiple of what its content needs. A
@@ -6,29 +6,19 @@ killed process leaves whole files, and two processes may share the folder of a j
 or over NFS. A hostile local user with write access to one's folders is out of scope.
 """
 
+from riemhuman.io._gltf import save_glb
 from riemhuman.io.arrays import load_array, load_arrays, save_arrays
-from riemhuman.io.gltf import save_glb
-from riemhuman.io.meshes import (
-    as_arrays,
-    from_pyvista,
-    from_trimesh,
-    load_mesh,
-    load_with_meshio,
-    save_mesh,
-    to_pyvista,
-    to_trimesh,
-)
+from riemhuman.io.meshes import as_arrays, load_mesh, save_mesh, to_pyvista, to_trimesh
 from riemhuman.io.pickles import load_pickled_arrays
+from riemhuman.io.points import load_points
 
 __all__ = [
     "as_arrays",
-    "from_pyvista",
-    "from_trimesh",
     "load_array",
     "load_arrays",
     "load_mesh",
     "load_pickled_arrays",
-    "load_with_meshio",
+    "load_points",
     "save_arrays",
     "save_glb",
     "save_mesh",

@@ -1,63 +1,60 @@
 """Pickles of body models, read as data.
 
-A pickle is a program: it can name any function and have it called. Python's unpickler, even one
-that is restricted to some names, also sets attributes of what it finds and allocates memory for
-sizes that the file merely declares. So these files are read by a small stack machine that knows
-only the opcodes of plain data and the names of `riemhuman.io._pickle_allow_list`.
+A pickle is a program: it can name any function and have it called. Here, the unpickler looks names
+up in a short list and gets a class for each whose objects record their arguments and their state,
+and do nothing. Arrays are then made from the recorded bytes, after a comparison of their sizes.
+The unpickler written in Python is used, since the one in C allocates memory for positions of its
+memory that a file merely names.
 """
 
 from __future__ import annotations
 
-import codecs
 import io
+import math
 import os
-import pickletools
+import pickle
+import re
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+from scipy import sparse
+
 from riemhuman.errors import FileFormatError
-from riemhuman.io._pickle_allow_list import Global
-from riemhuman.io._pickled_objects import Budget, Record, plain_value, shortened
-from riemhuman.io.files import file_path, read_bytes
+from riemhuman.io.arrays import check_characters
+from riemhuman.io.files import file_path, read_bytes, short_message
 
-# A body model takes some hundreds of opcodes.
-_MOST_OPCODES = 50_000
+# A body model takes some hundreds of operations.
+_MOST_OPERATIONS = 50_000
 _MOST_BITS = 64
-_LATEST_PROTOCOL = 5
+# Bytes of the returned arrays for each byte of the file: selected entries get wider.
+_LARGEST_FACTOR = 16
+_DEEPEST_CHUMPY = 8
+_MOST_AXES = 8
 _NAMES_SHOWN = 40
-# Data are read, decoded to bytes and viewed, so that an honest file needs no more copies than this.
-_COPIES = 4
-# Selected and widened entries of an honest file take no more bytes than this for each of its own.
-_WIDENED = 16
+# Real numbers and text; not objects ("O") or structures ("V").
+_DTYPES = re.compile(r"f[248]|[iu][1248]|b1|[SU][1-9]\d{0,3}")
+# Every entry of an array of text takes as much memory as the longest.
+_LONGEST_TEXT = 200
 
-_VALUES = {
-    "INT",
-    "BININT",
-    "BININT1",
-    "BININT2",
-    "LONG",
-    "LONG1",
-    "LONG4",
-    "FLOAT",
-    "BINFLOAT",
-    "STRING",
-    "BINSTRING",
-    "SHORT_BINSTRING",
-    "BINBYTES",
-    "SHORT_BINBYTES",
-    "BINBYTES8",
-    "BYTEARRAY8",
-    "UNICODE",
-    "BINUNICODE",
-    "SHORT_BINUNICODE",
-    "BINUNICODE8",
+# The kinds of objects that a file may name, with the modules of old and new releases.
+_KINDS = {
+    **{f"numpy.{core}.multiarray _reconstruct": "array" for core in ("core", "_core")},
+    **{f"numpy.{core}.multiarray scalar": "scalar" for core in ("core", "_core")},
+    **{f"numpy.{core}.numeric _frombuffer": "buffer" for core in ("core", "_core")},
+    **{"numpy ndarray": "ndarray", "numpy dtype": "dtype", "_codecs encode": "bytes"},
+    **{"chumpy.ch Ch": "Ch", "chumpy.reordering Select": "Select"},
+    **{f"{module} object": "object" for module in ("builtins", "__builtin__")},
+    **{f"{module} set": "set" for module in ("builtins", "__builtin__")},
+    **{f"{module} _reconstructor": "reconstructor" for module in ("copyreg", "copy_reg")},
+    **{
+        f"scipy.sparse.{prefix}{layout} {layout}_{end}": layout
+        for layout in ("csc", "csr", "coo")
+        for prefix in ("", "_")
+        for end in ("matrix", "array")
+    },
 }
-_CONSTANTS = {"NONE": None, "NEWTRUE": True, "NEWFALSE": False, "EMPTY_TUPLE": ()}
-_COLLECTIONS: dict[str, Callable[[list[Any]], Any]]
-_COLLECTIONS = {"TUPLE": tuple, "LIST": list, "FROZENSET": tuple}
-_TUPLES = {"TUPLE1": 1, "TUPLE2": 2, "TUPLE3": 3}
-_BY_CODE = {opcode.code: opcode for opcode in pickletools.opcodes}
 
 
 def load_pickled_arrays(
@@ -76,8 +73,8 @@ def load_pickled_arrays(
 
     Returns
     -------
-    arrays : dict of str to array or scipy.sparse.coo_array
-        The fields; chumpy objects are returned as arrays.
+    dict of str to array or scipy.sparse.coo_array
+        The fields, which cannot be written to; chumpy objects are returned as arrays.
 
     Raises
     ------
@@ -88,185 +85,321 @@ def load_pickled_arrays(
     FileFormatError
         If it is not the pickle of a dictionary, lacks a field, or holds anything but plain data,
         arrays, sparse matrices and chumpy arrays; the message names what was refused.
+
+    Examples
+    --------
+    >>> import pickle
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> with open("model.pkl", "wb") as file:
+    ...     pickle.dump({"weights": np.eye(2), "unit": "m"}, file)
+    >>> rh.io.load_pickled_arrays("model.pkl", ["weights"])["weights"]
+    array([[1., 0.],
+           [0., 1.]])
     """
     file = file_path(path)
     content = read_bytes(file)
     try:
-        fields = _Machine(content).run()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of escapes in texts of Python 2
+            fields = _Unpickler(io.BytesIO(content), encoding="latin1").load()
         if not isinstance(fields, dict):
             raise FileFormatError(f"holds {type(fields).__name__} in place of a dictionary")
         missing = [name for name in required if name not in fields]
         if missing:
-            found = sorted(shortened(name) for name in fields)[:_NAMES_SHOWN]
+            names = sorted(_describe(name) for name in fields)[:_NAMES_SHOWN]
             raise FileFormatError(
-                f"lacks the fields {', '.join(missing)}; found {', '.join(found) or 'none'}"
+                f"lacks the fields {', '.join(missing)}; found {', '.join(names) or 'none'}"
             )
-        wanted = [name for name in (*required, *optional) if name in fields]
-        budget = Budget(_WIDENED * len(content))
-        return {name: _field(fields, name, budget) for name in wanted}
+        limit = _LARGEST_FACTOR * len(content)
+        arrays = {}
+        for name in (*required, *optional):
+            if name not in fields:
+                continue
+            arrays[name] = _value(fields[name])
+            limit -= arrays[name].nbytes if isinstance(arrays[name], np.ndarray) else 0
+            if limit < 0:
+                raise FileFormatError("uses its data more often than its size allows")
+        return arrays
     except FileFormatError as error:
         raise FileFormatError(f"{file} {error}") from error
+    except Exception as error:  # a damaged file can make any step fail
+        raise FileFormatError(f"{file} is a damaged pickle: {short_message(error)}") from error
 
 
-def _field(fields: dict[Any, Any], name: str, budget: Budget) -> Any:
-    try:
-        return plain_value(fields[name], budget)
-    except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-        raise FileFormatError(f"{error}, in its field {name}") from error
+class _Record:
+    """An object of a pickle: the arguments that it was made with and its state."""
+
+    kind = ""
+    arguments: tuple[Any, ...] = ()
+    state: Any = None
+
+    def __init__(self, *arguments: Any) -> None:
+        self.arguments = arguments
+
+    def __setstate__(self, state: Any) -> None:
+        self.state = state
 
 
-class _Machine:
-    """The stack and the memory on which the opcodes of a pickle work."""
+_CLASSES = {name: type(name, (_Record,), {"kind": kind}) for name, kind in _KINDS.items()}
 
-    def __init__(self, content: bytes) -> None:
-        self._content = content
-        self._budget = Budget(_COPIES * len(content))
-        self._stack: list[Any] = []
-        self._below: list[list[Any]] = []
-        self._memory: dict[int, Any] = {}
 
-    def run(self) -> Any:
-        """Return what the pickle holds."""
-        for name, argument, position in _opcodes(self._content):
-            if name == "STOP":
-                break
-            try:
-                self._step(name, argument)
-            except FileFormatError:
-                raise
-            except (ArithmeticError, LookupError, TypeError, ValueError) as error:
-                raise FileFormatError(
-                    f"is a damaged pickle: {name} at byte {position} cannot work on what it finds"
-                ) from error
-        if len(self._stack) != 1 or self._below:
-            raise FileFormatError("is a damaged pickle: it does not end in one object")
-        return self._stack[0]
+class _Set(list[Any]):
+    """The items of a set, which chumpy stores and nobody reads; they are not hashed."""
 
-    def _step(self, name: str, argument: Any) -> None:
-        stack = self._stack
-        if name in _VALUES:
-            stack.append(_checked(argument))
-        elif name in _CONSTANTS:
-            stack.append(_CONSTANTS[name])
-        elif name == "PROTO":
-            if argument > _LATEST_PROTOCOL:
-                raise FileFormatError(f"is a pickle of the unknown protocol {argument}")
-        elif name == "FRAME":
-            pass
-        elif name == "MARK":
-            self._below.append(stack)
-            self._stack = []
-        elif name in ("PUT", "BINPUT", "LONG_BINPUT"):
-            self._memory[argument] = stack[-1]
-        elif name == "MEMOIZE":
-            self._memory[len(self._memory)] = stack[-1]
-        elif name in ("GET", "BINGET", "LONG_BINGET"):
-            stack.append(self._memory[argument])
-        elif name in _TUPLES:
-            items = tuple(stack.pop() for _ in range(_TUPLES[name]))
-            stack.append(items[::-1])
-        elif name in ("TUPLE", "LIST", "DICT", "FROZENSET"):
-            marked = self._marked()
-            self._stack.append(_pairs(marked) if name == "DICT" else _COLLECTIONS[name](marked))
-        elif name in ("EMPTY_LIST", "EMPTY_SET"):
-            stack.append([])
-        elif name == "EMPTY_DICT":
-            stack.append({})
-        elif name == "APPEND":
-            item = stack.pop()
-            _only(stack[-1], list).append(item)
-        elif name in ("APPENDS", "ADDITEMS"):
-            marked = self._marked()
-            _only(self._stack[-1], list).extend(marked)
-        elif name == "SETITEM":
-            value, key = stack.pop(), stack.pop()
-            _only(stack[-1], dict).update(_pairs([key, value]))
-        elif name == "SETITEMS":
-            marked = self._marked()
-            _only(self._stack[-1], dict).update(_pairs(marked))
-        elif name == "GLOBAL":
-            stack.append(Global(*argument.split(" ", 1)))
-        elif name == "STACK_GLOBAL":
-            attribute, module = stack.pop(), stack.pop()
-            stack.append(Global(_only(module, str), _only(attribute, str)))
-        elif name == "REDUCE":
-            arguments, function = stack.pop(), stack.pop()
-            if not isinstance(function, Global):
-                raise FileFormatError(f"calls {type(function).__name__}, which is refused")
-            stack.append(function.call(arguments, self._budget))
-        elif name == "NEWOBJ":
-            arguments, cls = stack.pop(), stack.pop()
-            stack.append(_only(cls, Global).new(arguments))
-        elif name == "BUILD":
-            state = stack.pop()
-            if not isinstance(stack[-1], Record):
-                raise FileFormatError(
-                    f"sets attributes of {type(stack[-1]).__name__}, which is refused"
-                )
-            stack[-1].build(state, self._budget)
-        else:
+    __slots__ = ()
+    add = list.append
+
+
+class _Unpickler(pickle._Unpickler):
+    """Makes records and plain data in a limited number of operations."""
+
+    n_operations = 0
+
+    def find_class(self, module: str, name: str) -> type[_Record]:
+        if f"{module} {name}" not in _CLASSES:
             raise FileFormatError(
-                f"uses the opcode {name}, which is refused: no body model needs it"
+                f"asks for {_describe(f'{module}.{name}')}, which is refused: body models may "
+                "hold NumPy arrays, SciPy sparse matrices and chumpy.ch.Ch or "
+                "chumpy.reordering.Select alone. Nothing in the file was run"
+            )
+        return _CLASSES[f"{module} {name}"]
+
+
+def _limited(operation: Callable[[Any], None]) -> Callable[[Any], None]:
+    """Return an operation of the unpickler that counts and checks what it is given and makes."""
+
+    def limited_operation(unpickler: Any) -> None:
+        unpickler.n_operations += 1
+        if unpickler.n_operations > _MOST_OPERATIONS:
+            raise FileFormatError(
+                f"is a pickle of more than {_MOST_OPERATIONS} operations, which is refused"
+            )
+        # Keys are checked before they are hashed, which takes ages for nested tuples.
+        keys = []
+        if operation.__name__ == "load_setitem":
+            keys = unpickler.stack[-2:-1]
+        elif operation.__name__ in ("load_setitems", "load_dict"):
+            keys = unpickler.stack[::2]
+        if not all(isinstance(key, (str, bytes, int)) for key in keys):
+            raise FileFormatError("holds a dictionary with keys that are neither text nor numbers")
+        operation(unpickler)
+        top = unpickler.stack[-1] if unpickler.stack else None
+        if isinstance(top, int) and top.bit_length() > _MOST_BITS:
+            raise FileFormatError(
+                f"holds a whole number of {top.bit_length()} bits, which is refused"
             )
 
-    def _marked(self) -> list[Any]:
-        marked = self._stack
-        self._stack = self._below.pop()
-        return marked
+    return limited_operation
 
 
-def _opcodes(content: bytes) -> Iterator[tuple[str, Any, int]]:
-    """Yield the name, the argument and the position of every opcode."""
-    stream = io.BytesIO(content)
-    for _ in range(_MOST_OPCODES):
-        position = stream.tell()
-        code = stream.read(1)
-        opcode = _BY_CODE.get(code.decode("latin-1"))
-        if opcode is None:
-            found = f"holds {code!r}" if code else "ends too early"
-            raise FileFormatError(f"is not a whole pickle: it {found} at byte {position}")
-        try:
-            argument: Any = None
-            if opcode.name == "STRING":
-                # Data of arrays may be here; the reader of pickletools accepts only ASCII.
-                text: Any = pickletools.read_stringnl(stream, decode=False)
-                with warnings.catch_warnings():
-                    # Unknown escapes are malformed; later releases of Python refuse them.
-                    warnings.simplefilter("error", DeprecationWarning)
-                    argument = codecs.escape_decode(text)[0].decode("latin-1")
-            elif opcode.arg is not None:
-                argument = opcode.arg.reader(stream)
-                if opcode.name == "FRAME" and argument > len(content) - stream.tell():
-                    raise ValueError
-        except (ArithmeticError, DeprecationWarning, ValueError) as error:
-            raise FileFormatError(
-                f"is not a whole pickle: the argument of {opcode.name} at byte {position} "
-                "is malformed or cut off"
-            ) from error
-        yield opcode.name, argument, position
-        if opcode.name == "STOP":
-            return
-    raise FileFormatError(f"is a pickle of more than {_MOST_OPCODES} opcodes, which is refused")
+def _load_empty_set(unpickler: Any) -> None:
+    unpickler.append(_Set())
 
 
-def _checked(value: Any) -> Any:
-    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+def _load_frozenset(unpickler: Any) -> None:
+    unpickler.append(_Set(unpickler.pop_mark()))
+
+
+def _load_bytearray(unpickler: Any) -> None:
+    # Python's own operation allocates the length before it reads.
+    unpickler.append(unpickler.read(int.from_bytes(unpickler.read(8), "little")))
+
+
+def _refuse(unpickler: Any) -> None:
+    raise FileFormatError("uses an operation of pickles that no body model needs")
+
+
+_REPLACED = {
+    pickle.EMPTY_SET: _load_empty_set,
+    pickle.FROZENSET: _load_frozenset,
+    pickle.BYTEARRAY8: _load_bytearray,
+    **dict.fromkeys((pickle.PERSID, pickle.BINPERSID, pickle.INST, pickle.OBJ), _refuse),
+    **dict.fromkeys((pickle.EXT1, pickle.EXT2, pickle.EXT4, pickle.NEWOBJ_EX), _refuse),
+    **dict.fromkeys((pickle.NEXT_BUFFER, pickle.READONLY_BUFFER), _refuse),
+}
+_OPERATIONS = pickle._Unpickler.dispatch | {code[0]: load for code, load in _REPLACED.items()}
+_Unpickler.dispatch = {code: _limited(operation) for code, operation in _OPERATIONS.items()}
+
+
+def _value(value: Any) -> Any:
+    """Return a value of a pickle as an array or a sparse matrix."""
+    layout = _kind(value)
+    return _sparse(value, layout) if layout in ("csc", "csr", "coo") else _dense(value, 0)
+
+
+def _kind(value: Any) -> str:
+    """Return the kind of a record, that of its class for one made by a reconstructor."""
+    if not isinstance(value, _Record):
+        return ""
+    if value.kind != "reconstructor":
+        return value.kind
+    cls, base, state = value.arguments
+    if not issubclass(cls, _Record) or base.kind != "object" or state is not None:
+        raise FileFormatError("makes an object in a way that is refused")
+    return str(cls.kind)
+
+
+def _dense(value: Any, depth: int) -> np.ndarray:
+    """Return an array, a number, a text, a list of them or a chumpy object as an array."""
+    kind = _kind(value)
+    if kind in ("array", "buffer", "scalar"):
+        return _array(value, kind)
+    if kind in ("Ch", "Select"):
+        return _chumpy(_attributes(value), kind, depth)
+    items = value if isinstance(value, (list, tuple)) else [value]
+    numbers = [_array(item, "scalar") if _kind(item) == "scalar" else item for item in items]
+    if all(
+        isinstance(item, (int, float, np.ndarray))
+        or (isinstance(item, str) and len(item) <= _LONGEST_TEXT)
+        for item in numbers
+    ):
+        return np.asarray(numbers if isinstance(value, (list, tuple)) else numbers[0])
+    raise FileFormatError(f"holds {_describe(value)} in place of an array")
+
+
+def _array(record: _Record, kind: str) -> np.ndarray:
+    """Return an array of the recorded bytes, which cannot be written to."""
+    order: Any = "C"
+    if kind == "array":
+        _, shape, dtype, is_fortran, data = record.state
+        order = "F" if is_fortran else "C"
+    elif kind == "buffer":
+        data, dtype, shape, order = record.arguments
+    else:
+        (dtype, data), shape = record.arguments, ()
+    if not isinstance(shape, tuple) or len(shape) > _MOST_AXES or not all(map(_is_length, shape)):
+        raise FileFormatError(f"holds an array of shape {_describe(shape)}")
+    kind_of_entries = _dtype(dtype)
+    content = _bytes(data)
+    needed = math.prod(shape) * kind_of_entries.itemsize
+    if needed != len(content):
         raise FileFormatError(
-            f"holds a whole number of {value.bit_length()} bits, which is refused"
+            f"holds an array of shape {shape} and type {kind_of_entries}, which takes {needed} "
+            f"bytes, with {len(content)} bytes of data"
         )
-    return value
+    array = np.ndarray(shape, kind_of_entries, content, order="F" if order == "F" else "C")
+    check_characters(array)
+    array.flags.writeable = False
+    return array
 
 
-def _only(value: Any, kind: type) -> Any:
-    """Return a value, or raise an error if it is of another type."""
-    if not isinstance(value, kind):
-        raise TypeError
-    return value
+def _dtype(record: Any) -> np.dtype[Any]:
+    code = record.arguments[0] if _kind(record) == "dtype" else record
+    if _kind(record) != "dtype" or not isinstance(code, str) or not _DTYPES.fullmatch(code):
+        raise FileFormatError(
+            f"holds an array of type {_describe(code)}; arrays must hold numbers or text"
+        )
+    if record.state is None:
+        return np.dtype(code)
+    _, byte_order, *parts = record.state
+    if byte_order not in ("<", ">", "|", "=") or any(part is not None for part in parts[:3]):
+        raise FileFormatError("holds a malformed NumPy data type")
+    return np.dtype(code).newbyteorder(byte_order)
 
 
-def _pairs(items: list[Any]) -> dict[Any, Any]:
-    """Return keys and values as a dictionary; keys are text or numbers, so that hashing is safe."""
-    keys = items[::2]
-    if len(items) % 2 or not all(isinstance(key, (str, bytes, int)) for key in keys):
-        raise FileFormatError("holds a dictionary with keys that are neither text nor numbers")
-    return dict(zip(keys, items[1::2], strict=True))
+def _bytes(data: Any) -> bytes | bytearray:
+    """Return data as bytes, also where Python 2 wrote them as text."""
+    if _kind(data) == "bytes":
+        data, encoding = data.arguments
+        if encoding not in ("latin1", "latin-1"):
+            raise FileFormatError(f"encodes text as {_describe(encoding)}, which is refused")
+    if not isinstance(data, (str, bytes, bytearray)):
+        raise FileFormatError(f"holds an array whose data are {_describe(data)}")
+    try:
+        return data.encode("latin-1") if isinstance(data, str) else data
+    except UnicodeEncodeError as error:
+        raise FileFormatError("holds an array whose data are no bytes") from error
+
+
+def _chumpy(state: dict[str, Any], kind: str, depth: int) -> np.ndarray:
+    """Return the value of a chumpy object, which may be a selection from another."""
+    if depth == _DEEPEST_CHUMPY:
+        raise FileFormatError(f"holds more than {_DEEPEST_CHUMPY} chumpy objects in another")
+    needed = ("x",) if kind == "Ch" else ("a", "idxs")
+    missing = [name for name in needed if name not in state]
+    if missing:
+        raise FileFormatError(f"holds a chumpy {kind} without {' and '.join(missing)}")
+    if kind == "Ch":
+        return _dense(state["x"], depth + 1)
+    source = _dense(state["a"], depth + 1).ravel()
+    indices = _dense(state["idxs"], depth + 1).ravel()
+    if indices.dtype.kind not in "iu" or (
+        indices.size and not 0 <= indices.min() <= indices.max() < len(source)
+    ):
+        raise FileFormatError("holds a chumpy Select with indices outside its array")
+    shape = state.get("preferred_shape")
+    if shape is None:
+        return source[indices]
+    if not isinstance(shape, tuple):
+        shape = tuple(_dense(shape, depth + 1).ravel().tolist())
+    if not all(map(_is_length, shape)) or math.prod(shape) != len(indices):
+        raise FileFormatError(
+            f"holds a chumpy Select of {len(indices)} numbers whose preferred_shape is "
+            f"{_describe(shape)}"
+        )
+    return source[indices].reshape(shape)
+
+
+def _sparse(record: _Record, layout: str) -> sparse.coo_array:
+    """Return a sparse matrix, after a check of its indices."""
+    state = _attributes(record)
+    shape = state.get("_shape", state.get("shape"))
+    if not isinstance(shape, tuple) or len(shape) != 2 or not all(map(_is_length, shape)):
+        raise FileFormatError(f"holds a sparse matrix of shape {_describe(shape)}")
+    data = _vector(state, "data", layout, "fiub")
+    if layout == "coo":
+        names = ("row", "col")
+        row, column = state.get("coords") or (state.get("row"), state.get("col"))
+        row, column = (
+            _vector({name: part}, name, layout, "iu")
+            for name, part in zip(names, (row, column), strict=True)
+        )
+    else:
+        starts, minor = (_vector(state, name, layout, "iu") for name in ("indptr", "indices"))
+        n_major = shape[1] if layout == "csc" else shape[0]
+        if len(starts) != n_major + 1 or starts[0] != 0 or (starts[1:] < starts[:-1]).any():
+            raise FileFormatError(f"holds a {layout} matrix whose indptr is malformed")
+        if starts[-1] > len(minor):
+            raise FileFormatError(f"holds a {layout} matrix with too few indices")
+        minor, data = minor[: starts[-1]], data[: starts[-1]]
+        major = np.repeat(np.arange(n_major), np.diff(starts))
+        row, column = (minor, major) if layout == "csc" else (major, minor)
+    if data.shape != row.shape or row.shape != column.shape:
+        raise FileFormatError(f"holds a {layout} matrix with unequal parts")
+    for index, length in ((row, shape[0]), (column, shape[1])):
+        if index.size and not 0 <= index.min() <= index.max() < length:
+            raise FileFormatError(f"holds a {layout} matrix with entries outside it")
+    return sparse.coo_array((data.astype(np.float64), (row, column)), shape=shape)
+
+
+def _vector(state: dict[str, Any], name: str, layout: str, kinds: str) -> np.ndarray:
+    """Return a part of a sparse matrix; whole numbers become int64."""
+    part = state.get(name)
+    vector = _array(part, _kind(part)) if _kind(part) in ("array", "buffer") else np.empty(())
+    if vector.ndim != 1 or vector.dtype.kind not in kinds:
+        raise FileFormatError(f"holds a {layout} matrix whose {name} is missing or malformed")
+    return vector.astype(np.int64) if kinds == "iu" else vector
+
+
+def _attributes(record: _Record) -> dict[str, Any]:
+    state = record.state
+    if isinstance(state, tuple) and len(state) == 2 and state[1] is None:
+        state = state[0]
+    if not isinstance(state, dict):
+        raise FileFormatError(f"holds a malformed {_kind(record)}")
+    return state
+
+
+def _is_length(value: Any) -> bool:
+    return isinstance(value, (int, np.integer)) and bool(0 <= value < 2**62)
+
+
+def _describe(value: Any) -> str:
+    """Return a text or a shape of the file, or the type of another value, for a message."""
+    if isinstance(value, tuple) and len(value) <= _MOST_AXES and all(map(_is_length, value)):
+        return repr(value)
+    if not isinstance(value, str):
+        return type(value).__name__
+    text = value if value.isprintable() else repr(value)
+    return text if len(text) <= 80 else text[:77] + "..."

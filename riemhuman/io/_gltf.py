@@ -1,7 +1,8 @@
-"""Paths of surfaces as animated GLB files (glTF 2.0), for viewers, game engines and Blender.
+"""GLB files (glTF 2.0): paths of surfaces for viewers, game engines and Blender, and meshes.
 
-The first surface is the mesh and the others are its morph targets, which an animation shows one
-after the other. Between them, glTF interpolates the vertices linearly.
+A path is written as a mesh, its first surface, with the others as morph targets, which an animation
+shows one after the other; between them, glTF interpolates the vertices linearly. The exporter of
+trimesh knows no morph targets, and its importer allocates the sizes that a file declares.
 """
 
 from __future__ import annotations
@@ -9,18 +10,23 @@ from __future__ import annotations
 import json
 import os
 import struct
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from riemhuman.checks import real_array, real_number
 from riemhuman.errors import ArgumentError, FileFormatError
-from riemhuman.io.files import atomic_file, file_path
+from riemhuman.io.files import file_path, read_bytes, short_message, write_bytes
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.vertex_normals import vertex_normals
 
-_FLOAT, _SHORT, _INT = 5126, 5123, 5125  # component types of glTF
+_FLOAT, _BYTE, _SHORT, _INT = 5126, 5121, 5123, 5125  # component types of glTF
+_TRIANGLES = 4  # mode of primitives
+_DEEPEST = 100  # levels of nodes that are read
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _COLOR = (0.80, 0.72, 0.66, 1.0)
 
@@ -35,8 +41,8 @@ def save_glb(
 ) -> None:
     """Write a path of surfaces to a GLB file that plays as an animation.
 
-    Positions and normals are in single precision, as the format requires. The file appears whole
-    or not at all.
+    Positions and normals are in single precision, as the format requires. The file is written
+    atomically.
 
     Parameters
     ----------
@@ -73,8 +79,95 @@ def save_glb(
     if file.suffix.lower() != ".glb":
         raise FileFormatError(f"{file}: the ending must be .glb")
     content = _glb(surfaces, faces, real_number(seconds, "seconds", minimum=0, strict=True), name)
-    with atomic_file(file) as neighbour:
-        neighbour.write_bytes(content)
+    write_bytes(file, content)
+
+
+def read_glb(file: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return the vertices (V, 3) and triangles (F, 3) of the meshes in a file's scene.
+
+    Nodes are placed by their transformations; morph targets, skins and materials are ignored.
+    """
+    content = read_bytes(file)
+    try:
+        document, binary = _chunks(content)
+        scenes = document.get("scenes") or [{"nodes": range(len(document.get("nodes", ())))}]
+        roots = scenes[document.get("scene", 0)].get("nodes", ())
+        vertices, faces, n_vertices = [], [], 0
+        for mesh, matrix in _placed_meshes(document, roots, np.eye(4), 0):
+            for positions, triangles in _primitives(document, binary, mesh):
+                vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
+                faces.append(triangles + n_vertices)
+                n_vertices += len(positions)
+                # Many nodes may show one mesh.
+                if n_vertices > len(content):
+                    raise FileFormatError("its nodes repeat its meshes too often")
+    except FileFormatError:
+        raise
+    except Exception as error:  # a damaged file can make any step fail
+        raise FileFormatError(f"damaged GLB file: {short_message(error)}") from error
+    if not vertices:
+        raise FileFormatError("the GLB file holds no triangles")
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _chunks(content: bytes) -> tuple[dict[str, Any], bytes]:
+    """Return the JSON and the binary part of a file."""
+    magic, version, length = struct.unpack_from("<4sII", content)
+    if magic != b"glTF" or version != 2 or length > len(content):
+        raise FileFormatError("not a whole GLB file of version 2")
+    size, _ = struct.unpack_from("<I4s", content, 12)
+    document = json.loads(content[20 : 20 + size])
+    return document, content[28 + size : length]
+
+
+def _placed_meshes(
+    document: dict[str, Any], nodes: Iterable[int], parent: np.ndarray, depth: int
+) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
+    """Yield the meshes below some nodes, each with its matrix of homogeneous coordinates."""
+    if depth > _DEEPEST:
+        raise FileFormatError(f"its nodes are nested more than {_DEEPEST} deep")
+    for number in nodes:
+        node = document["nodes"][number]
+        matrix = np.eye(4)
+        if "matrix" in node:
+            matrix = np.reshape(node["matrix"], (4, 4)).T
+        else:
+            x, y, z, w = node.get("rotation", (0, 0, 0, 1))
+            rotation = Rotation.from_quat([x, y, z, w]).as_matrix()
+            matrix[:3, :3] = rotation * np.asarray(node.get("scale", (1, 1, 1)))
+            matrix[:3, 3] = node.get("translation", (0, 0, 0))
+        if "mesh" in node:
+            yield document["meshes"][node["mesh"]], parent @ matrix
+        yield from _placed_meshes(document, node.get("children", ()), parent @ matrix, depth + 1)
+
+
+def _primitives(
+    document: dict[str, Any], binary: bytes, mesh: dict[str, Any]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield vertices and triangles; primitives that share vertices count as one."""
+    parts: dict[int, list[np.ndarray]] = {}
+    for primitive in mesh["primitives"]:
+        if primitive.get("mode", _TRIANGLES) == _TRIANGLES:
+            number = primitive["attributes"]["POSITION"]
+            if "indices" in primitive:
+                corners = _accessor(document, binary, primitive["indices"], 1)
+            else:
+                corners = np.arange(document["accessors"][number]["count"])
+            parts.setdefault(number, []).append(corners.reshape(-1, 3).astype(np.int64))
+    for number, triangles in parts.items():
+        yield _accessor(document, binary, number, 3).astype(float), np.concatenate(triangles)
+
+
+def _accessor(document: dict[str, Any], binary: bytes, number: int, width: int) -> np.ndarray:
+    """Return the numbers of an accessor, shape (n, width); NumPy checks that they are there."""
+    accessor = document["accessors"][number]
+    if "bufferView" not in accessor or "sparse" in accessor:
+        raise FileFormatError("the GLB file is compressed; save it without compression")
+    view = document["bufferViews"][accessor["bufferView"]]
+    dtype = np.dtype({_FLOAT: "<f4", _BYTE: "<u1", _SHORT: "<u2", _INT: "<u4"}[accessor["componentType"]])
+    stride = max(view.get("byteStride", 0), width * dtype.itemsize)
+    offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    return np.ndarray((accessor["count"], width), dtype, binary, offset, (stride, dtype.itemsize))
 
 
 class _Chunk:
