@@ -38,7 +38,7 @@ _ROOM_OF_NAME = {
     "DeformationBasis": "surfaces.deformation_basis",
     "Template": "surfaces.template",
     "load_mesh": "io.meshes",
-    "save_glb": "io.gltf",
+    "save_glb": "io",
     "save_mesh": "io.meshes",
     "generalized_procrustes": "surfaces.procrustes",
     "procrustes": "surfaces.procrustes",

@@ -16,10 +16,9 @@ import numpy as np
 from riemhuman.checks import one_of
 from riemhuman.datasets.bodies import Bodies
 from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io.files import file_path
+from riemhuman.io.files import file_path, read_text
 from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.meshes import load_mesh
-from riemhuman.io.text_tables import read_text
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
 from riemhuman.surfaces.procrustes import procrustes

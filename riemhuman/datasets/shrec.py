@@ -19,9 +19,8 @@ from riemhuman.datasets.registered_meshes import (
     preferred_formats,
 )
 from riemhuman.errors import FileError, FileFormatError, RiemhumanError
-from riemhuman.io.files import file_path
+from riemhuman.io.files import file_path, read_text
 from riemhuman.io.meshes import load_mesh
-from riemhuman.io.files import read_text
 from riemhuman.representation import Record, join_names
 
 

@@ -164,7 +164,9 @@ def _accessor(document: dict[str, Any], binary: bytes, number: int, width: int) 
     if "bufferView" not in accessor or "sparse" in accessor:
         raise FileFormatError("the GLB file is compressed; save it without compression")
     view = document["bufferViews"][accessor["bufferView"]]
-    dtype = np.dtype({_FLOAT: "<f4", _BYTE: "<u1", _SHORT: "<u2", _INT: "<u4"}[accessor["componentType"]])
+    dtype = np.dtype(
+        {_FLOAT: "<f4", _BYTE: "<u1", _SHORT: "<u2", _INT: "<u4"}[accessor["componentType"]]
+    )
     stride = max(view.get("byteStride", 0), width * dtype.itemsize)
     offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
     return np.ndarray((accessor["count"], width), dtype, binary, offset, (stride, dtype.itemsize))

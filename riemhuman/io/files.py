@@ -22,7 +22,7 @@ _LONGEST_MESSAGE = 300
 
 
 def file_path(path: str | os.PathLike[str], name: str = "path", kind: str = "file") -> Path:
-    """Return a path, in which ``~`` stands for the user's home; `name` and `kind` are for errors."""
+    """Return a path; ``~`` is the user's home, and `name` and `kind` are for messages."""
     try:
         # `Path.expanduser` would refuse a file ~anna.ply where there is no user anna.ply.
         expanded = Path(os.path.expanduser(path))
@@ -144,7 +144,7 @@ def lock_file(file: Path, message: str) -> Iterator[None]:
     try:
         yield
     finally:
-        # Before the release: later, another process may have the lock. Windows removes no open file.
+        # While it is locked: later, another process may use it. Windows removes no open file.
         with suppress(OSError):
             file.unlink()
         lock.release()

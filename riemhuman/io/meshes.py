@@ -271,7 +271,9 @@ def check_not_point_cloud(file: Path) -> None:
 
 def _unknown_suffix(file: Path, suffixes: tuple[str, ...]) -> FileFormatError:
     suffix = repr(file.suffix) if file.suffix else "none"
-    return FileFormatError(f"{file}: the ending must be one of {', '.join(suffixes)}; found {suffix}")
+    return FileFormatError(
+        f"{file}: the ending must be one of {', '.join(suffixes)}; found {suffix}"
+    )
 
 
 def _read_ply_mesh(file: Path) -> _Mesh:
@@ -292,7 +294,9 @@ def _read_with_meshio(file: Path) -> _Mesh:
 
 def _triangles_of_cells(cells: Any) -> ndarray:
     """Return the triangles of the surface cells of a meshio mesh, block by block."""
-    polygons = [np.asarray(p) for block in cells if block.type in _SURFACE_CELLS for p in block.data]
+    polygons = [
+        np.asarray(p) for block in cells if block.type in _SURFACE_CELLS for p in block.data
+    ]
     lengths = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     return split_polygons(np.concatenate([np.zeros(0, np.int64), *polygons]), lengths)
 
@@ -344,7 +348,7 @@ def _lines_of_obj(content: bytes) -> Iterator[tuple[int, list[bytes]]]:
 
 def _read_off(file: Path) -> _Mesh:
     lines = read_bytes(file).removeprefix(BOM_UTF8).splitlines()
-    rows = (words for line in lines if (words := line.partition(b"#")[0].split()))
+    rows = iter([words for line in lines if (words := line.partition(b"#")[0].split())])
     keyword, *counts = next(rows, [b""])
     if not re.fullmatch(rb"(ST)?C?N?OFF", keyword):
         raise FileFormatError("not an OFF text file: it does not begin with 'OFF'")
@@ -354,8 +358,8 @@ def _read_off(file: Path) -> _Mesh:
     n_vertices, n_faces = int(counts[0]), int(counts[1])
     positions, corners, lengths = array("d"), array("q"), array("q")
     for row in range(n_vertices + n_faces):
-        words = next(rows, None)
-        if words is None:
+        words = next(rows, [])
+        if not words:
             raise FileFormatError(
                 f"truncated: the OFF header declares {n_vertices} vertices and {n_faces} faces, "
                 f"{row} lines follow"
@@ -371,8 +375,8 @@ def _read_off(file: Path) -> _Mesh:
         except (OverflowError, ValueError) as error:
             kind = "face" if row >= n_vertices else "vertex"
             raise FileFormatError(f"not a valid {kind} line: {_shorten(words)}") from error
-    rest = next(rows, None)
-    if rest is not None:
+    rest = next(rows, [])
+    if rest:
         raise FileFormatError(
             f"the OFF header declares {n_vertices} vertices and {n_faces} faces, more lines "
             f"follow: {_shorten(rest)}"
@@ -388,7 +392,7 @@ def _read_stl(file: Path) -> _Mesh:
     else:
         words = re.findall(rb"^\s*vertex\s+(\S+)\s+(\S+)\s+(\S+)\s*$", content, re.MULTILINE)
         facets = len(re.findall(rb"^\s*endfacet\b", content, re.MULTILINE))
-        if not content.lstrip().startswith(b"solid") or len(words) != 3 * facets:
+        if b"endsolid" not in content or len(words) != 3 * facets:
             raise FileFormatError(
                 "not a whole STL file: neither as many bytes as its header declares nor facets of "
                 "three vertices each"

@@ -50,6 +50,7 @@ def lock_output(path: Path) -> Iterator[None]:
     """Keep other processes from writing the same output, by a lock file beside it."""
     path = Path(os.path.abspath(path))
     message = f"{path} is in use: another process is at work on it; name another output"
+    _check_parent(path)  # the lock would make the folder
     with lock_file(path.with_name(f".{path.name}.lock"), message):
         yield
 

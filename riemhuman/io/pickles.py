@@ -43,10 +43,14 @@ _KINDS = {
     **{f"numpy.{core}.multiarray _reconstruct": "array" for core in ("core", "_core")},
     **{f"numpy.{core}.multiarray scalar": "scalar" for core in ("core", "_core")},
     **{f"numpy.{core}.numeric _frombuffer": "buffer" for core in ("core", "_core")},
-    **{"numpy ndarray": "ndarray", "numpy dtype": "dtype", "_codecs encode": "bytes"},
-    **{"chumpy.ch Ch": "Ch", "chumpy.reordering Select": "Select"},
+    "numpy ndarray": "ndarray",
+    "numpy dtype": "dtype",
+    "_codecs encode": "bytes",
+    "chumpy.ch Ch": "Ch",
+    "chumpy.reordering Select": "Select",
     **{f"{module} object": "object" for module in ("builtins", "__builtin__")},
     **{f"{module} set": "set" for module in ("builtins", "__builtin__")},
+    **{f"{module} frozenset": "set" for module in ("builtins", "__builtin__")},
     **{f"{module} _reconstructor": "reconstructor" for module in ("copyreg", "copy_reg")},
     **{
         f"scipy.sparse.{prefix}{layout} {layout}_{end}": layout
@@ -116,7 +120,10 @@ def load_pickled_arrays(
         for name in (*required, *optional):
             if name not in fields:
                 continue
-            arrays[name] = _value(fields[name])
+            try:
+                arrays[name] = _value(fields[name])
+            except FileFormatError as error:
+                raise FileFormatError(f"{error}, in its field {name}") from error
             limit -= arrays[name].nbytes if isinstance(arrays[name], np.ndarray) else 0
             if limit < 0:
                 raise FileFormatError("uses its data more often than its size allows")
@@ -207,7 +214,7 @@ def _load_bytearray(unpickler: Any) -> None:
 
 
 def _refuse(unpickler: Any) -> None:
-    raise FileFormatError("uses an operation of pickles that no body model needs")
+    raise FileFormatError("is no pickle, or uses an operation that no body model needs")
 
 
 _REPLACED = {
@@ -375,7 +382,7 @@ def _sparse(record: _Record, layout: str) -> sparse.coo_array:
 
 def _vector(state: dict[str, Any], name: str, layout: str, kinds: str) -> np.ndarray:
     """Return a part of a sparse matrix; whole numbers become int64."""
-    part = state.get(name)
+    part: Any = state.get(name)
     vector = _array(part, _kind(part)) if _kind(part) in ("array", "buffer") else np.empty(())
     if vector.ndim != 1 or vector.dtype.kind not in kinds:
         raise FileFormatError(f"holds a {layout} matrix whose {name} is missing or malformed")

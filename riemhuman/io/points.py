@@ -21,7 +21,7 @@ _Points = tuple[ndarray, "ndarray | None", "ndarray | None"]
 
 
 def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, ndarray | None]:
-    """Read points from a file, with their triangles and normals if it has some.
+    r"""Read points from a file, with their triangles and normals if it has some.
 
     Parameters
     ----------

@@ -22,10 +22,11 @@ from riemhuman.errors import FileError, FileFormatError, RiemhumanError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.files import file_path, read_bytes
 from riemhuman.io.meshes import save_mesh
+from riemhuman.io.points import POINT_SUFFIXES, load_points
 from riemhuman.progress import ProgressBar
 from riemhuman.registration._scan_preparation import thinned
 from riemhuman.registration.scan_registration import RegisteredScan, ScanRegistration
-from riemhuman.registration.scans import SUFFIXES, Scan, in_metres, read_scan
+from riemhuman.registration.scans import Scan, in_metres
 
 UNTRUSTED, RECORDS = "untrusted", "registrations"
 _VERSION = 1
@@ -146,10 +147,10 @@ def register_folder(
 def scan_files(folder: str | os.PathLike[str]) -> list[Path]:
     """Return the files of scans in a folder, in the natural order of their names."""
     place = existing_folder(folder)
-    files = [each for each in place.iterdir() if each.suffix.lower() in SUFFIXES]
+    files = [each for each in place.iterdir() if each.suffix.lower() in POINT_SUFFIXES]
     files = sorted((each for each in files if each.is_file()), key=lambda f: natural_key(f.name))
     if not files:
-        raise FileError(f"{place} holds no scans; they end in {', '.join(SUFFIXES)}")
+        raise FileError(f"{place} holds no scans; they end in {', '.join(POINT_SUFFIXES)}")
     for one, other in pairwise(files):
         if one.stem == other.stem:
             raise FileError(f"{one.name} and {other.name} would become one body {one.stem}.ply")
@@ -233,7 +234,7 @@ def _registered(
     registration: ScanRegistration, file: Path, before: RegisteredScan | None
 ) -> tuple[ScanRecord, RegisteredScan | None]:
     try:
-        scan = in_metres(*read_scan(file), unit=registration.unit, name=str(file))
+        scan = in_metres(*load_points(file), unit=registration.unit, name=str(file))
         result = registration.solve(scan, start=before)
     except RiemhumanError as error:
         return ScanRecord(file.stem, False, str(error), np.nan, np.nan, 0.0, {}), None

@@ -4,32 +4,25 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from riemhuman.checks import one_of, real_array
-from riemhuman.errors import ArgumentError, FileError, FileFormatError
-from riemhuman.io._ply import has_ply_faces, read_ply_points
-from riemhuman.io.arrays import load_array
-from riemhuman.io.files import file_path, read_bytes
+from riemhuman.errors import ArgumentError, FileFormatError
+from riemhuman.io.files import file_path
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.io.meshes import load_mesh
+from riemhuman.io.points import load_points
 from riemhuman.io.text_tables import read_named_rows
 from riemhuman.kernels.vertex_normals import unit_vectors
 from riemhuman.units import UNITS
 
-# Suffixes of the files of scans.
-SUFFIXES = (".ply", ".obj", ".off", ".xyz", ".npy")
 FEWEST_POINTS = 200
 
 # Smallest and largest extent of a body with its surroundings, metres. Their ratio is 10, as between
 # centimetres and millimetres, so that one unit fits at most.
 _EXTENTS = (0.4, 4.0)
 _INFERRED_UNITS = ("metres", "centimetres", "millimetres")
-
-_Parts = tuple[np.ndarray, "np.ndarray | None", "np.ndarray | None"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +92,7 @@ def load_scan(path: str | os.PathLike[str], unit: str | None = None) -> Scan:
     >>> len(scan), scan.unit
     (1202, 'millimetres')
     """
-    return in_metres(*read_scan(path), unit=unit, name=os.fspath(path))
+    return in_metres(*load_points(path), unit=unit, name=os.fspath(path))
 
 
 def load_landmarks(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -147,7 +140,7 @@ def as_scan(scan: Any, unit: str | None = None) -> Scan:
     if isinstance(scan, Scan):
         return scan
     if isinstance(scan, (str, os.PathLike)):
-        return in_metres(*read_scan(scan), unit=unit, name=os.fspath(scan))
+        return in_metres(*load_points(scan), unit=unit, name=os.fspath(scan))
     if isinstance(scan, tuple) and len(scan) == 2:
         vertices, faces = check_mesh(*scan, names=("the vertices of scan", "the faces of scan"))
         return in_metres(vertices, faces, None, unit=unit)
@@ -188,79 +181,3 @@ def in_metres(
         (unit,) = fitting
     size = UNITS[one_of(unit, "unit", tuple(UNITS))]
     return Scan(points / size, faces, None if normals is None else unit_vectors(normals), unit)
-
-
-def read_scan(path: str | os.PathLike[str]) -> _Parts:
-    """Return the points, triangles and normals of a file, in its unit."""
-    file = file_path(path)
-    suffix = file.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise FileFormatError(
-            f"{file}: the ending must be one of {', '.join(SUFFIXES)}; "
-            f"found {file.suffix or 'none'!r}"
-        )
-    if file.is_dir():
-        raise FileError(f"{file} is a folder; a scan was expected")
-    if not file.exists():
-        raise FileError(f"there is no file {file}")
-    if suffix == ".npy":
-        return _columns(load_array(file), file)
-    if suffix == ".xyz":
-        return _columns(_text(file), file)
-    if suffix == ".ply":
-        try:
-            content = read_bytes(file)
-            if not has_ply_faces(content):
-                points, normals = read_ply_points(content)
-                return _checked(points.astype(np.float64), file), None, normals
-        except FileFormatError as error:
-            raise FileFormatError(f"{file}: {error}") from error
-    points, faces = load_mesh(file)
-    return points, faces, None
-
-
-def _columns(values: np.ndarray, file: Path) -> _Parts:
-    if values.ndim != 2 or values.shape[1] < 3 or values.dtype.kind not in "fiu":
-        raise FileFormatError(
-            f"{file}: an array of points has numbers in 3 columns, or 6 with normals; found "
-            f"shape {values.shape} of {values.dtype}"
-        )
-    points = _checked(np.asarray(values[:, :3], dtype=np.float64), file)
-    if values.shape[1] != 6:
-        return points, None, None
-    normals = np.asarray(values[:, 3:], dtype=np.float64)
-    # The last three of six columns are normals or colours.
-    lengths = np.linalg.norm(normals, axis=1)
-    return points, None, normals if np.all(np.abs(lengths - 1.0) < 0.01) else None
-
-
-def _text(file: Path) -> np.ndarray:
-    lines = read_bytes(file).decode("latin-1").splitlines()
-    rows, width = [], 0
-    for number, line in enumerate(lines, start=1):
-        words = line.replace(",", " ").split()
-        if not words or words[0].startswith(("#", "//")):
-            continue
-        width = width or len(words)
-        try:
-            row = [float(word) for word in words]
-        except ValueError:
-            row = []
-        if len(row) != width:
-            raise FileFormatError(
-                f"{file}: line {number} must hold {width} numbers, as the first; found "
-                f"{line.strip()[:60]!r}"
-            )
-        rows.append(row)
-    return np.array(rows)
-
-
-def _checked(points: np.ndarray, file: Path) -> np.ndarray:
-    finite = np.isfinite(points).all(axis=1)
-    if not finite.all():
-        first = int(np.argmin(finite))
-        raise FileFormatError(
-            f"{file}: point {first} (and {int((~finite).sum()) - 1} more) is not finite: "
-            f"{points[first].tolist()}"
-        )
-    return points

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from riemhuman.errors import FileError
-from riemhuman.io.files import file_path, lock_file, own_folder, write_text
+from riemhuman.io.files import file_path, lock_file, write_text
 
 MARKER = "provenance.json"
 _LOCK = ".report.lock"
@@ -87,7 +87,6 @@ def opened_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             if isinstance(error, FileError):
                 raise
             raise FileError(f"{folder} cannot be written: {error.strerror}") from error
-        stack.enter_context(own_folder(folder))
         yield folder
 
 

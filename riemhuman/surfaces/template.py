@@ -15,8 +15,6 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_faces, check_mesh, face_difference, read_only
 from riemhuman.io.meshes import (
     as_arrays,
-    from_pyvista,
-    from_trimesh,
     load_mesh,
     save_mesh,
     to_pyvista,
@@ -96,7 +94,7 @@ class Template:
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str]) -> Template:
-        """Read a template from a PLY, OBJ or OFF file, in the order of its vertices.
+        """Read a template from a mesh file, see `riemhuman.load_mesh`, in its order of vertices.
 
         Parameters
         ----------
@@ -123,40 +121,6 @@ class Template:
             return cls(vertices, faces)
         except ArgumentError as error:
             raise type(error)(f"{os.fspath(path)}: {error}") from error
-
-    @classmethod
-    def from_trimesh(cls, mesh: Any) -> Template:
-        """Return a trimesh mesh as a template, in the order of its vertices.
-
-        Raises the errors of `riemhuman.io.from_trimesh` and of the constructor.
-
-        Parameters
-        ----------
-        mesh : trimesh.Trimesh
-            The mesh.
-
-        Returns
-        -------
-        template : Template
-        """
-        return cls(*from_trimesh(mesh))
-
-    @classmethod
-    def from_pyvista(cls, mesh: Any) -> Template:
-        """Return a PyVista mesh as a template, in the order of its vertices, with polygons split.
-
-        Raises the errors of `riemhuman.io.from_pyvista` and of the constructor.
-
-        Parameters
-        ----------
-        mesh : pyvista.PolyData
-            The mesh.
-
-        Returns
-        -------
-        template : Template
-        """
-        return cls(*from_pyvista(mesh))
 
     def to_trimesh(self, points: ArrayLike | None = None) -> Any:
         """Return the template, or a surface registered to it, as a trimesh mesh.

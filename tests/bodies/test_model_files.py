@@ -258,7 +258,7 @@ MALFORMED = {
     ),
     "sparse, of words": (
         {"J_regressor": Sparse(REGRESSOR, changes={"data": np.array(["a"])})},
-        "csc matrix whose data are not numbers",
+        "csc matrix whose data is missing or malformed",
     ),
 }
 
@@ -289,5 +289,5 @@ def test_a_pickle_named_npz_and_the_reverse(tmp_path):
         BodyModel.from_file(written(tmp_path / "m.npz", smpl_pickle(FIELDS)))
     stream = io.BytesIO()
     np.savez(stream, **FIELDS)
-    with pytest.raises(FileFormatError, match=r"m\.pkl is not a whole pickle"):
+    with pytest.raises(FileFormatError, match=r"m\.pkl is no pickle"):
         BodyModel.from_file(written(tmp_path / "m.pkl", stream.getvalue()))

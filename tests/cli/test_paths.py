@@ -112,7 +112,7 @@ def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypa
     def interrupt(*arguments, **settings):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("riemhuman.io.gltf.save_glb", interrupt)
+    monkeypatch.setattr("riemhuman.io.save_glb", interrupt)
     finished = run("geodesic", *ends, "-o", tmp_path / "path", "--n-nodes", 2)
     assert finished.code == 130
     assert finished.err.endswith("riemhuman: interrupted\n")

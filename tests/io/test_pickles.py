@@ -40,7 +40,8 @@ def array_opcodes(shape, code="f8", data=b"", order=False):
 
 
 def with_field(value):
-    return pickled(FIELDS | {"notes": value})
+    """Return the pickle of a model with another value of a field that is used."""
+    return pickled(FIELDS | {"weights": value})
 
 
 class Exploit:
@@ -55,202 +56,105 @@ class Exploit:
 
 # These do harm when Python reads them, which is checked.
 LIVE = {
-    "os.system": (pickled(Call("os system", (COMMAND,))), r"asks for os\.system, which is refused"),
-    "posix.system": (with_field(Call("posix system", (COMMAND,))), r"asks for posix\.system"),
-    "protocol 0": (pickled(Call("os system", (COMMAND,)), 0), r"asks for os\.system"),
-    "as Python 3 writes it": (
-        pickle.dumps(FIELDS | {"f": Exploit(os.system, COMMAND)}),
-        r"asks for posix\.system",
+    "os.system": pickled(Call("os system", (COMMAND,))),
+    "posix.system": with_field(Call("posix system", (COMMAND,))),
+    "protocol 0": pickled(Call("os system", (COMMAND,)), 0),
+    "as Python 3 writes it": pickle.dumps(FIELDS | {"f": Exploit(os.system, COMMAND)}),
+    "exec": with_field(Call("__builtin__ exec", (PROGRAMME,))),
+    "eval": with_field(Call("builtins eval", (PROGRAMME,))),
+    "subprocess": with_field(Call("subprocess getoutput", (COMMAND,))),
+    "nested in a call of an allowed one": with_field(
+        Call("numpy dtype", (Call("os system", (COMMAND,)),))
     ),
-    "exec": (with_field(Call("__builtin__ exec", (PROGRAMME,))), r"asks for __builtin__\.exec"),
-    "eval": (with_field(Call("builtins eval", (PROGRAMME,))), r"asks for builtins\.eval"),
-    "subprocess": (
-        with_field(Call("subprocess getoutput", (COMMAND,))),
-        r"asks for subprocess\.getoutput",
+    "found by getattr": with_field(
+        Call("builtins getattr", (Call("os system", (COMMAND,)), "real"))
     ),
-    "nested in a call of an allowed one": (
-        with_field(Call("numpy dtype", (Call("os system", (COMMAND,)),))),
-        r"asks for os\.system",
-    ),
-    "found by getattr": (
-        with_field(Call("builtins getattr", (Call("os system", (COMMAND,)), "real"))),
-        r"asks for builtins\.getattr",
-    ),
-    "old instance": (
-        b"(S" + repr(COMMAND).encode() + b"\nios\nsystem\n.",
-        "uses the opcode INST, which is refused",
-    ),
-    "old object": (
-        b"(cos\nsystem\nS" + repr(COMMAND).encode() + b"\no.",
-        r"asks for os\.system",
-    ),
-    "stack global": (
-        stack_global("os", "system") + text(COMMAND) + b"\x85R.",
-        r"asks for os\.system",
-    ),
-    "a name assembled in memory": (
-        b"\x80\x04"
-        + text("os")
-        + b"\x94"
-        + text("system")
-        + b"\x94"
-        + b"\x93"
-        + text(COMMAND)
-        + b"\x85R.",
-        r"asks for os\.system",
-    ),
-    "after the model": (
-        pickled(FIELDS)[:-1] + b"0" + pickled(Call("os system", (COMMAND,)))[2:],
-        "uses the opcode POP, which is refused",
-    ),
-    "a way round by an importer": (
-        with_field(
-            Call("runpy _run_code", (Call("__builtin__ compile", (PROGRAMME, "x", "exec")), {})),
-        ),
-        r"asks for runpy\._run_code",
+    "old instance": b"(S" + repr(COMMAND).encode() + b"\nios\nsystem\n.",
+    "old object": b"(cos\nsystem\nS" + repr(COMMAND).encode() + b"\no.",
+    "stack global": stack_global("os", "system") + text(COMMAND) + b"\x85R.",
+    "a name assembled in memory": b"\x80\x04"
+    + text("os")
+    + b"\x94"
+    + text("system")
+    + b"\x94"
+    + b"\x93"
+    + text(COMMAND)
+    + b"\x85R.",
+    "after the model": pickled(FIELDS)[:-1] + b"0" + pickled(Call("os system", (COMMAND,)))[2:],
+    "a way round by an importer": with_field(
+        Call("runpy _run_code", (Call("__builtin__ compile", (PROGRAMME, "x", "exec")), {})),
     ),
 }
 
 STILL = {
-    "a dotted name": (
-        stack_global("numpy", "f2py.os.system") + text(COMMAND) + b"\x85R.",
-        r"asks for numpy\.f2py\.os\.system",
+    "a dotted name": stack_global("numpy", "f2py.os.system") + text(COMMAND) + b"\x85R.",
+    "through NumPy's own helpers": with_field(
+        Call("numpy.testing._private.utils runstring", (PROGRAMME, {}))
     ),
-    "through NumPy's own helpers": (
-        with_field(Call("numpy.testing._private.utils runstring", (PROGRAMME, {}))),
-        r"asks for numpy\.testing\._private\.utils\.runstring",
+    "a dotted name of an allowed class": stack_global("numpy", "ndarray.tofile") + b".",
+    "the class of an allowed class": stack_global("numpy", "dtype.__class__") + b".",
+    "a name with a blank": b"cnumpy\ndtype \n.",
+    "another module's dtype": b"cnumpy.core\ndtype\n.",
+    "load": with_field(Call("numpy load", ("x.npy", None, True))),
+    "an allowed name, called where it is not": with_field(Call("chumpy.ch Ch", ("x",))),
+    "ndarray, called": with_field(Call("numpy ndarray", ((2**40,),))),
+    "ndarray, made": with_field(Raw(b"cnumpy\nndarray\n(J\x00\x00\x00\x7ft\x85\x81")),
+    "arguments for chumpy": with_field(Raw(b"cchumpy.ch\nCh\nK\x01\x85\x81")),
+    "a call of what is no name": with_field(Raw(b"U\x01a)R")),
+    "a state for a function": with_field(Raw(b"c_codecs\nencode\n}U\x08__code__K\x01sb")),
+    "a state for a dictionary": with_field(Raw(b"}}U\x06updateK\x01sb")),
+    "reconstruct of something else": with_field(
+        Call("numpy.core.multiarray _reconstruct", (Raw(b"cnumpy\ndtype\n"), (0,), "b"))
     ),
-    "a dotted name of an allowed class": (
-        stack_global("numpy", "ndarray.tofile") + b".",
-        r"asks for numpy\.ndarray\.tofile",
+    "copy_reg of something else": with_field(
+        Call(
+            "copy_reg _reconstructor",
+            (Raw(b"cchumpy.ch\nCh\n"), Raw(b"c__builtin__\nset\n"), ()),
+        )
     ),
-    "the class of an allowed class": (
-        stack_global("numpy", "dtype.__class__") + b".",
-        r"asks for numpy\.dtype\.__class__",
+    "an array of objects": with_field(array_opcodes((1,), "O8", [1])),
+    "a structured array": with_field(array_opcodes((1,), "V8", b"12345678")),
+    "a type by a dictionary": with_field(Call("numpy dtype", ({},))),
+    "a vast array without data": with_field(array_opcodes((2**31 - 1, 2**20))),
+    "a vast text array": with_field(array_opcodes((10,), "S99999", b"a")),
+    "a type of no size": with_field(array_opcodes((2**62,), "S0", b"")),
+    "a negative shape": with_field(array_opcodes((-1,))),
+    "many axes": with_field(array_opcodes((1,) * 40, data=b"12345678")),
+    "data of another kind": with_field(array_opcodes((1,), data=[1.0])),
+    "data beyond latin 1": with_field(
+        array_opcodes((1,), data=Raw(b"X\x18\x00\x00\x00" + "€".encode() * 8))
     ),
-    "a name with a blank": (b"cnumpy\ndtype \n.", r"asks for numpy\.dtype "),
-    "another module's dtype": (b"cnumpy.core\ndtype\n.", r"asks for numpy\.core\.dtype"),
-    "load": (with_field(Call("numpy load", ("x.npy", None, True))), r"asks for numpy\.load"),
-    "an allowed name, called where it is not": (
-        with_field(Call("chumpy.ch Ch", ("x",))),
-        r"calls chumpy\.ch\.Ch, which is refused",
-    ),
-    "ndarray, called": (
-        with_field(Call("numpy ndarray", ((2**40,),))),
-        r"calls numpy\.ndarray, which is refused",
-    ),
-    "ndarray, made": (
-        with_field(Raw(b"cnumpy\nndarray\n(J\x00\x00\x00\x7ft\x85\x81")),
-        r"makes an object of numpy\.ndarray in a way that is refused",
-    ),
-    "arguments for chumpy": (
-        with_field(Raw(b"cchumpy.ch\nCh\nK\x01\x85\x81")),
-        r"makes an object of chumpy\.ch\.Ch in a way that is refused",
-    ),
-    "a call of what is no name": (with_field(Raw(b"U\x01a)R")), "calls str, which is refused"),
-    "a state for a function": (
-        with_field(Raw(b"c_codecs\nencode\n}U\x08__code__K\x01sb")),
-        "sets attributes of Global, which is refused",
-    ),
-    "a state for a dictionary": (
-        with_field(Raw(b"}}U\x06updateK\x01sb")),
-        "sets attributes of dict, which is refused",
-    ),
-    "reconstruct of something else": (
-        with_field(
-            Call("numpy.core.multiarray _reconstruct", (Raw(b"cnumpy\ndtype\n"), (0,), "b"))
-        ),
-        "makes an object of something that is no ndarray",
-    ),
-    "copy_reg of something else": (
-        with_field(
-            Call(
-                "copy_reg _reconstructor",
-                (Raw(b"cchumpy.ch\nCh\n"), Raw(b"c__builtin__\nset\n"), ()),
-            )
-        ),
-        "makes an object of something that is no object",
-    ),
-    "an array of objects": (
-        with_field(array_opcodes((1,), "O8", [1])),
-        "holds an array of type O8; arrays must hold numbers or text",
-    ),
-    "a structured array": (with_field(array_opcodes((1,), "V8", b"12345678")), "of type V8"),
-    "a type by a dictionary": (with_field(Call("numpy dtype", ({},))), "array of type dict"),
-    "a vast array without data": (
-        with_field(array_opcodes((2**31 - 1, 2**20))),
-        r"shape \(2147483647, 1048576\) and type float64, which takes \d+ bytes, with 0 bytes",
-    ),
-    "a vast text array": (with_field(array_opcodes((10,), "S99999", b"a")), "of type S99999"),
-    "a type of no size": (with_field(array_opcodes((2**62,), "S0", b"")), "of type S0"),
-    "a negative shape": (with_field(array_opcodes((-1,))), "holds an array of shape tuple"),
-    "many axes": (with_field(array_opcodes((1,) * 40, data=b"12345678")), "shape tuple"),
-    "data of another kind": (with_field(array_opcodes((1,), data=[1.0])), "whose data are list"),
-    "data beyond latin 1": (
-        with_field(array_opcodes((1,), data=Raw(b"X\x18\x00\x00\x00" + "€".encode() * 8))),
-        "holds an array whose data are no bytes",
-    ),
-    "another encoding": (
-        with_field(Call("_codecs encode", ("a" * 50, "zlib_codec"))),
-        "encodes text as zlib_codec, which is refused",
-    ),
-    "a vast text": (
-        b"\x80\x04\x8d" + struct.pack("<Q", 2**40) + b"a.",
-        "argument of BINUNICODE8 at byte 2 is malformed or cut off",
-    ),
-    "vast bytes": (
-        b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"a.",
-        "argument of BINBYTES8 at byte 2 is malformed or cut off",
-    ),
-    "a vast bytearray": (
-        b"\x80\x05\x96" + struct.pack("<Q", 2**40) + b"a.",
-        "argument of BYTEARRAY8 at byte 2 is malformed or cut off",
-    ),
-    "a negative length": (
-        b"\x80\x02T" + struct.pack("<i", -1) + b"a.",
-        "argument of BINSTRING at byte 2 is malformed or cut off",
-    ),
-    "a vast number": (
-        b"\x80\x02\x8b" + struct.pack("<i", 10**6) + b"\x7f" * 10**6 + b".",
-        "holds a whole number of 7999999 bits, which is refused",
-    ),
-    "a vast number in digits": (
-        b"L" + b"9" * 10**6 + b"L\n.",
-        "argument of LONG at byte 0 is malformed or cut off",
-    ),
-    "many opcodes": (b"\x80\x02" + b"]" * 60_000 + b".", "more than 50000 opcodes"),
-    "a deep nest": (b"\x80\x02]" + b"\x85" * 45_000 + b".", "holds tuple in place of a dictionary"),
-    "a deep nest as a key": (
-        b"\x80\x02}]" + b"\x85" * 45_000 + b"Ns.",
-        "holds a dictionary with keys that are neither text nor numbers",
-    ),
-    "one text for many arrays": (
-        pickled({"a": Raw(b"T\xa0\x86\x01\x00" + b"a" * 100_000 + b"q\x01")})[:-1]
-        + b"]("
-        + b"".join(pickled(array_opcodes((100_000,), "i1", Raw(b"h\x01")))[2:-1] for _ in range(99))
-        + b"e.",
-        "uses its data more often than its size allows",
-    ),
-    "a persistent id": (with_field(Raw(b"Psomewhere\n")), "uses the opcode PERSID"),
-    "a persistent object": (with_field(Raw(b"NQ")), "uses the opcode BINPERSID"),
-    "an extension": (with_field(Raw(b"\x82\x01")), "uses the opcode EXT1"),
-    "an outside buffer": (b"\x80\x05\x97.", "uses the opcode NEXT_BUFFER"),
-    "keywords": (with_field(Raw(b"cchumpy.ch\nCh\n)}\x92")), "uses the opcode NEWOBJ_EX"),
-    "a memory that is not there": (
-        with_field(Raw(b"h\x07")),
-        "BINGET at byte .* cannot work on what it finds",
-    ),
-    "an empty stack": (
-        b"\x80\x02R.",
-        "is a damaged pickle: REDUCE at byte 2 cannot work on what it finds",
-    ),
-    "no end": (smpl_pickle(FIELDS)[:-1], "is not a whole pickle: it ends too early"),
-    "an unknown opcode": (b"\x80\x02\xff.", r"is not a whole pickle: it holds b'\\xff' at byte 2"),
-    "two objects": (b"\x80\x02NN.", "does not end in one object"),
-    "an open mark": (b"\x80\x02N(.", "does not end in one object"),
-    "a list": (pickled([1]), "holds list in place of a dictionary"),
-    "nothing": (b"", "it ends too early at byte 0"),
+    "another encoding": with_field(Call("_codecs encode", ("a" * 50, "zlib_codec"))),
+    "a vast text": b"\x80\x04\x8d" + struct.pack("<Q", 2**40) + b"a.",
+    "vast bytes": b"\x80\x04\x8e" + struct.pack("<Q", 2**62) + b"a.",
+    "a vast bytearray": b"\x80\x05\x96" + struct.pack("<Q", 2**40) + b"a.",
+    "a negative length": b"\x80\x02T" + struct.pack("<i", -1) + b"a.",
+    "a vast number": b"\x80\x02\x8b" + struct.pack("<i", 10**6) + b"\x7f" * 10**6 + b".",
+    "a vast number in digits": b"L" + b"9" * 10**6 + b"L\n.",
+    "many opcodes": b"\x80\x02" + b"]" * 60_000 + b".",
+    "a deep nest": b"\x80\x02]" + b"\x85" * 45_000 + b".",
+    "a deep nest as a key": b"\x80\x02}]" + b"\x85" * 45_000 + b"Ns.",
+    "one text for many arrays": pickled(
+        {"a": Raw(b"T\xa0\x86\x01\x00" + b"a" * 100_000 + b"q\x01")}
+    )[:-1]
+    + b"]("
+    + b"".join(pickled(array_opcodes((100_000,), "i1", Raw(b"h\x01")))[2:-1] for _ in range(99))
+    + b"e.",
+    "a persistent id": with_field(Raw(b"Psomewhere\n")),
+    "a persistent object": with_field(Raw(b"NQ")),
+    "an extension": with_field(Raw(b"\x82\x01")),
+    "an outside buffer": b"\x80\x05\x97.",
+    "keywords": with_field(Raw(b"cchumpy.ch\nCh\n)}\x92")),
+    "a memory that is not there": with_field(Raw(b"h\x07")),
+    "an empty stack": b"\x80\x02R.",
+    "no end": smpl_pickle(FIELDS)[:-1],
+    "an unknown opcode": b"\x80\x02\xff.",
+    "two objects": b"\x80\x02NN.",
+    "an open mark": b"\x80\x02N(.",
+    "a list": pickled([1]),
+    "nothing": b"",
 }
+
 HOSTILE = LIVE | STILL
 
 
@@ -261,31 +165,54 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("case", HOSTILE)
-def test_refused_by_name_and_not_run(folder, case):
-    content, message = HOSTILE[case]
+def test_hostile_pickles_are_refused_and_not_run(folder, case):
     path = folder / "model.pkl"
-    path.write_bytes(content)
+    path.write_bytes(HOSTILE[case])
     tracemalloc.start()
     try:
-        with pytest.raises(FileFormatError, match=rf"model\.pkl .*({message})") as caught:
-            BodyModel.from_file(path)
+        with pytest.raises(FileFormatError, match=r"model\.pkl ") as caught:
+            load_pickled_arrays(path, tuple(FIELDS))
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    assert [each.name for each in folder.iterdir()] == ["model.pkl"]
+    assert os.listdir(folder) == ["model.pkl"]
     assert len(str(caught.value)) < 1000
-    # Fifty thousand empty lists are the most the opcodes can ask for.
-    assert peak < 20e6 + 10 * len(content)
+    # Fifty thousand empty lists are the most that operations can ask for.
+    assert peak < 20e6 + 10 * len(HOSTILE[case])
 
 
-def test_enough_hostile_files():
-    assert len(HOSTILE) >= 20
+def test_what_is_asked_for_is_named(folder):
+    for case, message in [
+        ("os.system", r"asks for os\.system, which is refused"),
+        ("as Python 3 writes it", r"asks for posix\.system"),
+        ("after the model", r"asks for os\.system"),
+        ("a dotted name of an allowed class", r"asks for numpy\.ndarray\.tofile"),
+        ("an array of objects", "of type O8; arrays must hold numbers or text"),
+        ("a list", "holds list in place of a dictionary"),
+    ]:
+        (folder / "model.pkl").write_bytes(HOSTILE[case])
+        with pytest.raises(FileFormatError, match=message):
+            BodyModel.from_file("model.pkl")
+
+
+def test_objects_in_fields_that_are_not_read_stay_records(folder):
+    """They were never made, so that the rest of the model can be read."""
+    notes = Call("chumpy.ch Ch", ("x",))
+    (folder / "model.pkl").write_bytes(pickled(FIELDS | {"notes": notes}))
+    assert list(load_pickled_arrays("model.pkl", ["f"])) == ["f"]
+
+
+def test_sets_of_python_3(folder):
+    content = {"a": np.arange(2), "dirty": {"x", ("y", 1)}, "frozen": frozenset([1])}
+    for protocol in range(6):
+        (folder / "model.pkl").write_bytes(pickle.dumps(content, protocol))
+        assert load_pickled_arrays("model.pkl", ["a"])["a"].tolist() == [0, 1]
 
 
 @pytest.mark.parametrize("case", LIVE)
 def test_the_live_ones_do_run_in_pythons_own_reader(folder, case):
     with contextlib.suppress(AttributeError, TypeError, pickle.UnpicklingError):
-        pickle.loads(LIVE[case][0], encoding="latin1")
+        pickle.loads(LIVE[case], encoding="latin1")
     assert CANARY in os.listdir(folder)
 
 
@@ -321,27 +248,6 @@ def test_every_cut_and_many_changed_bytes_are_refused_or_read(folder):
         except FileFormatError:
             refused += 1
     assert refused >= 60
-
-
-def test_frames_and_types_that_pythons_own_reader_refuses(folder):
-    content = pickle.dumps({"v": np.arange(3.0)}, 4)
-    assert content[2:3] == b"\x95"
-    length = int.from_bytes(content[3:11], "little")
-    longer = content[:3] + (length + 1).to_bytes(8, "little") + content[11:]
-    state = (99, "<", None, None, None, -1, -1, 0)
-    dtype = Raw(pickled(Call("numpy dtype", ("f8", 0, 1)))[2:-1] + pickled(state)[2:-1] + b"b")
-    scalar = pickled({"v": Call("numpy.core.multiarray scalar", (dtype, b"\0" * 8))})
-    later = pickled({"v": 1}).replace(b"\x80\x02", b"\x80\x3f", 1)
-    for broken, message in (
-        (later, "protocol 63"),
-        (longer, "malformed or cut off"),
-        (scalar, "malformed NumPy data type"),
-    ):
-        with pytest.raises((pickle.UnpicklingError, ValueError)):
-            pickle.loads(broken)
-        (folder / "m.pkl").write_bytes(broken)
-        with pytest.raises(FileFormatError, match=message):
-            load_pickled_arrays(folder / "m.pkl", ["v"])
 
 
 def test_arrays_share_nothing_that_can_be_written(folder):

@@ -1,0 +1,333 @@
+"""Files and folders are written atomically; outputs are checked before the work begins."""
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from riemhuman.errors import ArgumentError, FileError, FileFormatError
+from riemhuman.io.files import (
+    atomic_file,
+    file_path,
+    lock_file,
+    read_bytes,
+    read_text,
+    short_message,
+    write_text,
+)
+from riemhuman.io.outputs import (
+    atomic_folder,
+    check_output_file,
+    check_output_folder,
+    lock_output,
+)
+from riemhuman.io.text_tables import csv_cell, read_named_rows
+
+HOLD = """
+import sys
+from pathlib import Path
+from riemhuman.io.files import lock_file
+with lock_file(Path(sys.argv[1]), "busy"):
+    print("locked", flush=True)
+    sys.stdin.read()
+"""
+
+
+def is_ours(name):
+    return name.startswith("time_")
+
+
+def write_half(file, error):
+    """Begin to write a file, and fail."""
+    with atomic_file(file) as temporary:
+        temporary.write_text("half")
+        raise error
+
+
+def test_a_file_is_replaced(tmp_path):
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    with atomic_file(file) as temporary:
+        assert temporary.suffix == ".txt"
+        temporary.write_text("new")
+        assert file.read_text() == "old"
+    assert file.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+@pytest.mark.parametrize(
+    ("error", "expected", "message"),
+    [
+        (ArgumentError("wrong"), ArgumentError, "wrong"),
+        (KeyboardInterrupt(), KeyboardInterrupt, None),
+        (BrokenPipeError(), BrokenPipeError, None),
+        (FileError("another file"), FileError, "^another file"),
+        (OSError(28, "No space left on device"), FileError, r"a\.txt cannot be written: No space"),
+        (OSError("4 written"), FileError, r"a\.txt cannot be written: 4 written"),
+    ],
+)
+def test_what_fails_leaves_the_old_file(tmp_path, error, expected, message):
+    file = tmp_path / "a.txt"
+    file.write_text("old")
+    with pytest.raises(expected, match=message):
+        write_half(file, error)
+    assert file.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_two_writers_at_once(tmp_path):
+    file = tmp_path / "a.txt"
+    with atomic_file(file) as first:
+        first.write_text("first")
+        with atomic_file(file) as second:
+            second.write_text("second")
+        assert file.read_text() == "second"
+    assert file.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_places_where_no_file_can_be_written(tmp_path):
+    for place in (tmp_path / "b" / "a", tmp_path, Path(os.devnull)):
+        with pytest.raises(FileError, match="cannot be written"):
+            write_text(place, "text")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="permissions are others there")
+def test_permissions_and_links(tmp_path):
+    file, link = tmp_path / "a.txt", tmp_path / "link.txt"
+    for mode in (0o600, 0o644, 0o400):
+        file.unlink(missing_ok=True)
+        file.touch()
+        file.chmod(mode)
+        write_text(file, "new")
+        assert stat.S_IMODE(file.stat().st_mode) == mode
+    (tmp_path / "plain").touch()
+    write_text(tmp_path / "new.txt", "text")
+    assert (tmp_path / "new.txt").stat().st_mode == (tmp_path / "plain").stat().st_mode
+    link.symlink_to(file)
+    write_text(link, "through the link")
+    assert link.is_symlink()
+    assert file.read_text() == "through the link"
+
+
+def test_only_regular_files_are_read(tmp_path):
+    (tmp_path / "text").write_bytes(b"\xef\xbb\xbfZo\xc3\xab")
+    assert read_text(tmp_path / "text") == "Zoë"
+    (tmp_path / "latin").write_bytes(b"Zo\xeb")
+    with pytest.raises(FileFormatError, match="is not text in UTF-8"):
+        read_text(tmp_path / "latin")
+    os.mkfifo(tmp_path / "pipe")
+    for place, message in [
+        (tmp_path, "it is a folder"),
+        (tmp_path / "pipe", "it is a device or a pipe"),
+        (Path("/dev/zero"), "it is a device or a pipe"),
+        (tmp_path / "none", "No such file"),
+    ]:
+        with pytest.raises(FileError, match=message):
+            read_bytes(place)
+    for name in ("a" * 5000, "a\0b"):
+        with pytest.raises(FileError, match="cannot be the name of a file"):
+            file_path(name)
+    assert len(short_message(ValueError("x" * 9999))) == 300
+
+
+def test_a_lock_is_for_one_process(tmp_path):
+    file = tmp_path / "a.lock"
+    with lock_file(file, "busy with it"):
+        with pytest.raises(FileError, match="^busy with it$"), lock_file(file, "busy with it"):
+            pass
+        assert file.exists()
+    assert not file.exists()
+    with subprocess.Popen(
+        [sys.executable, "-c", HOLD, str(file)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        cwd=Path(__file__).parents[2],
+    ) as process:
+        assert process.stdout.readline() == b"locked\n"
+        with pytest.raises(FileError, match="busy"), lock_file(file, "busy"):
+            pass
+        process.kill()
+    # The lock of a process that was killed is free, although its file is left.
+    assert file.exists()
+    with lock_file(file, "busy"):
+        pass
+    assert not file.exists()
+
+
+def test_an_output_is_locked(tmp_path):
+    path = tmp_path / "path.npz"
+    with lock_output(path):
+        with pytest.raises(FileError, match=r"path\.npz is in use"), lock_output(path):
+            pass
+        with lock_output(tmp_path / "other.npz"):
+            pass
+    with pytest.raises(FileError, match="there is no folder"), lock_output(tmp_path / "no" / "a"):
+        pass
+    with pytest.raises(OSError, match="of the work"), lock_output(path):
+        raise OSError("of the work")
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_that_can_be_written(tmp_path, monkeypatch):
+    check_output_file(tmp_path / "new.npz", [".npz"], force=False)
+    (tmp_path / "old.NPZ").touch()
+    check_output_file(tmp_path / "old.NPZ", [".npz"], force=True)
+    monkeypatch.chdir(tmp_path)
+    check_output_file(Path("here.npz"), [".npz"], force=False)
+    monkeypatch.setattr(os, "access", lambda path, mode: False)
+    with pytest.raises(FileError, match="no permission in .*; name another place"):
+        check_output_file(tmp_path / "new.npz", [".npz"], force=True)
+    with pytest.raises(FileError, match="no permission in"):
+        check_output_folder(tmp_path / "new", is_ours, force=True)
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "message"),
+    [
+        ("new", FileFormatError, "ending must be .npz; found none"),
+        ("new.txt", FileFormatError, "ending must be .npz; found '.txt'"),
+        ("old.npz", FileError, "exists; --force replaces it"),
+        ("link.npz", FileError, "exists; --force replaces it"),
+        ("folder.npz", FileError, "is a folder"),
+        ("absent/new.npz", FileError, "make it first: mkdir -p '.*absent'"),
+        ("old.npz/new.npz", FileError, "old.npz is a file, not a folder"),
+    ],
+)
+def test_files_that_cannot_be_written(tmp_path, name, error, message):
+    (tmp_path / "old.npz").touch()
+    (tmp_path / "folder.npz").mkdir()
+    os.symlink(tmp_path / "nowhere", tmp_path / "link.npz")
+    with pytest.raises(error, match=message):
+        check_output_file(tmp_path / name, [".npz"], force=False)
+
+
+def test_folders(tmp_path):
+    old = tmp_path / "old"
+    check_output_folder(tmp_path / "new", is_ours, force=False)
+    old.mkdir()
+    check_output_folder(old, is_ours, force=False)
+    (old / "time_0.ply").touch()
+    check_output_folder(old, is_ours, force=True)
+    with pytest.raises(FileError, match="holds an earlier result; --force"):
+        check_output_folder(old, is_ours, force=False)
+    with pytest.raises(FileError, match="is a file; name a folder"):
+        check_output_folder(old / "time_0.ply", is_ours, force=True)
+    for add in (
+        lambda: (old / "thesis.tex").touch(),
+        lambda: (old / "time_1.ply").mkdir(),
+        lambda: (old / "time_1.ply").symlink_to(old / "time_0.ply"),
+    ):
+        add()
+        with pytest.raises(FileError, match=r"holds something else"):
+            check_output_folder(old, is_ours, force=True)
+        for entry in old.iterdir():
+            entry.rmdir() if entry.is_dir() else entry.unlink()
+    (tmp_path / "link").symlink_to(old)
+    with pytest.raises(FileError, match="link is a link"):
+        check_output_folder(tmp_path / "link", is_ours, force=True)
+
+
+def test_a_folder_is_replaced_as_a_whole(tmp_path):
+    path = tmp_path / "path"
+    for content in ("first", "second"):
+        with atomic_folder(path, is_ours) as temporary:
+            (temporary / "time_0").write_text(content)
+            assert content == "first" or (path / "time_0").read_text() == "first"
+        assert (path / "time_0").read_text() == content
+        path.chmod(0o700)
+
+    def fail(error):
+        with atomic_folder(path, is_ours) as temporary:
+            (temporary / "time_0").write_text("half")
+            raise error
+
+    for error, expected in (
+        (KeyboardInterrupt(), KeyboardInterrupt),
+        (BrokenPipeError(), BrokenPipeError),
+        (OSError(28, "No space left on device"), FileError),
+    ):
+        with pytest.raises(expected):
+            fail(error)
+        assert (path / "time_0").read_text() == "second"
+        assert list(tmp_path.iterdir()) == [path]
+    with atomic_folder(path, is_ours) as temporary:
+        (temporary / "time_1").touch()
+    assert os.listdir(path) == ["time_1"]
+    assert stat.S_IMODE(path.stat().st_mode) == 0o700
+
+
+def test_a_folder_with_other_files_is_not_replaced(tmp_path):
+    path = tmp_path / "path"
+    path.mkdir()
+
+    def replace():
+        with atomic_folder(path, is_ours) as temporary:
+            (temporary / "time_0.ply").touch()
+            (path / "thesis.tex").touch()  # by somebody else, meanwhile
+
+    with pytest.raises(FileError, match=r"holds something else \(thesis.tex\)"):
+        replace()
+    assert os.listdir(path) == ["thesis.tex"]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_folder_that_cannot_be_renamed_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "path"
+    path.mkdir()
+    (path / "time_0").touch()
+    rename = os.rename
+
+    def refuse_new(source, target):
+        if target == path and (source / "time_1").exists():
+            raise OSError(28, "No space left on device")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "rename", refuse_new)
+    with pytest.raises(FileError, match="No space left"), atomic_folder(path, is_ours) as temporary:
+        (temporary / "time_1").touch()
+    assert os.listdir(path) == ["time_0"]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("anna 1.ply", "anna 1.ply"),
+        ("Zoë", "Zoë"),
+        ("=cmd|'/c calc'!A1", "'=cmd|'/c calc'!A1"),
+        ("+1", "'+1"),
+        ("-1", "'-1"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        (" =1", "' =1"),
+        ("\t=1", "' =1"),
+        ("two\nlines\r\n", "two lines  "),
+        ("two\u2028lines", "two lines"),
+        ("nothing\0", "nothing "),
+        ("\udcff.ply", "\\udcff.ply"),
+        ("", ""),
+    ],
+)
+def test_cells_are_one_line_and_no_formulas(text, expected):
+    assert csv_cell(text) == expected
+
+
+def test_named_rows(tmp_path):
+    file = tmp_path / "rows.csv"
+    file.write_text("Name, x, y\nanna, 1, 2\n\nbert,3,-4e1\n")
+    rows = read_named_rows(file, "name")
+    assert {name: row.tolist() for name, row in rows.items()} == {"anna": [1, 2], "bert": [3, -40]}
+    for text, message in [
+        ("", "holds no rows"),
+        ("a,1\na,2\n", "line 2: the name 'a' is repeated"),
+        ("a,1\n,2\n", "line 2: the name is missing"),
+        ("a,1\nb,2,3\n", "line 2: 2 numbers found, 1 expected"),
+        ("a,1\nb,two\n", "line 2: 'two' is not a number"),
+        ('a,"1\n', "line 1"),
+    ]:
+        file.write_text(text)
+        with pytest.raises(FileFormatError, match=message):
+            read_named_rows(file, "name")

@@ -1,0 +1,472 @@
+"""Mesh files of every kind are read in their own order; damaged ones raise errors."""
+
+import os
+import struct
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import trimesh
+from cases import sphere_template
+
+from riemhuman.errors import (
+    ArgumentError,
+    ArgumentTypeError,
+    FileError,
+    FileFormatError,
+    MissingDependencyError,
+)
+from riemhuman.io import as_arrays, load_mesh, load_points, save_glb, save_mesh, to_trimesh
+from riemhuman.io.mesh_arrays import check_mesh, face_difference, split_polygons
+from riemhuman.surfaces import Template
+
+ENDINGS = [".ply", ".obj", ".off"]
+ENCODINGS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+CODES = {"char": "b", "uchar": "B", "short": "h", "int": "i", "uint": "I"}
+CODES |= {"float": "f", "double": "d"}
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    """A bumpy sphere in shuffled order with coinciding vertices and one that no face uses."""
+    rng = np.random.default_rng(3)
+    sphere = trimesh.creation.icosphere(subdivisions=1)
+    order = rng.permutation(len(sphere.vertices))
+    vertices = np.empty((len(order) + 2, 3))
+    vertices[order] = np.asarray(sphere.vertices) + rng.normal(scale=1e-3, size=(len(order), 3))
+    vertices[-2] = vertices[0]
+    vertices[-1] = [1 / 3, -1e-17, 1e9]
+    faces = rng.permutation(order[np.asarray(sphere.faces)])
+    faces[5][faces[5] == 0] = len(order)
+    return vertices, faces
+
+
+def ply(elements, encoding, line_end="\n"):
+    """Return a PLY file; elements are (name, properties, rows), with lists in their rows."""
+    order = ENCODINGS[encoding]
+    header, body = ["ply", f"format {encoding} 1.0", "comment a body"], b""
+    for name, properties, rows in elements:
+        header.append(f"element {name} {len(rows)}")
+        header += [
+            f"property {'list ' if len(each) == 3 else ''}{' '.join(each)}" for each in properties
+        ]
+        for row in rows:
+            numbers, codes = [], ""
+            for each, value in zip(properties, row, strict=True):
+                values = value if len(each) == 3 else [value]
+                if len(each) == 3:
+                    numbers, codes = [*numbers, len(values)], codes + CODES[each[0]]
+                numbers, codes = numbers + list(values), codes + CODES[each[-2]] * len(values)
+            text = (" ".join(map(repr, numbers)) + line_end).encode()
+            body += struct.pack(order + codes, *numbers) if order else text
+    return line_end.join([*header, "end_header", ""]).encode() + body
+
+
+def elements_of(vertices, faces, scalar="double", name="vertex_indices"):
+    """Return the elements of a PLY file of a mesh."""
+    positions = [(scalar, axis) for axis in "xyz"]
+    corners = [[list(map(int, face))] for face in faces]
+    return [
+        ("vertex", positions, np.asarray(vertices).tolist()),
+        ("face", [("uchar", "int", name)], corners),
+    ]
+
+
+def obj(vertices, faces, face_pattern="{}"):
+    return "".join(
+        ["o body\nmtllib none.mtl\nvt 0 0\nvt 1 1\nvn 0 0 1\nvn 0 1 0\n"]
+        + [f"v {x!r} {y!r} {z!r}\n" for x, y, z in np.asarray(vertices).tolist()]
+        + [
+            f"usemtl m{number % 3}\nf "
+            + " ".join(face_pattern.format(i + 1, 1 + (i + number) % 2) for i in face)
+            + "\n"
+            for number, face in enumerate(np.asarray(faces).tolist())
+        ]
+    ).encode()
+
+
+def write(tmp_path, name, content):
+    file = tmp_path / name
+    file.write_bytes(content if isinstance(content, bytes) else content.encode())
+    return file
+
+
+def assert_reads(file, mesh, *, single=False):
+    vertices, faces = load_mesh(file)
+    expected = np.asarray(mesh[0], dtype=np.float32) if single else mesh[0]
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
+    np.testing.assert_array_equal(vertices, expected)
+    np.testing.assert_array_equal(faces, mesh[1])
+
+
+def assert_refused(file, message=""):
+    with pytest.raises(FileFormatError, match=rf"{file.name}: .*{message}"):
+        load_mesh(file)
+
+
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("scalar", ["float", "double"])
+@pytest.mark.parametrize("name", ["vertex_indices", "vertex_index"])
+def test_ply_of_every_encoding(mesh, tmp_path, encoding, scalar, name):
+    file = write(tmp_path, "body.PLY", ply(elements_of(*mesh, scalar, name), encoding))
+    assert_reads(file, mesh, single=scalar == "float")
+
+
+VERTICES = [[0.5, 0, 1], [1, 0.25, 0], [0, 1, 0], [2, 2, 2]]
+FACES = [[0, 1, 2], [3, 2, 1]]
+VERTEX, FACE = elements_of(VERTICES, FACES, "float")
+RAGGED = [[[1, 2]], [[]], [[3, 4, 5]], [[6]]]
+RAGGED_LIST = ("uchar", "short", "neighbours")
+LAYOUTS = {
+    "lists before the vertices": [("strip", [RAGGED_LIST], RAGGED), VERTEX, FACE],
+    "lists per vertex": [
+        ("vertex", [RAGGED_LIST, *VERTEX[1]], [
+            [*extra, *row] for extra, row in zip(RAGGED, VERTICES, strict=True)
+        ]),
+        FACE,
+    ],
+    "lists per face": [
+        VERTEX,
+        ("face", [*FACE[1], RAGGED_LIST], [[FACES[0], [1, 2, 3, 4]], [FACES[1], [7]]]),
+    ],
+    "faces first": [FACE, VERTEX],
+    "long lengths": [VERTEX, ("face", [("int", "uint", "vertex_indices")], FACE[2])],
+    "numbers between": [
+        ("vertex", [VERTEX[1][2], ("uchar", "red"), *VERTEX[1][:2]], [
+            [z, 255, x, y] for x, y, z in VERTICES
+        ]),
+        FACE,
+    ],
+    "something behind": [VERTEX, FACE, ("edge", [("int", "vertex1")], [[0]])],
+    "elements without rows": [("camera", VERTEX[1], []), VERTEX, FACE, ("s", [RAGGED_LIST], [])],
+    "like a line end": [("strip", [("uchar", "a")], [[10], [13]]), VERTEX, FACE],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+@pytest.mark.parametrize("encoding", ENCODINGS)
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_ply_of_every_layout(tmp_path, layout, encoding, line_end):
+    content = ply(LAYOUTS[layout], encoding, line_end)
+    assert_reads(write(tmp_path, "body.ply", content), (VERTICES, FACES))
+    latin = content.replace(b"a body", "ein Körper".encode("latin-1"))
+    assert_reads(write(tmp_path, "body.ply", latin), (VERTICES, FACES))
+    if encoding != "ascii":
+        assert_refused(write(tmp_path, "body.ply", content[:-1]))
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (b"float x", b"float u"),
+        (b"float y", b"float x"),
+        (b"element face", b"element vertex"),
+        (b"float z", b"real z"),
+        (b"vertex_indices", b"corners"),
+        (b"list uchar int", b"int"),
+        (b"format ascii", b"format text"),
+        (b"vertex 4", b"vertex -4"),
+        (b"vertex 4", b"vertex 3"),
+        (b"vertex 4", b"vertex 99999999999"),
+        (b"3 0 1 2", b"3 0 1 2147483648"),
+        (b"3 0 1 2", b"-1 0 1 2"),
+        (b"3 0 1 2", b"4 0 1 2"),
+        (b"3 0 1 2", b"3 0 1"),
+        (b"3 0 1 2", b"3 0 1 9"),
+        (b"3 0 1 2", b"2 0 1"),
+        (b"0.5 0", b"nan 0"),
+        (b"0.5 0", b"0.5x 0"),
+    ],
+)
+def test_damaged_ply(tmp_path, old, new):
+    content = ply([VERTEX, FACE], "ascii")
+    assert old in content
+    assert_refused(write(tmp_path, "body.ply", content.replace(old, new, 1)))
+
+
+@pytest.mark.parametrize("encoding", list(ENCODINGS)[1:])
+def test_lengths_and_counts_that_no_file_holds(tmp_path, encoding):
+    order = ENCODINGS[encoding]
+    strip = ("strip", [("int", "double", "a")], [[[1.0]], [[1.0, 2.0]]])
+    ragged = ply([strip, VERTEX, FACE], encoding)
+    length = struct.pack(order + "i", 2)
+    for wrong in (-(2**31), -1, 2**31 - 1):
+        broken = ragged.replace(length, struct.pack(order + "i", wrong), 1)
+        assert_refused(write(tmp_path, "body.ply", broken))
+    for n_rows in (2**31, 2**56, 10**18 - 1, 10**30):
+        assert_refused(write(tmp_path, "b.ply", ragged.replace(b"strip 2", b"strip %d" % n_rows)))
+
+
+@pytest.mark.parametrize("pattern", ["{0}", "{0}/{1}", "{0}//{1}", "{0}/{1}/{1}"])
+def test_obj_with_texture_normals_and_materials(mesh, tmp_path, pattern):
+    content = "# Körper \\\n".encode("latin-1") + obj(*mesh, pattern)
+    for start in (b"", b"\xef\xbb\xbf"):
+        assert_reads(write(tmp_path, "body.obj", start + content), mesh)
+
+
+def test_obj_with_relative_indices_and_continued_lines(mesh, tmp_path):
+    vertices, faces = mesh
+    lines = [f"v {x!r} \\\n {y!r} {z!r}\n" for x, y, z in vertices.tolist()]
+    lines += ["f {} {} {}\r\n".format(*(face - len(vertices))) for face in faces]
+    assert_reads(write(tmp_path, "body.obj", "".join(lines)), mesh)
+    early = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -1 -2 -3\nv 9 9 9\n"
+    assert load_mesh(write(tmp_path, "early.obj", early))[1].tolist() == [[2, 1, 0]]
+
+
+@pytest.mark.parametrize("head", ["OFF\n{}", "OFF {}", "# a body\nOFF # mesh\n\n{}", "COFF\r\n{}"])
+def test_off_of_every_kind(mesh, tmp_path, head):
+    vertices, faces = mesh
+    text = head.format(f"{len(vertices)} {len(faces)} 0\n")
+    text += "".join(f"{x!r} {y!r} {z!r} 0 0 255 255 # v\n\n" for x, y, z in vertices.tolist())
+    text += "".join("3  {} {} {} 255 0 0\n".format(*face) for face in faces)
+    assert_reads(write(tmp_path, "body.off", text), mesh)
+
+
+@pytest.mark.parametrize("file_type", ["stl", "stl_ascii"])
+def test_stl(tmp_path, file_type):
+    """Vertices come in the order of their first corner, and equal corners are one vertex."""
+    sphere = trimesh.creation.icosphere(subdivisions=1)
+    file = tmp_path / "body.stl"
+    sphere.export(file, file_type=file_type)
+    vertices, faces = load_mesh(file)
+    np.testing.assert_allclose(vertices[faces], sphere.triangles, atol=1e-7)
+    assert len(vertices) == len(sphere.vertices)
+    assert (np.diff(np.unique(faces, return_index=True)[1]) > 0).all()
+    content = file.read_bytes()
+    for broken in (content[: len(content) // 2], content[:-30], b"solid\nvertex 0 0 0\n", b""):
+        assert_refused(write(tmp_path, "broken.stl", broken))
+
+
+def test_glb_of_ours(mesh, tmp_path):
+    save_glb(tmp_path / "body.glb", [mesh[0], 2 * mesh[0]], mesh[1])
+    assert_reads(tmp_path / "body.glb", mesh, single=True)
+
+
+def test_glb_of_a_scene_of_trimesh(tmp_path):
+    box, sphere = trimesh.creation.box(), trimesh.creation.icosphere(subdivisions=1)
+    motion = trimesh.transformations.euler_matrix(0.3, 0.8, 0.1)
+    motion[:3, 3] = 1, 2, 3
+    scene = trimesh.Scene()
+    scene.add_geometry(box)
+    scene.add_geometry(sphere, transform=motion)
+    scene.export(tmp_path / "scene.glb")
+    vertices, faces = load_mesh(tmp_path / "scene.glb")
+    moved = sphere.copy().apply_transform(motion)
+    expected = np.concatenate([box.triangles, moved.triangles])
+    np.testing.assert_allclose(vertices[faces], expected, atol=1e-6)
+    content = (tmp_path / "scene.glb").read_bytes()
+    for broken in (
+        b"glTF",
+        content[:-200],
+        content.replace(b'"count":', b'"count":9'),
+        content.replace(b'"bufferView":', b'"sparse":'),
+        content.replace(b'"nodes":[', b'"nodes":[0,0],"x":['),
+        content.replace(b'"mesh":0', b'"mesh":9'),
+    ):
+        assert broken != content
+        file = write(tmp_path, "broken.glb", broken)
+        if b'"x"' not in broken:
+            assert_refused(file)
+
+
+def test_nodes_of_glb_that_refer_to_themselves(tmp_path, mesh):
+    save_glb(tmp_path / "body.glb", mesh[0][None], mesh[1])
+    content = (tmp_path / "body.glb").read_bytes()
+    size = int.from_bytes(content[12:16], "little")
+    for children in ([0], [0] * 2000):
+        text = content[20 : 20 + size].replace(b'"mesh":0', b'"mesh":0,"children":%a' % children)
+        text += b" " * (-len(text) % 4)
+        parts = struct.pack("<I4s", len(text), b"JSON") + text + content[20 + size :]
+        head = struct.pack("<4sII", b"glTF", 2, 12 + len(parts))
+        assert_refused(write(tmp_path, "loop.glb", head + parts), "deep|too often")
+
+
+def test_other_formats_are_read_by_meshio(tmp_path):
+    meshio = pytest.importorskip("meshio")
+    cells = [("line", [[0, 1]]), ("triangle", FACES), ("quad", [[0, 1, 2, 3]])]
+    made = meshio.Mesh(np.array(VERTICES, dtype=float), cells)
+    made.write(tmp_path / "surface.vtk", binary=False)
+    expected = [*FACES, [0, 1, 2], [0, 2, 3]]
+    assert_reads(tmp_path / "surface.vtk", (VERTICES, expected))
+    assert as_arrays(made)[1].tolist() == expected
+    assert_refused(write(tmp_path, "broken.vtk", b"# vtk"), "meshio cannot read it")
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+def test_saved_mesh_reads_back_bit_for_bit(mesh, tmp_path, ending):
+    file = tmp_path / f"body{ending}"
+    save_mesh(str(file), *mesh)
+    assert_reads(file, mesh)
+    save_mesh(file, mesh[0] * 2, mesh[1])
+    assert_reads(file, (mesh[0] * 2, mesh[1]))
+    assert os.listdir(tmp_path) == [file.name]
+    save_mesh(file, mesh[0][:-1], mesh[1])
+    by_trimesh = trimesh.load_mesh(file, process=False, maintain_order=True)
+    np.testing.assert_array_equal(by_trimesh.vertices, mesh[0][:-1])
+    np.testing.assert_array_equal(by_trimesh.faces, mesh[1])
+
+
+def test_arguments_of_save_mesh(mesh, tmp_path):
+    vertices, faces = mesh
+    file = tmp_path / "body.ply"
+    for error, arguments, message in [
+        (ArgumentError, (file, vertices, faces + 44), r"faces\[0\] .*vertices holds 44"),
+        (ArgumentError, (file, np.full_like(vertices, np.nan), faces), "vertices holds 132 NaN"),
+        (ArgumentTypeError, (file, vertices, faces + 0.5), "faces"),
+        (ArgumentTypeError, (None, *mesh), "found None"),
+        (FileFormatError, (tmp_path / "body.stl", *mesh), r"\.ply, \.obj, \.off; found '.stl'"),
+        (FileError, (tmp_path / "missing" / "body.ply", *mesh), "there is no folder .*missing"),
+    ]:
+        with pytest.raises(error, match=message):
+            save_mesh(*arguments)
+    assert os.listdir(tmp_path) == []
+    file.mkdir()
+    with pytest.raises(FileError, match="is a folder"):
+        save_mesh(file, *mesh)
+
+
+def test_places_of_files(mesh, tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    save_mesh("~/body.ply", *mesh)
+    assert_reads(Path("~/body.ply"), mesh)
+    with pytest.raises(FileError, match=r"there is no file .*none\.ply"):
+        load_mesh(tmp_path / "none.ply")
+    with pytest.raises(FileError, match="is a folder"):
+        load_mesh(tmp_path)
+    with pytest.raises(ArgumentTypeError, match="path must be the path of a file; found 3"):
+        load_mesh(3)
+    for name in ("scan.pcd", "scan.e57"):
+        for load in (load_mesh, load_points):
+            with pytest.raises(FileFormatError, match="convert it to PLY first"):
+                load(tmp_path / name)
+    for name in ("scan", "scan.npz"):
+        with pytest.raises(FileFormatError, match=r"must be one of \.ply, \.obj, \.off, \.stl"):
+            load_mesh(tmp_path / name)
+
+
+@pytest.mark.parametrize("ending", [*ENDINGS, ".stl", ".glb"])
+@pytest.mark.parametrize("content", [b"", b"\0\xff" * 300, b"<html></html>"])
+def test_garbage_is_refused(tmp_path, ending, content):
+    assert_refused(write(tmp_path, f"body{ending}", content))
+
+
+@pytest.mark.parametrize("ending", ENDINGS)
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.5, 0.8, 0.97])
+def test_truncated_files_are_refused(mesh, tmp_path, ending, share):
+    # Half an OBJ file may be a legal one; cut before the faces or inside them it is not.
+    file = tmp_path / f"body{ending}"
+    save_mesh(file, *mesh)
+    content = file.read_bytes()
+    if ending == ".obj":
+        share = min(share, content.index(b"f ") / len(content))
+    assert_refused(write(tmp_path, file.name, content[: int(share * len(content))]))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("a.obj", "v 0 0 0\nv 1 b 0\nf 1 1 2\n", "line 2 is not valid: 'v 1 b 0'"),
+        ("a.obj", "v 0 0\n", "line 1 is not valid"),
+        ("a.obj", "v 0 0 0\n", "1 vertices and 0 faces"),
+        ("a.obj", "v 0 0 0\nf 1 1 2\n", r"faces\[0\] = \(0, 0, 1\).*out of range"),
+        ("a.obj", "v 0 0 0\nf 0 1 1\n", r"faces\[0\] = \(-1, 0, 0\).*out of range"),
+        ("a.obj", "v 0 0 nan\nf 1 1 1\n", r"vertices .*\(0, 2\)"),
+        ("a.off", "OFF 1 0 0\n0 0 0\n", "1 vertices and 0 faces"),
+        ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 1\n", r"faces\[0\] = \(0, 0, 1\).*out of range"),
+        ("a.off", "OFF\n1 1 0\n0 inf 0\n3 0 0 0\n", r"vertices .*\(0, 1\)"),
+        ("a.off", "OFF\n1 1 0\n0 0\n3 0 0 0\n", "not a valid vertex line: '0 0'"),
+        ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 x 0\n", "not a valid face line: '3 0 x 0'"),
+        ("a.off", "OFF\n1 1 0\n0 0 0\n4 0 0 0\n", "not a valid face line"),
+        ("a.off", "OFF\n1 1 0\n0 0 0\n", "truncated: .*1 vertices and 1 faces, 1 lines"),
+        ("a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 0\n0\n", "more lines follow"),
+        ("a.off", "OFF BINARY\n", "numbers of vertices and faces"),
+        ("a.off", "OFF\n99999999999 1 0\n0 0 0\n", "truncated"),
+    ],
+)
+def test_damage_of_text_files_is_named(tmp_path, name, content, message):
+    assert_refused(write(tmp_path, name, content), message)
+
+
+def test_polygons_are_split_alike_from_every_source(tmp_path):
+    """The split depends on the order of corners alone, the same in files and in objects."""
+    corners = np.array([[0, 0, 0], [3, 0, 0], [1, 1, 0], [0, 3, 0], [0, 0, 1.0]])
+    polygons = [[1, 2, 3, 0], [0, 1, 4], [4, 3, 2, 1, 0]]
+    expected = [[1, 2, 3], [1, 3, 0], [0, 1, 4], [4, 3, 2], [4, 2, 1], [4, 1, 0]]
+    points = "\n".join(" ".join(map(str, corner)) for corner in corners)
+    counted = "\n".join(" ".join(map(str, [len(each), *each])) for each in polygons)
+    lines = ["v " + line for line in points.split("\n")]
+    lines += ["f " + " ".join(str(k + 1) for k in each) for each in polygons]
+    files = [
+        write(tmp_path, "surface.off", f"OFF\n5 3 0\n{points}\n{counted}\n"),
+        write(tmp_path, "surface.obj", "\n".join(lines) + "\n"),
+    ]
+    for encoding in ENCODINGS:
+        content = ply(elements_of(corners, polygons), encoding)
+        files.append(write(tmp_path, f"{encoding}.ply", content))
+    for file in files:
+        assert_reads(file, (corners, expected))
+    listed = np.concatenate([[len(each), *each] for each in polygons])
+    like_pyvista = SimpleNamespace(points=corners, faces=listed)
+    assert as_arrays(like_pyvista)[1].tolist() == expected
+    assert Template(like_pyvista).faces.tolist() == expected
+    for wrong in ([4, 0, 1, 2], [-1, 0, 1], [2, 0, 1]):
+        with pytest.raises(ArgumentError, match="corners"):
+            as_arrays(SimpleNamespace(points=corners, faces=np.array(wrong)))
+
+
+def test_trimesh_and_back():
+    template = sphere_template()
+    vertices, faces = np.eye(4, 3)[[0, 1, 2, 0, 1, 3]], [[0, 1, 2], [3, 4, 5]]
+    for expected in ((template.vertices, template.faces), (vertices, faces)):
+        for source in (to_trimesh(*expected), expected):
+            for found, wanted in zip(as_arrays(source), expected, strict=True):
+                np.testing.assert_array_equal(found, wanted)
+    assert as_arrays(template)[0] is not None
+    with pytest.raises(ArgumentTypeError, match="must have vertices and faces.*found ndarray"):
+        as_arrays(np.eye(3))
+
+
+@pytest.mark.parametrize("library", ["pyvista", "meshio"])
+def test_missing_libraries_are_named(library, monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, library, None)
+    file = write(tmp_path, "a.vtk", b"")
+    use = {"pyvista": sphere_template().to_pyvista, "meshio": lambda: load_mesh(file)}
+    with pytest.raises(MissingDependencyError, match=r"riemhuman\[meshes\]"):
+        use[library]()
+
+
+def test_checks_of_meshes():
+    vertices, faces = check_mesh([[0, 0, 0], [1, 1, 1]], [[0, 1, 1], [0.0, 0.0, 0.0]])
+    assert (vertices.dtype, faces.dtype) == (np.float64, np.int64)
+    with pytest.raises(ArgumentError, match=r"f\[1\] = \(0, 0, 9\) \(and 1 more\).*v holds 2"):
+        check_mesh(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 9], [-1, 0, 0]], names=("v", "f"))
+
+
+TRIANGLES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4]])
+
+
+@pytest.mark.parametrize(
+    ("faces", "difference"),
+    [
+        (TRIANGLES[:1], "1 triangles found, 3 expected"),
+        (TRIANGLES[[0, 1, 1]], "1 of 3 triangles differ, the first at index 2: (2, 1, 3) found"),
+        (TRIANGLES[:, [1, 2, 0]], "the corners of all triangles begin at another vertex"),
+        (TRIANGLES[:, ::-1], "all triangles are flipped, inside out, the first at index 0"),
+        (
+            np.concatenate([TRIANGLES[:1], TRIANGLES[1:, [0, 2, 1]]]),
+            "2 of 3 triangles are flipped, inside out, the first at index 1: (2, 3, 1) found",
+        ),
+        (TRIANGLES[[2, 1, 0]], "the triangles are the same in another order, the first at"),
+    ],
+)
+def test_differences_of_triangulations(faces, difference):
+    assert face_difference(TRIANGLES, TRIANGLES.copy()) is None
+    assert face_difference(faces, TRIANGLES).startswith(difference)
+
+
+def test_polygons_of_few_corners():
+    assert split_polygons(np.zeros(0, int), np.zeros(0, int)).shape == (0, 3)
+    with pytest.raises(ArgumentError, match="1 of 3 have fewer, .*index 1 with 2"):
+        split_polygons(np.arange(12), np.array([3, 2, 7]))
