@@ -205,7 +205,8 @@ def _load_empty_set(unpickler: Any) -> None:
 
 
 def _load_frozenset(unpickler: Any) -> None:
-    unpickler.append(_Set(unpickler.pop_mark()))
+    items = unpickler.pop_mark()  # which changes the stack that is appended to
+    unpickler.append(_Set(items))
 
 
 def _load_bytearray(unpickler: Any) -> None:

@@ -2,13 +2,10 @@
 
 import json
 import os
-import shutil
 
 import pytest
 
 from riemhuman.errors import ArgumentTypeError, FileError
-from riemhuman.io.arrays import save_arrays
-from riemhuman.io.files import write_text
 from riemhuman.report._folder import (
     MARKER,
     SUBFOLDERS,
@@ -45,27 +42,6 @@ def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
     assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"
 
 
-@pytest.mark.parametrize("name", [*SUBFOLDERS, MARKER, ".report.lock"])
-def test_links_in_a_report_are_not_followed(tmp_path, name):
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    (elsewhere / "kept").write_text('{"made_by": "riemhuman report"}')
-    folder = tmp_path / "report"
-    enter(folder)
-    link = folder / name
-    if link.is_dir():
-        for below in sorted(link.rglob("*"), reverse=True):
-            below.rmdir()
-        link.rmdir()
-    link.unlink(missing_ok=True)
-    link.symlink_to(elsewhere if name in SUBFOLDERS else elsewhere / "kept")
-    with pytest.raises(FileError, match="is a link"):
-        enter(folder)
-    assert link.is_symlink()
-    assert [entry.name for entry in elsewhere.iterdir()] == ["kept"]
-    assert (elsewhere / "kept").read_text() == '{"made_by": "riemhuman report"}'
-
-
 def test_a_check_writes_nothing(tmp_path):
     assert check_folder(tmp_path / "new") == tmp_path / "new"
     assert check_folder(tmp_path) == tmp_path
@@ -100,20 +76,3 @@ def test_no_permission(tmp_path):
     with pytest.raises(FileError, match="cannot be written: Permission denied"):
         enter(tmp_path / "report")
     tmp_path.chmod(0o700)
-
-
-@pytest.mark.parametrize("name", SUBFOLDERS)
-def test_links_that_come_while_a_report_is_made_are_not_followed(tmp_path, name):
-    elsewhere = tmp_path / "elsewhere"
-    elsewhere.mkdir()
-    with opened_folder(tmp_path / "report") as folder:
-        shutil.rmtree(folder / name)
-        (folder / name).symlink_to(elsewhere, target_is_directory=True)
-        with pytest.raises(FileError, match=f"{name} is a link, which is not followed"):
-            write_text(folder / name / "page.txt", "text")
-        with pytest.raises(FileError, match=f"{name} is a link, which is not followed"):
-            save_arrays(folder / name / "step.npz", {})
-    assert not list(elsewhere.iterdir())
-    # Whoever names a folder behind a link may write there.
-    write_text(tmp_path / "report" / name / "own.txt", "text")
-    assert (elsewhere / "own.txt").read_text() == "text"

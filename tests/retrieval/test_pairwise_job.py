@@ -4,7 +4,6 @@ import errno
 import json
 import os
 import random
-import re
 import shutil
 import signal
 import subprocess
@@ -12,7 +11,6 @@ import sys
 import threading
 import time
 from collections import namedtuple
-from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -401,54 +399,6 @@ def planted(path, target, kind):
     else:
         path.symlink_to(target)
     return content
-
-
-@pytest.mark.sampled(5)
-@pytest.mark.parametrize("kind", ["link", "hard link"])
-@pytest.mark.parametrize("name", OURS)
-@pytest.mark.parametrize("moment", ["before", "between"])
-def test_links_in_the_folder_are_not_followed(moment, name, kind, tmp_path, monkeypatch):
-    folder, precious = tmp_path / "job", tmp_path / "precious"
-    folder.mkdir()
-    if moment == "between":
-        begun(folder, monkeypatch)
-    content = planted(folder / name, precious, kind)
-    # Tables that are there are not laid out again.
-    passed_by = moment == "between" and name.endswith(".npy.part")
-    refused = pytest.raises((FileError, ArgumentError), match=re.escape(name))
-    with nullcontext() if passed_by else refused:
-        pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
-    assert precious.read_bytes() == content
-    assert os.path.lexists(folder / name)
-    (folder / name).unlink()
-    if name in ("job.lock", "D.npy") or name.endswith(".part"):
-        found = pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
-        np.testing.assert_array_equal(found, METRIC.dist_pairwise(POINTS))
-
-
-@pytest.mark.parametrize("name", ["D.unfinished.npy", "features_0.npy", "done.npy", "D.npy"])
-def test_links_that_appear_while_a_job_runs_are_not_followed(name, tmp_path, monkeypatch):
-    folder, precious = tmp_path / "job", tmp_path / "precious"
-
-    def planting(reader, metric, tile):
-        if not precious.exists():
-            before.append(planted(folder / name, precious, "link"))
-        return distances_of(reader, metric, tile)
-
-    before, distances_of = [], TileReader.distances
-    monkeypatch.setattr(TileReader, "distances", planting)
-    with pytest.raises(FileError, match=re.escape(name)):
-        pairwise_job(METRIC, POINTS, folder, memory=MEMORY)
-    assert precious.read_bytes() == before[0]
-
-
-def test_a_file_of_another_with_the_name_of_ours_is_left_alone(tmp_path):
-    for name in ("manifest.json.part", "job.lock"):
-        (tmp_path / name).write_text("years of work")
-        with pytest.raises(FileError, match=rf"{re.escape(name)} is no .*move it away"):
-            pairwise_job(METRIC, POINTS, tmp_path)
-        assert contents(tmp_path)[name] == b"years of work"
-        (tmp_path / name).unlink()
 
 
 def test_a_folder_with_something_else_is_refused(tmp_path):
