@@ -31,7 +31,6 @@ from riemhuman.geometry.pairwise import (
     table_of_distances,
 )
 from riemhuman.kernels.scalars import square_root
-from riemhuman.protocols import uninterrupted
 from riemhuman.representation import constructor_text
 
 if TYPE_CHECKING:
@@ -634,7 +633,7 @@ class RiemannianMetric:
         array, shape (...)
         """
         path = self._check_path(path)
-        n_segments = path.shape[-self.space.point_ndim - 1] - 1
+        n_segments = path.shape[-len(self.space.shape) - 1] - 1
         return n_segments * np.sum(self._squared_segments(path), axis=-1)
 
     def energy_and_gradient(self, path: ndarray) -> tuple[float, ndarray]:
@@ -717,7 +716,7 @@ class RiemannianMetric:
         return path
 
     def _squared_segments(self, path: ndarray) -> ndarray:
-        whole_point = (slice(None),) * self.space.point_ndim
+        whole_point = (slice(None),) * len(self.space.shape)
         start = path[(..., slice(None, -1), *whole_point)]
         end = path[(..., slice(1, None), *whole_point)]
         if self.has_closed_form_dist:
@@ -726,7 +725,7 @@ class RiemannianMetric:
 
     def _check_path(self, path: ndarray, batched: bool = True) -> ndarray:
         path = real_array(path, "path", ("n_times", *self.space.shape), batched=batched)
-        n_times = path.shape[-self.space.point_ndim - 1]
+        n_times = path.shape[-len(self.space.shape) - 1]
         if n_times < 2:
             raise ArgumentError(f"path must have at least two times; found {n_times}")
         return path
@@ -797,7 +796,7 @@ class RiemannianMetric:
         base_point = self.space.check_point(base_point, "base_point")
         point = self.space.check_point(point, "point")
         return self._one_by_one(
-            lambda start, end: uninterrupted(solver.solve(self, end, start)).tangent_vec,
+            lambda start, end: solver.solve(self, end, start).tangent_vec,
             base_point,
             point,
         )
@@ -917,7 +916,7 @@ class RiemannianMetric:
                 f"{name} by a solver takes one pair of points of shape {self.space.shape}; "
                 f"found {np.shape(start)} and {np.shape(end)}"
             )
-        return uninterrupted(self.geodesic_solver.solve(self, start, end))
+        return self.geodesic_solver.solve(self, start, end)
 
     def _velocity(
         self, base_point: ndarray, direction: ndarray | None, end_point: ndarray | None

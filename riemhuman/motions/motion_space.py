@@ -20,7 +20,6 @@ from riemhuman.motions._frames import (
     increasing_times,
     read_motion,
 )
-from riemhuman.protocols import uninterrupted
 from riemhuman.terms.sum import Features
 
 if TYPE_CHECKING:
@@ -169,7 +168,7 @@ class MotionSpace(Manifold):
         """
         times = np.asarray(times, dtype=np.float64)
         if self.geodesic_solver is not None:
-            path = uninterrupted(self.geodesic_solver.solve(self.frames.metric, start, end)).path
+            path = self.geodesic_solver.solve(self.frames.metric, start, end).path
             places = times * (len(path) - 1)
             index = np.clip(places.astype(int), 0, len(path) - 2)
             share = (places - index)[:, None, None]

@@ -16,7 +16,6 @@ from riemhuman.motions._frames import Motion, check_motions, frame_count
 from riemhuman.motions.motion_space import MotionSpace, RateDependentMetric
 from riemhuman.motions.time_warping import DynamicTimeWarping, MotionDistance, Warp
 from riemhuman.progress import ProgressBar
-from riemhuman.protocols import uninterrupted
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.tangent_pca import TangentPCA
 
@@ -315,7 +314,7 @@ class MotionMean(Estimator):
         for t in bar:
             surfaces = aligned[:, t]
             start = means[-1] if means else surfaces[0]
-            mean = uninterrupted(solver.solve(metric, metric.map(surfaces), start)).point
+            mean = solver.solve(metric, metric.map(surfaces), start).point
             shift = np.average(surfaces.mean(axis=0) - mean, axis=0, weights=areas)
             means.append(mean + shift)
         return np.stack(means)
@@ -424,7 +423,7 @@ class MotionComponents(Estimator):
         for motion, images in zip(motions, self._pca.inverse_transform(scores), strict=True):
             for t, image in enumerate(product.project_from_product(images)):
                 nearest = solver.solve(self._metric, image[np.newaxis], self.mean_[t])
-                motion[t] = uninterrupted(nearest).point
+                motion[t] = nearest.point
         return motions
 
     def _image(self, motion: ndarray) -> ndarray:

@@ -13,7 +13,6 @@ from numpy import ndarray
 from riemhuman.errors import ConvergenceWarning
 from riemhuman.geometry import AlignedSurfaces, RiemannianMetric, SobolevMetric, SRNFMetric
 from riemhuman.geometry.surface_metric import contributions
-from riemhuman.protocols import uninterrupted
 from riemhuman.report._result_store import Computed, ResultStore, Step
 from riemhuman.report.choices import Pair
 from riemhuman.report.plan import (
@@ -24,7 +23,7 @@ from riemhuman.report.plan import (
     elastic_metric,
 )
 from riemhuman.solvers import BasisMean, BasisPath, LinearPath, ModelPath, compare_paths
-from riemhuman.solvers.model_path import ModelParameters
+from riemhuman.solvers.interpolated_paths import ModelParameters
 from riemhuman.solvers.results import MeanResult, PathResult
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
@@ -114,9 +113,9 @@ class PathExperiments:
             with warnings.catch_warnings():
                 # The record tells whether this path, as in the paper, converged.
                 warnings.simplefilter("ignore", ConvergenceWarning)
-                from_straight = uninterrupted(as_printed.solve(metric, start, end))
+                from_straight = as_printed.solve(metric, start, end)
             began = time.perf_counter()
-            result = uninterrupted(self._solver().solve(metric, start, end))
+            result = self._solver().solve(metric, start, end)
             seconds = time.perf_counter() - began
             energies = {
                 "energies": result.energies,
@@ -174,8 +173,6 @@ class PathExperiments:
                 reference = model_path.solve(metrics["ours"], start, end).path
             solvers[OURS] = (self._solver(), "ours")
             compared = compare_paths(metrics, start, end, solvers, reference)
-            for one in compared:
-                uninterrupted(one.result)
             paths = {one.name: one.result.path for one in compared}
             return paths, {"pair": list(pair), "rows": [one.as_row() for one in compared]}
 
@@ -200,7 +197,7 @@ class PathExperiments:
         def compute() -> Computed:
             metric = elastic_metric(self._space, POSE_WEIGHTS)
             began = time.perf_counter()
-            result = uninterrupted(BasisMean(self._basis).solve(metric, points))
+            result = BasisMean(self._basis).solve(metric, points)
             return {"mean": result.point, "variances": result.variances}, {
                 "group": group.tolist(),
                 "variance": result.variance,

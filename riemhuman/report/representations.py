@@ -18,7 +18,7 @@ from riemhuman.geometry import AlignedSurfaces, GaugeInvariantMetric, SobolevMet
 from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
 from riemhuman.report.paper import PAPER_TABLES
 from riemhuman.report.retrieval_benchmark import BenchmarkRecord, table_metrics
-from riemhuman.solvers.simple_paths import LinearPath
+from riemhuman.solvers.paths import LinearPath
 from riemhuman.terms.normal_projection import mixed_edges
 
 STRAIGHT = ", straight"

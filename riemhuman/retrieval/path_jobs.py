@@ -25,8 +25,8 @@ from riemhuman.kernels.threads import thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 from riemhuman.retrieval.cluster import computed_tiles
-from riemhuman.solvers.many_paths import ManyPaths
-from riemhuman.solvers.path_distances import PairsOfPoints, PathDistances, distances_of, row_of
+from riemhuman.solvers.path_comparison import PairsOfPoints, PathDistances
+from riemhuman.solvers.paths import solve_pairs
 
 PATHS = "paths.npy"
 """Name of the file of paths, if they are kept: one for each pair i < j, row by row."""
@@ -51,7 +51,7 @@ def path_job(
 ) -> PathDistances:
     r"""Find paths between all pairs of a set of points, or resume an earlier run.
 
-    The numbers are those of `riemhuman.solvers.path_distances`. An interrupted or killed job
+    The numbers are those of `riemhuman.solvers.path_comparison`. An interrupted or killed job
     resumes when it is called again with the same arguments; finished paths are kept. Where the
     solver refuses a pair, all blocks of sixteen pairs without such a pair are solved and kept
     before the error is raised.
@@ -152,7 +152,7 @@ def path_job(
                 f"{failures[0]}; paths are kept in {job.path} but for {len(failures)} of "
                 f"{len(blocks)} blocks of up to {size} pairs"
             )
-        return distances_of(len(points), np.array(job.read(_ROWS)))
+        return PathDistances.from_rows(len(points), np.array(job.read(_ROWS)))
 
 
 @dataclass(frozen=True)
@@ -168,13 +168,13 @@ class _PathFinder:
         """Return a row for each pair: its numbers, and then its path if it is kept; or an error."""
         pairs = PairsOfPoints(self.points)[tile]
         try:
-            results = ManyPaths.solve_many(self.solver, metric, pairs, n_jobs=self.n_jobs)
+            results = solve_pairs(self.solver, metric, pairs, n_jobs=self.n_jobs)
         except RiemhumanError as error:
             return self._named(error, metric, tile)
         rows = []
         for result in results:
             path = result.path.ravel() if self.keep_paths else np.empty(0)
-            rows.append(np.concatenate([row_of(metric, result), path]))
+            rows.append(np.concatenate([PathDistances.row_of(metric, result), path]))
         return np.array(rows)
 
     def _named(
@@ -184,7 +184,7 @@ class _PathFinder:
         rows, columns = np.triu_indices(len(self.points), 1)
         for i, j in zip(rows[tile], columns[tile], strict=True):
             try:
-                ManyPaths.solve_many(self.solver, metric, [self.points[[i, j]]])
+                solve_pairs(self.solver, metric, [self.points[[i, j]]])
             except RiemhumanError as own:
                 said = str(own).removeprefix("pairs[0]: ")
                 return type(own)(f"points[{i}] and points[{j}]: {said}")

@@ -1,29 +1,33 @@
 """Solvers: path energies, geodesics, exponentials, logarithms, transport, Fréchet means."""
 
 from riemhuman.solvers.basis_path import BasisPath
-from riemhuman.solvers.comparison import (
-    PathComparison,
-    PathMeasures,
-    compare_paths,
-    measure_path,
-)
-from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
 from riemhuman.solvers.exponential import DiscreteExponential, ExponentialResult
 from riemhuman.solvers.geodesic_regression import GeodesicRegression
+from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
 from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
 from riemhuman.solvers.manifold_checks import check_manifold
 from riemhuman.solvers.means import BasisMean, GradientDescentMean, StreamingMean, StreamingMedian
 from riemhuman.solvers.metric_checks import check_metric
-from riemhuman.solvers.model_path import ModelParameters, ModelPath
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
-from riemhuman.solvers.path_distances import PathDistances, path_distances
+from riemhuman.solvers.path_comparison import (
+    PathComparison,
+    PathDistances,
+    PathMeasures,
+    compare_paths,
+    measure_path,
+    path_distances,
+)
 from riemhuman.solvers.path_straightening import PathStraightening
-from riemhuman.solvers.poisson_path import PoissonPath
+from riemhuman.solvers.paths import (
+    ClosedFormGeodesic,
+    FiniteDifferenceEnergy,
+    LinearPath,
+    SegmentEnergy,
+)
 from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
-from riemhuman.solvers.results import MeanResult, PathResult, Result
-from riemhuman.solvers.simple_paths import ClosedFormGeodesic, LinearPath
+from riemhuman.solvers.results import Interrupted, MeanResult, PathResult, Result, Status
 from riemhuman.solvers.solver_checks import check_solver
 from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.solvers.transfer import (
@@ -45,6 +49,7 @@ __all__ = [
     "FiniteDifferenceEnergy",
     "GeodesicRegression",
     "GradientDescentMean",
+    "Interrupted",
     "LinearPath",
     "LogarithmResult",
     "MeanResult",
@@ -65,6 +70,7 @@ __all__ = [
     "SchildLadder",
     "SegmentEnergy",
     "ShapeTransfer",
+    "Status",
     "StreamingMean",
     "StreamingMedian",
     "TangentPCA",

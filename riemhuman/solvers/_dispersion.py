@@ -14,7 +14,7 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvarianceWarning, warn
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.tiles import slices
-from riemhuman.solvers.rounding import rounding_energy
+from riemhuman.solvers.paths import rounding_energy
 from riemhuman.surfaces.distortion import triangle_areas
 
 # Points whose features are held together.

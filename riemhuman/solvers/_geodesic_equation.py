@@ -24,9 +24,8 @@ from riemhuman.errors import ArgumentError, RiemhumanError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.drift import centroid
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.solvers.rounding import rounded
-from riemhuman.solvers.spatial_factors import spatial_factor
+from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
+from riemhuman.solvers.paths import rounded
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -233,7 +232,7 @@ class MiddleEquation:
         self, middle: ndarray, scale: float
     ) -> tuple[ndarray | None, CholeskyFactor]:
         if self.basis is None:
-            return None, spatial_factor(self.metric, middle[None], 1.0 / scale, ridge=_RIDGE)
+            return None, metric_factor(self.metric, middle[None], 1.0 / scale, ridge=_RIDGE)
         directions = self.basis.flat
         if directions.shape[1] != middle.size:
             raise ArgumentError(

@@ -15,16 +15,14 @@ from scipy.sparse.linalg import LinearOperator, lsmr
 from riemhuman.checks import real_array, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, NotDefinedError, warn
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers._geodesic_equation import (
     MiddleEquation,
     degeneration,
     turns_far,
     vanishing,
 )
-from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.solvers.results import Result, warn_unless_converged
-from riemhuman.solvers.spatial_factors import spatial_factor
+from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
+from riemhuman.solvers.results import Result, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # A step whose equation is off by more than this share of its length has lost the geodesic.
@@ -165,7 +163,7 @@ class DiscreteExponential:
         velocity = real_array(tangent_vec, "tangent_vec", metric.space.shape, batched=False)
         n_doublings = self.n_doublings if self.basis is None else 0
         found = self._walk(metric, [base_point], self.n_steps, self.n_steps, velocity, n_doublings)
-        warn_unless_converged(self, found)
+        finish(self, found)
         return found
 
     def extend(self, metric: RiemannianMetric, path: ndarray, n_steps: int) -> ExponentialResult:
@@ -200,7 +198,7 @@ class DiscreteExponential:
             raise ArgumentError(f"path must have at least two times; found {len(path)}")
         n_steps = whole_number(n_steps, "n_steps", minimum=1)
         found = self._walk(metric, list(path), len(path) - 1, n_steps)
-        warn_unless_converged(self, found)
+        finish(self, found)
         return found
 
     def derivatives(
@@ -267,14 +265,10 @@ class DiscreteExponential:
         stop, unsolved = "", ""
         for step in range(1, n_steps + 1):
             where = f"step {step} of {n_steps}"
-            try:
-                if step == 1 and displacement is not None:
-                    found = equation.both_sides(points[0], displacement)
-                else:
-                    found = equation.next_point(points[-2], points[-1])
-            except KeyboardInterrupt:
-                stop = f"{where}: {INTERRUPTED}"
-                break
+            if step == 1 and displacement is not None:
+                found = equation.both_sides(points[0], displacement)
+            else:
+                found = equation.next_point(points[-2], points[-1])
             n_iterations += found.n_iterations
             n_evaluations += found.n_evaluations
             is_made = found.error <= _LOST and np.all(metric.space.belongs(found.points[2]))
@@ -309,7 +303,13 @@ class DiscreteExponential:
             complete=not stop,
             n_iterations=n_iterations,
             n_evaluations=n_evaluations,
-            converged=not (stop or unsolved),
+            status=(
+                Status.OUTSIDE_MANIFOLD
+                if stop
+                else Status.STALLED
+                if unsolved
+                else Status.CONVERGED
+            ),
             message=stop or unsolved or "all steps were made",
         )
 
@@ -384,7 +384,7 @@ def _without_shift(
     def along_shift(shift: ndarray) -> ndarray:
         return along(np.tensordot(moved, shift, axes=0))[1]
 
-    factor = spatial_factor(metric, points[1][None], 1.0)
+    factor = metric_factor(metric, points[1][None], 1.0)
     multiplier = _solved(factor, by_shift, along_shift, covector)
     found = -along(middle(multiplier))
     found[2] += covector

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy import ndarray
 
-from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.solvers.spatial_factors import spatial_factor
+from riemhuman.solvers._preconditioners import CholeskyFactor, metric_factor
 
 
 class BlockwiseFactor(CholeskyFactor):
@@ -55,7 +54,7 @@ def field_factor(metric: Any, point: ndarray, scale: float) -> CholeskyFactor:
     CholeskyFactor
     """
     if not metric.space.factors:
-        return spatial_factor(metric, point[None], scale)
+        return metric_factor(metric, point[None], scale)
     parts = metric.space.project_from_product(point)
     factors = [
         # What has no weight does not matter; 1 keeps its factor finite.

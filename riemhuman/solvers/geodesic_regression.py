@@ -13,11 +13,11 @@ from riemhuman.checks import real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError, OutsideManifoldError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
+from riemhuman.solvers._lbfgs import LBFGS, Minimum
 from riemhuman.solvers.field_factors import field_factor
 from riemhuman.solvers.image_spaces import ImageSpace, image_space
-from riemhuman.solvers.minimization import WALL, Minimum, minimize
 from riemhuman.solvers.nearest_surface import NearestSurface
-from riemhuman.solvers.results import MeanResult, warn_unless_converged
+from riemhuman.solvers.results import MeanResult, finish
 from riemhuman.solvers.tangent_pca import mean_point
 
 # Points whose misfits are taken together, so that what they need stays in the processor's cache.
@@ -255,33 +255,28 @@ class GeodesicRegression(Estimator):
                 value, gradient = value + part, gradient + change
             return value, pull_back(gradient)
 
-        def changes_of(variables: ndarray) -> ndarray:
-            halves = variables.reshape(2, -1, 1)
-            rows = [factor.solve_transposed(half)[:, 0] for half in halves]
-            return np.stack([rows[0], slowness * rows[1]]).reshape(2, *shape)
-
         slope_in_line = value_and_grad(misfit)
         blocks = _blocks(times)
 
-        def objective(variables: ndarray) -> tuple[float, ndarray]:
+        def objective(x: ndarray) -> tuple[float, ndarray]:
             try:
-                value, gradient = slope(changes_of(variables))
+                value, gradient = slope(x.reshape(2, *shape))
             except (DegenerateSurfaceError, OutsideManifoldError):
-                return WALL, np.zeros_like(variables)
-            halves = gradient.reshape(2, -1, 1)
-            rows = [factor.solve(half)[:, 0] for half in halves]
+                return np.inf, np.zeros_like(x)
             # One more, so that the stopping test is a share of the variance and not of the misfit.
-            return 1.0 + float(value), np.concatenate([rows[0], slowness * rows[1]])
+            return 1.0 + float(value), gradient.ravel()
 
-        found = minimize(
-            objective,
-            np.zeros(2 * point.size),
-            max_iter=self.max_iter,
-            expected_decrease=self.tolerance,
+        def inverse_hessian(gradient: ndarray) -> ndarray:
+            by_point, by_velocity = gradient.reshape(2, -1, 1)
+            steps = factor.inverse(by_point), slowness**2 * factor.inverse(by_velocity)
+            return np.concatenate(steps)[:, 0]
+
+        found = LBFGS(self.tolerance, self.max_iter).minimize(
+            objective, np.zeros(2 * point.size), lambda x: inverse_hessian
         )
         self.n_iter_ = found.n_iterations
-        warn_unless_converged(self, _as_result(point, found))
-        intercept, speed = line(changes_of(found.x))
+        finish(self, _as_result(point, found))
+        intercept, speed = line(found.x.reshape(2, *shape))
         return intercept, speed
 
 

@@ -11,7 +11,6 @@ from riemhuman.checks import one_of
 from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, OutsideManifoldError
 from riemhuman.geometry import RiemannianMetric
-from riemhuman.protocols import uninterrupted
 from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.means import GradientDescentMean
 from riemhuman.solvers.nearest_surface import NearestSurface
@@ -123,7 +122,7 @@ class Points(InheritsDocstrings, ImageSpace):
 
     def mean(self, points: ndarray) -> ndarray:
         r"""Return the Karcher mean by `GradientDescentMean`."""
-        return uninterrupted(GradientDescentMean().solve(self.metric, points)).point
+        return GradientDescentMean().solve(self.metric, points).point
 
 
 class Fields(InheritsDocstrings, ImageSpace):
@@ -158,8 +157,7 @@ class Fields(InheritsDocstrings, ImageSpace):
             Surface to search from.
         """
         surfaces = [
-            uninterrupted(self._nearest.solve(self._pullback, image[None], start)).point
-            for image in images
+            self._nearest.solve(self._pullback, image[None], start).point for image in images
         ]
         return np.array(surfaces).reshape(-1, *self._pullback.space.shape)
 
@@ -176,7 +174,7 @@ class Fields(InheritsDocstrings, ImageSpace):
         medoid = sample[np.argmin(np.sum(distances**2, axis=0))]
         start = self._near_mean(self.embed(sample), medoid)
         images = self.embed(points)
-        return uninterrupted(self._nearest.solve(self._pullback, images, start)).point
+        return self._nearest.solve(self._pullback, images, start).point
 
     def _near_mean(self, images: ndarray, medoid: ndarray) -> ndarray:
         """Return the surface of a mean of fields, by one target in place of all, or the medoid."""

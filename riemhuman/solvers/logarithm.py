@@ -12,18 +12,17 @@ from riemhuman.checks import real_number, whole_number
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.kernels.drift import steady_path
-from riemhuman.protocols import was_interrupted
 from riemhuman.solvers._geodesic_equation import MiddleEquation, degeneration, turns_far
 from riemhuman.solvers.basis_path import BasisPath
-from riemhuman.solvers.path_straightening import PathStraightening, refined_path
+from riemhuman.solvers.path_straightening import PathStraightening, refine_path
+from riemhuman.solvers.paths import check_end_points, linear_path, rounding_energy
 from riemhuman.solvers.results import (
     PathResult,
     Result,
-    warn_unless_converged,
-    whole_path_result,
+    Status,
+    complete_path_result,
+    finish,
 )
-from riemhuman.solvers.rounding import rounding_energy
-from riemhuman.solvers.simple_paths import check_end_points, linear_path
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 # How well a path must be minimised for its first step to be known to some digits.
@@ -186,16 +185,16 @@ class DiscreteLogarithm:
             found.energy,
             n_iterations=found.n_iterations + backward.n_iterations,
             n_evaluations=found.n_evaluations + backward.n_evaluations,
-            converged=found.converged and backward.converged and not gone and agree,
+            status=Status.of(found.converged and backward.converged and not gone and agree),
             message=message,
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         return result
 
     def _geodesic(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
         n_nodes = self.n_steps + 1
         if self.geodesic_solver is not None:
-            return whole_path_result(self.geodesic_solver.solve(metric, start, end))
+            return complete_path_result(self.geodesic_solver.solve(metric, start, end))
         if self.basis is None:
             found = self._over_all(metric, start, end)
             if metric.is_translation_invariant:
@@ -206,15 +205,11 @@ class DiscreteLogarithm:
         basis = self.basis.joined((end - start)[None])
         solver = BasisPath(basis, n_nodes, remove_drift=False)
         first = solver.solve(metric, start, end)
-        if was_interrupted(first):
-            return first
         # The exponential can follow what the path has in the basis.
         initial = start + basis.project(first.path - start)
         if not np.isfinite(metric.energy_and_gradient(initial)[0]):
             initial = linear_path(start, end, n_nodes)
         within = solver.solve(metric, start, end, initial_path=initial)
-        if was_interrupted(within):
-            return within
         least = within if within.energy <= _WORTH_JOINING * first.energy else first
         joined = self.basis.joined(least.path[1:] - start)
         solver = replace(solver, basis=joined, tolerance=_TOLERANCE)
@@ -229,12 +224,10 @@ class DiscreteLogarithm:
         found = solver.solve(metric, start, end)
         path = found.path
         for _ in range(self.n_doublings):
-            if was_interrupted(found):
-                return found
             if not turns_far(metric, path):
                 break
             n_segments = 2 * (len(path) - 1)
             exact = replace(exact, n_nodes=n_segments + 1)
-            path = refined_path(path, n_segments)
+            path = refine_path(path, n_segments)
         ending = exact.solve(metric, start, end, initial_path=path)
         return replace(ending, n_evaluations=found.n_evaluations + ending.n_evaluations)

@@ -18,7 +18,6 @@ from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold, RiemannianMetric
 from riemhuman.geometry.strategies import MeanSolver
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import INTERRUPTED, was_interrupted
 from riemhuman.solvers._dispersion import (
     AreaCheck,
     Dispersion,
@@ -27,10 +26,10 @@ from riemhuman.solvers._dispersion import (
     check_weights,
     seeing_lengths,
 )
+from riemhuman.solvers._preconditioners import CholeskyFactor
 from riemhuman.solvers.minimization import LocalProblem, Minimum, minimize_in_rounds
-from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.solvers.results import MeanResult, warn_unless_converged, whole_mean_result
-from riemhuman.solvers.rounding import rounding_energy
+from riemhuman.solvers.paths import rounding_energy
+from riemhuman.solvers.results import MeanResult, Status, complete_mean_result, finish
 
 if TYPE_CHECKING:
     from riemhuman.surfaces.deformation_basis import DeformationBasis
@@ -151,7 +150,7 @@ class BasisMean(InheritsDocstrings, MeanSolver):
             minimum.values,
             **minimum.outcome,
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         return result
 
     def _origin(self, dispersion: Dispersion, initial_point: ndarray | None) -> ndarray:
@@ -368,10 +367,10 @@ class GradientDescentMean(InheritsDocstrings, MeanSolver):
             np.array(variances),
             n_iterations=len(variances) - 1,
             n_evaluations=n_evaluations,
-            converged=converged,
+            status=Status.of(converged),
             message=message,
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         return result
 
 
@@ -469,8 +468,6 @@ class StreamingMean(BasisMean):
         searched = seeing_lengths(metric, self.companion_weight)
         sample = _Sample(points, weights, self.sample_size)
         first = self._of_sample(searched, sample, initial_point)
-        if was_interrupted(first):
-            return first
         streamed = self._streamed(searched, sample, Dispersion)
         alone = streamed if searched is metric else self._streamed(metric, sample, Dispersion)
         return self._result(streamed, alone, first.point)
@@ -551,7 +548,7 @@ class StreamingMedian(StreamingMean):
         searched = seeing_lengths(metric, self.companion_weight)
         sample = _Sample(points, weights, self.sample_size)
         first = self._of_sample(searched, sample, initial_point)
-        if was_interrupted(first) or first.variance == 0.0:
+        if first.variance == 0.0:
             return first
         mean_distance = partial(MeanDistance, smoothing=_SMOOTHING * np.sqrt(first.variance))
         nearer = replace(self, tolerance=_SAMPLE_TOLERANCE, callback=None)._result(
@@ -559,8 +556,6 @@ class StreamingMedian(StreamingMean):
             Dispersion(searched, sample.points, sample.weights),
             first.point,
         )
-        if was_interrupted(nearer):
-            return nearer
         streamed = self._streamed(searched, sample, mean_distance)
         alone = self._streamed(metric, sample, Dispersion)
         return self._result(streamed, alone, nearer.point)
@@ -647,7 +642,7 @@ class FrechetMean(Estimator):
         """Return the Fréchet mean, as the solver finds it."""
         metric = self.space.metric
         solver = default_mean_solver(metric) if self.solver is None else self.solver
-        return whole_mean_result(solver.solve(metric, X, weights, **start))
+        return complete_mean_result(solver.solve(metric, X, weights, **start))
 
     def _keep(self, result: MeanResult) -> None:
         self.result_ = result
@@ -730,9 +725,6 @@ class GeometricMedian(FrechetMean):
             if len(sums) > 1 and sums[-2] - sums[-1] <= self.tolerance * sums[-2]:
                 converged, message = True, "the sum of distances no longer falls"
                 break
-            if was_interrupted(mean):
-                message = INTERRUPTED
-                break
             # A sample that the median has reached keeps a large but finite weight.
             floor = max(1e-9 * distances.max(), np.finfo(float).tiny)
             pull = dispersion.weights / np.maximum(distances, floor)
@@ -745,10 +737,10 @@ class GeometricMedian(FrechetMean):
             np.array(sums),
             n_iterations=len(sums) - 1,
             n_evaluations=n_evaluations,
-            converged=converged,
+            status=Status.of(converged),
             message=message,
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         self._keep(result)
         return self
 

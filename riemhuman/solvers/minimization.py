@@ -11,8 +11,8 @@ from numpy import ndarray
 from scipy import optimize
 
 from riemhuman.progress import ProgressBar
-from riemhuman.protocols import INTERRUPTED
-from riemhuman.solvers.results import Result
+from riemhuman.solvers._lbfgs import Minimum
+from riemhuman.solvers.results import Status
 
 # Iterations that together must gain more than `_STILL` times the expected decrease.
 _PATIENCE = 15
@@ -26,34 +26,6 @@ WALL = 10.0
 """Value of points that a search must leave again, where objectives start at about one."""
 
 Objective = Callable[[ndarray], tuple[float, ndarray]]
-
-
-@dataclass(frozen=True, repr=False)
-class Minimum(Result):
-    """The result of a minimisation.
-
-    Attributes
-    ----------
-    x : array, shape (n,)
-        The best point evaluated, the first of several.
-    value : float
-        Its value.
-    values : array, shape (n_iterations + 1,)
-        Value at the start and after each iteration.
-    interrupted : bool
-        Whether it was stopped from the keyboard.
-    gap : float
-        Estimate of how far the value is above its minimum, nan where there is none.
-    newton_was_small : bool
-        Whether a Newton step promised to gain little at some iteration.
-    """
-
-    x: ndarray
-    value: float
-    values: ndarray
-    interrupted: bool = False
-    gap: float = np.nan
-    newton_was_small: bool = False
 
 
 class _Record:
@@ -129,7 +101,7 @@ def minimize(
     if not np.isfinite(value):
         message = "the value at the start is not finite"
         return Minimum(
-            start, value, np.array(values), n_evaluations=1, converged=False, message=message
+            start, value, np.array(values), n_evaluations=1, status=Status.STALLED, message=message
         )
     met_test = expected_decrease is not None and _is_met(
         expected_decrease, value, record.last_gradient
@@ -178,7 +150,7 @@ def minimize(
                     converged = bool(result.success)
                 message = str(result.message)
             except KeyboardInterrupt:
-                converged, interrupted, message = False, True, INTERRUPTED
+                converged, interrupted, message = False, True, "interrupted from the keyboard"
     if at_floor:
         message = "the value is no more than rounding errors"
     elif met_test:
@@ -189,10 +161,9 @@ def minimize(
         record.best_x,
         record.best_value,
         np.array(values),
-        interrupted,
         n_iterations=len(values) - 1,
         n_evaluations=record.n_evaluations,
-        converged=converged,
+        status=Status.INTERRUPTED if interrupted else Status.of(converged),
         message=message,
     )
 
@@ -269,11 +240,10 @@ def minimize_in_rounds(
                 x,
                 values[-1],
                 values,
-                interrupted=True,
                 n_iterations=len(values) - 1,
                 n_evaluations=n_evaluations,
-                converged=False,
-                message=INTERRUPTED,
+                status=Status.INTERRUPTED,
+                message="interrupted from the keyboard",
             )
         n_before = max(len(values) - 1, 0)
 
@@ -298,15 +268,19 @@ def minimize_in_rounds(
         values = np.concatenate([values[:-1], found.values * local.unit])
         n_iterations = len(values) - 1
         stuck = found.n_iterations == 0
-        if found.converged or found.interrupted or stuck or n_iterations >= max_iter:
+        if (
+            found.converged
+            or found.status is Status.INTERRUPTED
+            or stuck
+            or n_iterations >= max_iter
+        ):
             return Minimum(
                 x,
                 found.value * local.unit,
                 values,
-                found.interrupted,
                 n_iterations=n_iterations,
                 n_evaluations=n_evaluations,
-                converged=found.converged,
+                status=found.status,
                 message=found.message,
             )
 

@@ -15,10 +15,9 @@ from riemhuman.geometry import ElasticMetric, RiemannianMetric
 from riemhuman.kernels.threads import single_threaded_libraries
 from riemhuman.progress import ProgressBar
 from riemhuman.solvers._dispersion import check_weights
+from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor, metric_factor
 from riemhuman.solvers.image_distances import image_distances
-from riemhuman.solvers.preconditioner import CholeskyFactor
-from riemhuman.solvers.results import MeanResult, warn_unless_converged
-from riemhuman.solvers.spatial_factors import SparseCholeskyFactor, spatial_factor
+from riemhuman.solvers.results import MeanResult, Status, finish
 
 # Steps after which the matrix is factored anew, and steps that are remembered.
 _ROUND, _DAMPED_ROUND, _MEMORY = 30, 5, 20
@@ -150,7 +149,7 @@ class NearestSurface:
         def factor(f: ndarray, damping: float) -> CholeskyFactor:
             # Damped where the metric sees little.
             if companion is None:
-                return spatial_factor(measured, f[np.newaxis], 1.0 / (1.0 + damping))
+                return metric_factor(measured, f[np.newaxis], 1.0 / (1.0 + damping))
             unseen = (self.companion_weight + damping) * companion.metric_matrix(f)
             return SparseCholeskyFactor(measured.metric_matrix(f) + unseen)
 
@@ -173,7 +172,7 @@ class NearestSurface:
             result.variances,
             **result.outcome,
         )
-        warn_unless_converged(self, found)
+        finish(self, found)
         return found
 
 
@@ -238,7 +237,7 @@ def _descend(
         np.array(values),
         n_iterations=len(values) - 1,
         n_evaluations=n_evaluations,
-        converged=converged,
+        status=Status.of(converged),
         message=message,
     )
 

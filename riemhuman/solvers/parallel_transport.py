@@ -15,11 +15,9 @@ from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, NotDefinedError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, TransportSolver
-from riemhuman.protocols import uninterrupted
 from riemhuman.solvers._geodesic_equation import MiddleEquation, Triple
-from riemhuman.solvers.results import Result, warn_unless_converged
-from riemhuman.solvers.rounding import rounding_energy
-from riemhuman.solvers.simple_paths import check_end_points
+from riemhuman.solvers.paths import check_end_points, rounding_energy
+from riemhuman.solvers.results import Result, Status, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -187,7 +185,7 @@ class _Ladder(InheritsDocstrings, TransportSolver):
                 f"{type(metric).__name__} has no closed form for geodesics; pass path=, or a "
                 f"strategy such as {type(self).__name__}(geodesic_solver=BasisPath(basis))"
             )
-        return np.asarray(uninterrupted(solver.solve(metric, start, end)).path)
+        return np.asarray(solver.solve(metric, start, end).path)
 
     def _climb(self, metric: RiemannianMetric, vector: ndarray, path: ndarray) -> TransportResult:
         geometry: _ClosedForms | _SingleSegments
@@ -215,10 +213,10 @@ class _Ladder(InheritsDocstrings, TransportSolver):
             path,
             n_iterations=geometry.n_iterations,
             n_evaluations=geometry.n_evaluations,
-            converged=converged,
+            status=Status.of(converged),
             message=f"{len(path) - 1} rungs{unsolved}",
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         return result
 
     def _rung(self, geometry: _Geometry, start: ndarray, end: ndarray, vector: ndarray) -> ndarray:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from operator import attrgetter
+from itertools import islice
 from typing import Any
 
 import numpy as np
 from autograd.core import make_vjp
 from numpy import ndarray
+from scipy import sparse
 from scipy.interpolate import make_interp_spline
 
 from riemhuman.checks import real_number, whole_number
@@ -17,31 +18,25 @@ from riemhuman.errors import ArgumentError, ReparametrizationInvarianceWarning, 
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.protocols import INTERRUPTED, uninterrupted, was_interrupted
-from riemhuman.solvers.energies import SegmentEnergy
-from riemhuman.solvers.held_triangles import holding, raised
-from riemhuman.solvers.many_paths import ManyPaths
-from riemhuman.solvers.minimization import Minimum
-from riemhuman.solvers.poisson_path import turned_paths
-from riemhuman.solvers.preconditioner import PathPreconditioner
-from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
-from riemhuman.solvers.results import PathResult, warn_unless_converged
-from riemhuman.solvers.rounding import path_floor
-from riemhuman.solvers.simple_paths import (
+from riemhuman.kernels.triangles import nearly_degenerate_triangles
+from riemhuman.solvers._lbfgs import LBFGS, Minimum, Operator
+from riemhuman.solvers._preconditioners import PathPreconditioner, metric_factor
+from riemhuman.solvers.interpolated_paths import rotating_paths
+from riemhuman.solvers.paths import (
+    PathSolver,
+    SegmentEnergy,
     check_end_points,
     check_initial_path,
     known_path,
     linear_path,
     lower_bound,
+    path_floor,
     percentage,
 )
-from riemhuman.solvers.spatial_factors import spatial_factor
+from riemhuman.solvers.results import PathResult, Status, finish
 
-# Coarse levels only have to find the valley; the last one goes to its floor.
-_COARSE_TOLERANCE = 1e-4
-
-# Where limbs may turn either way, both paths run this far, and the better one to the end.
-_HEAT = 1e-3
+# Tolerance of the first runs from several starts, of which the best goes on to the end.
+_FIRST_TOLERANCE = 1e-3
 
 # The share of the energy that the second half of many iterations may have gained at the end, or
 # twenty times as much as the tolerance.
@@ -55,20 +50,29 @@ _STIFFNESS = 0.2
 # the more the finer the mesh, and what such motions still gain matters to narrow tolerances alone.
 _RIDGES = 1e-6, 1e-4
 
+# Heights, as shares of the longest edge, of flat triangles; and how many are frozen at most, the
+# flattest: each costs three vectors of all coordinates.
+_FLAT = 1e-5
+_MOST_FROZEN = 20
+
+# Share by which heights are lifted, more than rounding of rotations changes them, and how often at
+# most: a corner may be the tip of several triangles.
+_LIFT = 1e-4
+_MOST_LIFTS = 20
+
 
 @dataclass(frozen=True)
-class PathStraightening(ManyPaths):
+class PathStraightening(PathSolver):
     """Paths of least energy in all coordinates of all interior points, on any manifold.
 
     Coordinates are the entries of the arrays; `projection` maps them back to the manifold, and
     steps that leave it (`belongs`) are rejected. The minimisation is L-BFGS with the inverse of the
     metric's matrix, averaged over the path, as its first inverse Hessian; it starts from the
-    straight path, or on surfaces from the path that turns every triangle (`PoissonPath`) if that
-    has less energy, first with few segments if `coarse_segments` are given, then with all. Where a
-    limb may turn either way, both ways are tried, as in `BasisPath`. Triangles that have all but
-    vanished, where normals jump and no slope leads on, are held as flat as they are while others
-    move. Its energies were lower than those of `BasisPath` for all pairs tried, and are never
-    higher with ``initial=BasisPath(...)``.
+    straight path, or on surfaces from the path that rotates every triangle (`PoissonPath`) if that
+    has less energy. Where a limb may rotate either way, both ways are tried, as in `BasisPath`.
+    Triangles that have nearly vanished, where normals jump and no slope leads on, are frozen while
+    others move. Its energies were lower than those of `BasisPath` for all pairs tried, and are
+    never higher with ``initial=BasisPath(...)``.
 
     Parameters
     ----------
@@ -76,22 +80,19 @@ class PathStraightening(ManyPaths):
         Number of points of the path, both ends included.
     energy : PathEnergy
         Energy to minimise.
-    initial : object, optional
-        Solver whose path, with as many nodes, is another start: if it has less energy than the
-        result of the coarse levels, the last level starts from it.
-    coarse_segments : tuple of int
-        Numbers of segments of the coarse levels, increasing.
+    initial : GeodesicSolver, optional
+        Solver whose path, with as many nodes, is another start.
     tolerance : float
-        The solver stops when a Newton step would gain at most this share of the energy, as far as
+        The search stops when a Newton step would gain at most this share of the energy, as far as
         the preconditioned gradient tells, and the second half of its iterations, if they are ten or
         more, has gained at most 0.2 %, or twenty times this share.
     max_iter : int
-        Largest number of iterations on each level.
+        Most iterations.
     remove_drift : bool
-        Whether to take motions that the metric does not see, such as rigid motions of interior
-        surfaces where c = 0, out of the path found; its energy stays the same.
+        Whether to remove motions that leave the energy unchanged from the path found, such as rigid
+        motions of interior surfaces where c = 0.
     callback : callable, optional
-        Called with (iteration, energy, path) after each iteration with all times.
+        Called with (iteration, energy, path) after each iteration.
     progress : bool
         Whether to show a progress bar.
 
@@ -109,7 +110,6 @@ class PathStraightening(ManyPaths):
     n_nodes: int = 11
     energy: PathEnergy = SegmentEnergy()
     initial: GeodesicSolver | None = None
-    coarse_segments: tuple[int, ...] = ()
     tolerance: float = 1e-4
     max_iter: int = 1000
     remove_drift: bool = True
@@ -120,8 +120,6 @@ class PathStraightening(ManyPaths):
         whole_number(self.n_nodes, "n_nodes", minimum=2)
         whole_number(self.max_iter, "max_iter", minimum=1)
         real_number(self.tolerance, "tolerance", minimum=0.0, strict=True)
-        for segments in self.coarse_segments:
-            whole_number(segments, "coarse_segments", minimum=2)
 
     def solve(
         self,
@@ -134,223 +132,194 @@ class PathStraightening(ManyPaths):
 
         Parameters
         ----------
+        metric : RiemannianMetric
+            The metric.
+        start, end : array, shape (\*shape,)
+            End points.
         initial_path : array, shape (n_nodes, \*shape), optional
-            Path to start from, between the same ends, instead of the coarse levels.
+            Path to start from, between the same ends.
 
         Returns
         -------
         PathResult
-            `energies` are those of the finest level; `n_evaluations` includes coarser levels.
 
         Raises
         ------
         ArgumentError
             If the end points do not fit the metric's space, or the initial path has other ends,
             leaves the manifold or has no finite energy.
+        Interrupted
+            If it is interrupted from the keyboard, with the best result so far.
 
         Warns
         -----
         ConvergenceWarning
             If the stopping test was not met.
         ReparametrizationInvarianceWarning
-            If the metric does not see surfaces slide along themselves: their meshes crumple.
+            If it costs nothing that surfaces slide along themselves: their meshes crumple.
         """
         start, end = check_end_points(metric, start, end)
-        n_segments = self.n_nodes - 1
-        if n_segments == 1:
-            single = linear_path(start, end, 2)
-            return known_path(metric, self.energy, single, "a single segment", gap=0.0)
-        unchanged = metric.is_reparametrization_invariant
-        if unchanged and not np.array_equal(start, end):
+        if self.n_nodes == 2:
+            path = linear_path(start, end, 2)
+            return known_path(metric, self.energy, path, "a single segment", gap=0.0)
+        if metric.is_reparametrization_invariant and not np.array_equal(start, end):
             warn(
-                f"{metric!r} does not see surfaces slide along themselves: over all vertices the "
-                "meshes of a path crumple, and its energy falls on and on. Search over smooth "
-                "deformations, as BasisPath(DeformationBasis.from_laplacian(template)) does",
+                f"under {metric!r} it costs nothing that surfaces slide along themselves: over all "
+                "vertices the meshes of a path crumple, and its energy falls on and on. Search "
+                "over smooth deformations, as BasisPath(DeformationBasis.from_laplacian(template)) "
+                "does",
                 ReparametrizationInvarianceWarning,
             )
-        levels = [n_segments]
-        if initial_path is None:
-            levels = [*(n for n in self.coarse_segments if n < n_segments), n_segments]
-            paths = self._starts(metric, start, end, self.n_nodes)
-        else:
-            paths = [check_initial_path(metric, start, end, self.n_nodes, initial_path)]
         with single_threaded_libraries():
-            result = self._best_of(metric, paths, levels)
-        warn_unless_converged(self, result)
-        return result
+            if initial_path is None:
+                paths = self._starts(metric, start, end)
+            else:
+                paths = [check_initial_path(metric, start, end, self.n_nodes, initial_path)]
+            result = self._best_of(metric, paths)
+        return finish(self, result)
 
-    def _best_of(
-        self, metric: RiemannianMetric, paths: list[ndarray], levels: list[int]
-    ) -> PathResult:
+    def _best_of(self, metric: RiemannianMetric, paths: list[ndarray]) -> PathResult:
         """Descend from the start that leads to the least energy, as far as a short run tells."""
         if len(paths) == 1:
-            return _Descent(self, metric, paths[0]).run(levels)
-        heat, heats = replace(self, tolerance=_HEAT, callback=None), []
+            return self._descend(metric, paths[0])
+        short = replace(self, tolerance=_FIRST_TOLERANCE, callback=None)
+        results: list[PathResult] = []
         for path in paths:
-            heats.append(_Descent(heat, metric, path).run(levels[-1:]))
-            if was_interrupted(heats[-1]):
+            results.append(short._descend(metric, path))
+            if results[-1].status is Status.INTERRUPTED:
                 break
-        result = min(heats, key=attrgetter("energy"))
-        if was_interrupted(heats[-1]):
-            return replace(result, converged=False, message=INTERRUPTED)
-        result = _Descent(self, metric, result.path, result.energies[:-1]).run(levels)
-        n_evaluations = result.n_evaluations + sum(other.n_evaluations for other in heats)
+        best, last = min(results, key=lambda result: result.energy), results[-1]
+        if last.status is Status.INTERRUPTED:
+            return replace(best, status=last.status, message=last.message)
+        result = self._descend(metric, best.path, best.energies[:-1])
+        n_evaluations = result.n_evaluations + sum(each.n_evaluations for each in results)
         return replace(result, n_evaluations=n_evaluations)
 
-    def _starts(
-        self, metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int
-    ) -> list[ndarray]:
-        """Return the start of least energy, and those with a limb that turns the other way."""
-        starts, rivals = [linear_path(start, end, n_nodes)], []
-        is_immersed = np.all(metric.space.belongs(np.stack([start, end])))
-        if metric.space.is_surface_space and is_immersed:
-            turned = turned_paths(metric, self.energy, start, end, n_nodes)
-            (best, _), *rivals = turned
-            starts.append(best)
-        if self.initial is not None and n_nodes == self.n_nodes:
-            starts.append(uninterrupted(self.initial.solve(metric, start, end)).path)
-            rivals = []
-        return [_least(metric, self.energy, starts), *(path for path, _ in rivals)]
+    def _starts(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> list[ndarray]:
+        """Return the start of least energy, and those with a limb that rotates the other way."""
+        starts, alternatives = [linear_path(start, end, self.n_nodes)], []
+        if metric.space.is_surface_space and np.all(metric.space.belongs(np.stack([start, end]))):
+            rotating = rotating_paths(metric, self.energy, start, end, self.n_nodes)
+            starts.append(rotating[0][0])
+            alternatives = [path for path, _ in rotating[1:]]
+        if self.initial is not None:
+            starts.append(self.initial.solve(metric, start, end).path)
+            alternatives = []
+        starts = [_on_manifold(metric, path) for path in starts]
+        best = min(starts, key=lambda path: _energy(metric, self.energy, path))
+        return [best, *alternatives]
 
-
-class _Descent:
-    """Minimises the energy over the interior points, on one level of nodes after the other."""
-
-    def __init__(
-        self,
-        solver: PathStraightening,
-        metric: RiemannianMetric,
-        path: ndarray,
-        earlier: ndarray | tuple[()] = (),
-    ) -> None:
-        self._solver, self._metric, self._earlier = solver, metric, earlier
-        self._whole = self._path = path
-        self._n_evaluations = 0
-
-    def run(self, levels: list[int]) -> PathResult:
-        """Minimise on all levels."""
-        solver, metric = self._solver, self._metric
-        floor = path_floor(metric, solver.energy, self._whole)
-        if _energy(metric, solver.energy, self._whole) <= floor:
+    def _descend(
+        self, metric: RiemannianMetric, path: ndarray, earlier: ndarray | tuple[()] = ()
+    ) -> PathResult:
+        """Minimise over the interior points of a path."""
+        path = _on_manifold(metric, path)
+        floor, energy = path_floor(metric, self.energy, path), _energy(metric, self.energy, path)
+        if energy <= floor:
             message = "the end points are no distance apart"
-            return known_path(metric, solver.energy, self._whole, message, gap=0.0)
-        found: Minimum | None = None
-        try:
-            for n_segments in levels:
-                found = None
-                self._path = self._better_start(n_segments, is_first=n_segments == levels[0])
-                found = self._descend(is_last=n_segments == levels[-1])
-                if found.interrupted:
-                    break
-        except KeyboardInterrupt:
-            found = None
-        if found is None or len(self._path) < solver.n_nodes:
-            self._path = self._better_start(solver.n_nodes - 1, is_first=False)
-            value = _energy(metric, solver.energy, self._path)
-            values, converged, gap = np.array([value]), False, np.nan
-            message = INTERRUPTED
-        else:
-            value, values = found.value, found.values
-            converged, message, gap = found.converged, found.message, found.gap
-        return PathResult(
-            self._without_drift(_on_manifold(metric, self._path)),
-            value,
-            values,
-            lower_bound(metric, self._path),
-            percentage(gap, value),
-            n_iterations=len(values) - 1,
-            n_evaluations=self._n_evaluations,
-            converged=converged,
-            message=message,
-        )
-
-    def _without_drift(self, path: ndarray) -> ndarray:
-        """Return a path without drift, if asked for.
-
-        Turned, a triangle that is all but flat may round to one that is.
-        """
-        space = self._metric.space
-        if not self._solver.remove_drift:
-            return path
-        path = self._metric.remove_drift(path)
-        if space.is_surface_space and not np.all(space.belongs(path)):
-            path[1:-1] = raised(path[1:-1], space.template)
-        return path
-
-    def _better_start(self, n_segments: int, is_first: bool) -> ndarray:
-        """Return the path so far at other times, or another start of less energy."""
-        solver, metric = self._solver, self._metric
-        if n_segments == len(self._path) - 1:
-            return _on_manifold(metric, self._path)
-        if n_segments == solver.n_nodes - 1:
-            starts = [self._whole]
-        else:
-            starts = solver._starts(metric, self._whole[0], self._whole[-1], n_segments + 1)
-        if not is_first:
-            starts.append(refined_path(self._path, n_segments))
-        return _least(metric, solver.energy, starts)
-
-    def _descend(self, is_last: bool) -> Minimum:
-        """Minimise from the path, with its times."""
-        solver, metric = self._solver, self._metric
-        path = self._path
-        if not np.isfinite(_energy(metric, solver.energy, path)):
+            return known_path(metric, self.energy, path, message, gap=0.0)
+        if not np.isfinite(energy):
             raise ArgumentError(
                 "the initial path leaves the manifold or has no finite energy; pass another "
                 "initial_path"
             )
+        minimum = self._minimize(metric, path, floor, earlier)
+        path[1:-1] = minimum.x.reshape(path[1:-1].shape)
+        return PathResult(
+            self._without_drift(metric, _on_manifold(metric, path)),
+            minimum.value,
+            minimum.values,
+            lower_bound(metric, path),
+            percentage(minimum.gap, minimum.value),
+            **minimum.outcome,
+        )
 
-        def path_of(interior: ndarray) -> ndarray:
-            moved = path.copy()
-            moved[1:-1] = interior.reshape(path[1:-1].shape)
-            return moved
+    def _minimize(
+        self,
+        metric: RiemannianMetric,
+        path: ndarray,
+        floor: float,
+        earlier: ndarray | tuple[()],
+    ) -> Minimum:
+        """Return the coordinates of the interior points, in one row, of least energy."""
+        space = metric.space
+
+        def nodes_of(interior: ndarray) -> ndarray:
+            return interior.reshape(path[1:-1].shape)
 
         def objective(interior: ndarray) -> tuple[float, ndarray]:
-            self._n_evaluations += 1
-            return self._energy_and_slope(path_of(interior))
+            with np.errstate(divide="ignore", invalid="ignore"):
+                pull_back, nodes = make_vjp(space.projection, nodes_of(interior))
+            if not np.all(space.belongs(nodes)):
+                return np.inf, np.zeros(interior.size)
+            points = np.concatenate([path[:1], nodes, path[-1:]])
+            value, gradient = self.energy.value_and_gradient(metric, points)
+            value = value if np.isfinite(value) else np.inf
+            return value, np.ravel(pull_back(gradient[1:-1]))
 
         def inverse_hessian_at(interior: ndarray) -> Operator:
-            nodes = _on_manifold(metric, path_of(interior))[1:-1]
-            ridge = float(np.clip(solver.tolerance, *_RIDGES))
-            factor = spatial_factor(metric, nodes, 1.0, stiffness=_STIFFNESS, ridge=ridge)
+            nodes = _on_manifold(metric, _with_interior(path, nodes_of(interior)))[1:-1]
+            ridge = float(np.clip(self.tolerance, *_RIDGES))
+            factor = metric_factor(metric, nodes, stiffness=_STIFFNESS, ridge=ridge)
             hessian = PathPreconditioner(factor, len(nodes) + 1)
             return lambda slope: hessian.inverse(slope.reshape(len(nodes), -1)).ravel()
 
-        space: Any = metric.space
-
-        def holding_at(interior: ndarray) -> Operator:
-            nodes, faces = path_of(interior)[1:-1], space.template.faces
-            return holding(inverse_hessian_at(interior), nodes, faces)
+        def freeze_at(interior: ndarray) -> Operator:
+            inverse, faces = inverse_hessian_at(interior), space.template.faces
+            return freeze_flat_triangles(inverse, nodes_of(interior), faces)
 
         def report(iteration: int, value: float, interior: ndarray) -> None:
-            if solver.callback is not None and is_last:
-                solver.callback(iteration, value, _on_manifold(metric, path_of(interior)))
+            if self.callback is not None:
+                points = _on_manifold(metric, _with_interior(path, nodes_of(interior)))
+                self.callback(iteration, value, points)
 
-        found = descend_in_rounds(
+        minimizer = LBFGS(
+            self.tolerance,
+            self.max_iter,
+            max(_RECENT, 20.0 * self.tolerance),
+            callback=report,
+            progress=f"{len(path) - 1} segments" if self.progress else "",
+        )
+        return minimizer.minimize(
             objective,
             path[1:-1].ravel(),
             inverse_hessian_at,
-            max_iter=solver.max_iter,
-            holding_at=holding_at if space.is_surface_space else None,
-            earlier=self._earlier if is_last else (),
-            expected_decrease=solver.tolerance if is_last else _COARSE_TOLERANCE,
-            recent_decrease=max(_RECENT, 20.0 * solver.tolerance) if is_last else np.inf,
-            floor=path_floor(metric, solver.energy, path),
-            callback=report,
-            progress=solver.progress,
-            description=f"{len(path) - 1} segments",
+            floor=floor,
+            earlier=earlier,
+            freeze_at=freeze_at if space.is_surface_space else None,
         )
-        self._path = path_of(found.x)
-        return found
 
-    def _energy_and_slope(self, path: ndarray) -> tuple[float, ndarray]:
-        """Return the energy and its slope in the coordinates of the interior points."""
-        points = _on_manifold(self._metric, path)
-        if not np.all(self._metric.space.belongs(points[1:-1])):
-            return np.inf, np.zeros(path[1:-1].size)
-        value, gradient = self._solver.energy.value_and_gradient(self._metric, points)
-        pull_back, _ = make_vjp(self._metric.space.projection, path[1:-1])
-        return value if np.isfinite(value) else np.inf, np.ravel(pull_back(gradient[1:-1]))
+    def _without_drift(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
+        """Return a path without drift, if asked for.
+
+        A triangle that is nearly flat may become flat by the rounding of a rotation.
+        """
+        if not self.remove_drift:
+            return path
+        path = metric.remove_drift(path)
+        if metric.space.is_surface_space and not np.all(metric.space.belongs(path)):
+            path[1:-1] = lift_flat_triangles(path[1:-1], metric.space.template)
+        return path
+
+
+def refine_path(path: ndarray, n_segments: int) -> ndarray:
+    """Return a path at other times, by a spline."""
+    known = np.linspace(0.0, 1.0, len(path))
+    spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
+    refined = spline(np.linspace(0.0, 1.0, n_segments + 1))
+    refined[[0, -1]] = path[[0, -1]]
+    return refined
+
+
+def _with_interior(path: ndarray, nodes: ndarray) -> ndarray:
+    moved = path.copy()
+    moved[1:-1] = nodes
+    return moved
+
+
+def _on_manifold(metric: RiemannianMetric, path: ndarray) -> ndarray:
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return _with_interior(path, metric.space.projection(path[1:-1]))
 
 
 def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
@@ -361,35 +330,66 @@ def _energy(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> floa
     return value if np.isfinite(value) else np.inf
 
 
-def _on_manifold(metric: RiemannianMetric, path: ndarray) -> ndarray:
-    path = path.copy()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        path[1:-1] = metric.space.projection(path[1:-1])
-    return path
+def freeze_flat_triangles(inverse: Operator, nodes: ndarray, faces: ndarray) -> Operator:
+    r"""Return an inverse Hessian over the motions that leave flat triangles as flat as they are.
 
-
-def _least(metric: RiemannianMetric, energy: PathEnergy, paths: list[ndarray]) -> ndarray:
-    """Return the path of least energy, the first of several, on the manifold."""
-    paths = [_on_manifold(metric, path) for path in paths]
-    return min(paths, key=lambda path: _energy(metric, energy, path))
-
-
-def refined_path(path: ndarray, n_segments: int) -> ndarray:
-    r"""Return a path at other times, by a spline.
-
-    Parameters
-    ----------
-    path : array, shape (n_nodes, \*shape)
-        A path.
-    n_segments : int
-        Its new number of segments.
-
-    Returns
-    -------
-    array, shape (n_segments + 1, \*shape)
+    Where a triangle loses its area its normal jumps, and a path may get stuck: each direction that
+    still leads down moves such a triangle a little, too. The corner opposite to the longest edge
+    therefore stays where it is relative to that edge. With these linear conditions C x = 0 the
+    inverse H, over the coordinates of nodes of shape (n, V, 3), becomes
+    H − H Cᵀ (C H Cᵀ)⁻¹ C H.
     """
-    known = np.linspace(0.0, 1.0, len(path))
-    spline = make_interp_spline(known, path, k=min(3, len(path) - 1))
-    refined = spline(np.linspace(0.0, 1.0, n_segments + 1))
-    refined[[0, -1]] = path[[0, -1]]
-    return refined
+    _, n_vertices, n_axes = nodes.shape
+    columns, entries = [], []
+    for node, corners, weights in islice(_flat_triangles(nodes, faces), _MOST_FROZEN):
+        columns.append(n_axes * (n_vertices * node + corners) + np.arange(n_axes)[:, None])
+        entries.append(np.broadcast_to(weights, columns[-1].shape))
+    if not columns:
+        return inverse
+    starts = np.arange(0, np.size(columns) + 1, len(weights))
+    shape = len(starts) - 1, nodes.size
+    conditions = sparse.csr_array((np.ravel(entries), np.ravel(columns), starts), shape=shape)
+    images = np.array([inverse(conditions[[row]].toarray()[0]) for row in range(shape[0])])
+    # Conditions on triangles that share corners may depend on each other.
+    among = np.linalg.pinv((conditions @ images.T).T, hermitian=True)
+    return lambda slope: inverse(slope) - (among @ (images @ slope)) @ images
+
+
+def lift_flat_triangles(nodes: ndarray, template: Any) -> ndarray:
+    """Return surfaces, shape (n, V, 3), whose triangles without area are very slightly higher.
+
+    The triangles have no area by rounding errors alone.
+    """
+    higher = nodes.copy()
+    for _ in range(_MOST_LIFTS):
+        marked = nearly_degenerate_triangles(higher, template.faces, template.frame_coefficients)
+        if not marked.any():
+            break
+        for node, triangle in np.argwhere(marked):
+            corners, weights = _tip_over_edge(higher[node], template.faces[triangle])
+            higher[node, corners[0]] += _LIFT * weights @ higher[node, corners]
+    return higher
+
+
+def _flat_triangles(nodes: ndarray, faces: ndarray) -> Iterator[tuple[int, ndarray, ndarray]]:
+    """Yield node, corners and their weights in the height, the flattest triangle first."""
+    corners = nodes[:, faces]
+    # Edge k is opposite to corner k.
+    edges = np.roll(corners, -2, axis=2) - np.roll(corners, -1, axis=2)
+    squares = np.sum(edges**2, axis=-1)
+    doubled_areas = np.linalg.norm(np.cross(edges[:, :, 0], edges[:, :, 1]), axis=-1)
+    flatness = doubled_areas / squares.max(axis=-1)
+    order = np.argsort(flatness, axis=None)[: np.count_nonzero(flatness < _FLAT)]
+    for node, triangle in zip(*np.unravel_index(order, flatness.shape), strict=True):
+        yield node, *_tip_over_edge(nodes[node], faces[triangle])
+
+
+def _tip_over_edge(f: ndarray, face: ndarray) -> tuple[ndarray, ndarray]:
+    """Return the corner over the longest edge, then its ends, and their weights in the height."""
+    x = f[face]
+    lengths = [np.linalg.norm(x[k - 1] - x[k - 2]) for k in range(3)]
+    cycle = (int(np.argmax(lengths)) + np.arange(3)) % 3
+    tip, first, last = x[cycle]
+    edge = last - first
+    share = (tip - first) @ edge / (edge @ edge)
+    return face[cycle], np.array([1.0, share - 1.0, -share])

@@ -1,13 +1,14 @@
-"""Results of solvers."""
+"""Results of solvers, and how they end."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
 from dataclasses import dataclass, fields
+from enum import StrEnum
 from html import escape
 from importlib import import_module
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy import ndarray
@@ -17,10 +18,46 @@ from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.representation import Record, field_texts
 
 _CLASS = "result_class"
-# What the single values of a result may be in a file; all others are numbers.
-_KINDS = {"int": "iu", "bool": "b", "float": "fiu", "str": "U"}
+# Kinds of arrays that the single values of a result may be in a file; all others are numbers.
+_KINDS = {"int": "iu", "bool": "b", "float": "fiu", "str": "U", "Status": "U"}
 # Smaller arrays are points of other spaces.
 _FEWEST_VERTICES = 100
+
+
+class Status(StrEnum):
+    """How a solver ended.
+
+    ``CONVERGED``: its stopping test was met. ``MAX_ITER``: the most iterations were made.
+    ``STALLED``: no step improved the result. ``OUTSIDE_MANIFOLD``: it met the boundary of the
+    manifold. ``INTERRUPTED``: it was stopped from the keyboard.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> rh.solvers.Status.CONVERGED.value
+    'converged'
+    """
+
+    CONVERGED = "converged"
+    MAX_ITER = "max_iter"
+    STALLED = "stalled"
+    OUTSIDE_MANIFOLD = "outside_manifold"
+    INTERRUPTED = "interrupted"
+
+    @classmethod
+    def of(cls, converged: bool) -> Status:
+        """Return ``CONVERGED`` if a stopping test was met, otherwise ``MAX_ITER``.
+
+        Parameters
+        ----------
+        converged : bool
+            Whether it was met.
+
+        Returns
+        -------
+        Status
+        """
+        return cls.CONVERGED if converged else cls.MAX_ITER
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -31,10 +68,10 @@ class Result(Record):
     ----------
     n_iterations, n_evaluations : int
         Iterations, and evaluations of the objective and its gradient.
-    converged : bool
-        Whether the solver's stopping test was met.
+    status : Status
+        How it ended.
     message : str
-        Why it stopped.
+        The same for people, in more detail.
 
     Examples
     --------
@@ -48,12 +85,17 @@ class Result(Record):
 
     n_iterations: int = 0
     n_evaluations: int = 0
-    converged: bool = True
+    status: Status = Status.CONVERGED
     message: str = ""
 
     @property
+    def converged(self) -> bool:
+        """Whether the solver's stopping test was met."""
+        return self.status is Status.CONVERGED
+
+    @property
     def outcome(self) -> dict[str, Any]:
-        """How the solver ended, by name."""
+        """The fields of `Result`, by name, for another result that ended in the same way."""
         return {field.name: getattr(self, field.name) for field in fields(Result)}
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -96,9 +138,9 @@ class Result(Record):
         """
         required = [field.name for field in fields(cls) if field.default is dataclasses.MISSING]
         arrays = load_arrays(path, [_CLASS, *required], [field.name for field in fields(cls)])
-        found = str(arrays.pop(_CLASS))
-        if found != cls.__name__:
-            raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {found[:60]}")
+        name = str(arrays.pop(_CLASS))
+        if name != cls.__name__:
+            raise FileFormatError(f"{path} must hold a {cls.__name__}; found a {name[:60]}")
         values: dict[str, Any] = {}
         for field in fields(cls):
             if (array := arrays.get(field.name)) is not None:
@@ -109,6 +151,11 @@ class Result(Record):
                         f"{path}: {field.name} cannot be {array.dtype} of shape {array.shape}"
                     )
                 values[field.name] = array.item() if array.ndim == 0 else array
+        if "status" in values:
+            try:
+                values["status"] = Status(values["status"])
+            except ValueError as error:
+                raise FileFormatError(f"{path}: {error}") from error
         return cls(**values)
 
     def _repr_html_(self) -> str:
@@ -124,7 +171,7 @@ class Result(Record):
         return str(plots.vertices_html(surfaces, repr(self))) + table
 
     def _surfaces(self) -> ndarray | None:
-        """Return what was found as surfaces to draw, if that is what it looks like."""
+        """Return the first array of the result as surfaces to draw, if it has their shape."""
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, ndarray) and value.ndim in (2, 3):
@@ -200,19 +247,47 @@ class MeanResult(Result):
     variances: ndarray
 
 
-def whole_path_result(found: Any) -> PathResult:
-    """Complete the result of a geodesic solver with defaults.
+ResultType = TypeVar("ResultType", bound=Result)
 
-    Parameters
+
+class Interrupted(KeyboardInterrupt):
+    """A solver was stopped from the keyboard.
+
+    Attributes
     ----------
-    found : object
-        Result of a solver: at least a path and its energy.
+    result : Result
+        The best that it had found so far.
 
-    Returns
-    -------
-    PathResult
-        The same object if it is one.
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> issubclass(rh.solvers.Interrupted, KeyboardInterrupt)
+    True
     """
+
+    def __init__(self, result: Result) -> None:
+        super().__init__(f"{result.message}; the best so far is the `result` of this exception")
+        self.result = result
+
+
+def finish(solver: object, result: ResultType) -> ResultType:
+    """Return the result of a solver; warn unless it converged.
+
+    Raises `Interrupted` with the result if the solver was stopped from the keyboard.
+    """
+    if result.status is Status.INTERRUPTED:
+        raise Interrupted(result)
+    if not result.converged:
+        count = f"{result.n_iterations} iteration{'' if result.n_iterations == 1 else 's'}"
+        warn(
+            f"{type(solver).__name__} stopped without converging after {count}: {result.message}",
+            ConvergenceWarning,
+        )
+    return result
+
+
+def complete_path_result(found: Any) -> PathResult:
+    """Return the result of anybody's geodesic solver, a path and its energy, with defaults."""
     if isinstance(found, PathResult):
         return found
     path, energy = np.asarray(found.path, dtype=float), float(found.energy)
@@ -220,19 +295,8 @@ def whole_path_result(found: Any) -> PathResult:
     return PathResult(path, energy, energies, **_outcome(found))
 
 
-def whole_mean_result(found: Any) -> MeanResult:
-    """Complete the result of a mean solver with defaults.
-
-    Parameters
-    ----------
-    found : object
-        Result of a solver: at least a point and its variance.
-
-    Returns
-    -------
-    MeanResult
-        The same object if it is one.
-    """
+def complete_mean_result(found: Any) -> MeanResult:
+    """Return the result of anybody's mean solver, a point and its variance, with defaults."""
     if isinstance(found, MeanResult):
         return found
     point, variance = np.asarray(found.point, dtype=float), float(found.variance)
@@ -240,30 +304,11 @@ def whole_mean_result(found: Any) -> MeanResult:
     return MeanResult(point, variance, variances, **_outcome(found))
 
 
-def warn_unless_converged(solver: object, result: Result) -> None:
-    """Warn once if a solver has stopped without converging.
-
-    Parameters
-    ----------
-    solver : object
-        The solver; the warning names its class.
-    result : Result
-        Its result.
-
-    Warns
-    -----
-    ConvergenceWarning
-        If `result.converged` is false.
-    """
-    if not result.converged:
-        count = f"{result.n_iterations} iteration{'' if result.n_iterations == 1 else 's'}"
-        warn(
-            f"{type(solver).__name__} stopped without converging after {count}: {result.message}",
-            ConvergenceWarning,
-        )
-
-
 def _outcome(found: object) -> dict[str, Any]:
-    """Return what an object says of how its solver ended."""
-    said = {field.name: getattr(found, field.name, field.default) for field in fields(Result)}
-    return {name: type(getattr(Result, name))(value) for name, value in said.items()}
+    converged = bool(getattr(found, "converged", True))
+    return {
+        "n_iterations": int(getattr(found, "n_iterations", 0)),
+        "n_evaluations": int(getattr(found, "n_evaluations", 0)),
+        "status": Status.CONVERGED if converged else Status.STALLED,
+        "message": str(getattr(found, "message", "")),
+    }

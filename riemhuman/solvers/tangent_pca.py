@@ -14,7 +14,6 @@ from riemhuman.errors import ArgumentError
 from riemhuman.estimator import Estimator
 from riemhuman.geometry import Manifold
 from riemhuman.geometry.manifold import sample_count, stack_samples
-from riemhuman.protocols import uninterrupted
 from riemhuman.solvers.image_spaces import ImageSpace, image_space
 from riemhuman.solvers.nearest_surface import NearestSurface
 
@@ -330,5 +329,5 @@ def mean_point(mean: Any, space: Manifold, image: ImageSpace, points: ndarray) -
     if mean is None:
         return image.mean(points)
     if hasattr(mean, "solve"):
-        return uninterrupted(mean.solve(space.metric, points)).point
+        return mean.solve(space.metric, points).point
     return space.check_point(real_array(mean, "mean", space.shape, batched=False), "mean")

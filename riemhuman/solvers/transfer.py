@@ -18,12 +18,11 @@ from riemhuman.kernels.triangle_frames import (
     stacked_derivatives,
     triangle_frames,
 )
+from riemhuman.solvers._preconditioners import CholeskyFactor, SparseCholeskyFactor
 from riemhuman.solvers.minimization import Minimum
-from riemhuman.solvers.preconditioner import CholeskyFactor
+from riemhuman.solvers.paths import rounded
 from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
-from riemhuman.solvers.results import Result, warn_unless_converged
-from riemhuman.solvers.rounding import rounded
-from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
+from riemhuman.solvers.results import Result, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 from riemhuman.surfaces.distortion import triangle_areas
 
@@ -213,7 +212,7 @@ class Disentangling:
             float(pose_metric.dist(pose, surface)),
             **minimum.outcome,
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         return result
 
     def _minimize(self, sum_: _WeightedSum, start: ndarray, least_areas: ndarray) -> Minimum:

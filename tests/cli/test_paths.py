@@ -120,7 +120,7 @@ def test_interruption_while_writing_leaves_nothing(run, ends, tmp_path, monkeypa
 
 
 def test_interruption_while_solving_leaves_nothing(run, ends, tmp_path, monkeypatch):
-    from riemhuman.solvers.energies import SegmentEnergy
+    from riemhuman.solvers.paths import SegmentEnergy
 
     evaluate, n_calls = SegmentEnergy.value_and_gradient, itertools.count()
 

@@ -26,7 +26,7 @@ from riemhuman.geometry import (
 )
 from riemhuman.kernels import surface
 from riemhuman.kernels.surface import DEGENERATE
-from riemhuman.solvers.simple_paths import LinearPath
+from riemhuman.solvers.paths import LinearPath
 from riemhuman.surfaces.template import Template
 
 METRICS = [case for case in surface_cases("dist") if case.name != "edges"]

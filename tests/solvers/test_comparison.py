@@ -10,10 +10,10 @@ from cases import CASES
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric, SRNFMetric
 from riemhuman.solvers.basis_path import BasisPath
-from riemhuman.solvers.comparison import compare_paths, measure_path
-from riemhuman.solvers.model_path import ModelParameters, ModelPath
+from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath
+from riemhuman.solvers.path_comparison import compare_paths, measure_path
 from riemhuman.solvers.path_straightening import PathStraightening
-from riemhuman.solvers.simple_paths import LinearPath
+from riemhuman.solvers.paths import LinearPath
 
 N_TIMES = 6
 

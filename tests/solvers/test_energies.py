@@ -6,7 +6,7 @@ from cases import CASES, cases_that, name_of
 from oracles import taylor_slope
 
 from riemhuman.errors import ArgumentError
-from riemhuman.solvers.energies import FiniteDifferenceEnergy, SegmentEnergy
+from riemhuman.solvers.paths import FiniteDifferenceEnergy, SegmentEnergy
 
 SEGMENT, DIFFERENCE = SegmentEnergy(), FiniteDifferenceEnergy()
 

@@ -6,7 +6,7 @@ import pytest
 
 from riemhuman.geometry import ElasticMetric, NormalFields
 from riemhuman.solvers import BasisPath, ClosedFormGeodesic, LinearPath, PathStraightening
-from riemhuman.solvers.quasi_newton import estimated_gap
+from riemhuman.solvers._lbfgs import estimate_gap
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.1, 0.1)]
 SEEDS = [2, 5, 7]
@@ -57,10 +57,6 @@ def test_other_methods_and_other_solvers_say_what_they_know():
     metric = ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 0.1)
     start, end = bodies_in_motion.swung_arms(2)
     basis = bodies_in_motion.basis().truncated(20)
-    options = {"ftol": 1e-3}
-    plain = BasisPath(basis, n_nodes=4, method="l-bfgs-b", options=options)
-    stated, shown = excess(plain, BasisPath(basis, n_nodes=4, tolerance=1e-9), metric, start, end)
-    assert shown / 5.0 < stated < 20.0 * shown
     assert np.isnan(LinearPath(4).solve(metric, start, end).gap)
     assert BasisPath(basis, n_nodes=2).solve(metric, start, end).gap == 0.0
     assert PathStraightening(n_nodes=4).solve(metric, start, start).gap == 0.0
@@ -71,10 +67,10 @@ def test_other_methods_and_other_solvers_say_what_they_know():
 
 def test_slow_iterations_tell_by_what_they_gained():
     values = [1.0 + 1.0 / (k + 1) ** 2 for k in range(41)]
-    assert estimated_gap(1e-9, values) == values[20] - values[40]
-    assert estimated_gap(1.0, values) == 3.0
-    assert estimated_gap(1e-3, values[:5]) == 3e-3
-    assert np.isnan(estimated_gap(np.nan, values[:5]))
+    assert estimate_gap(1e-9, values) == values[20] - values[40]
+    assert estimate_gap(1.0, values) == 3.0
+    assert estimate_gap(1e-3, values[:5]) == 3e-3
+    assert np.isnan(estimate_gap(np.nan, values[:5]))
 
 
 @pytest.mark.parametrize("solver", [BasisPath(bodies_in_motion.basis()), PathStraightening()])

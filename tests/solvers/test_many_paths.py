@@ -7,17 +7,17 @@ from cases import CASES, HalfPlane, HyperbolicDistance
 
 from riemhuman.errors import ArgumentError, ConvergenceWarning
 from riemhuman.geometry import ElasticMetric, NormalFields
-from riemhuman.protocols import INTERRUPTED
 from riemhuman.solvers import (
     BasisPath,
     ClosedFormGeodesic,
+    Interrupted,
     LinearPath,
-    PathResult,
+    PathDistances,
     PathStraightening,
     PoissonPath,
     path_distances,
 )
-from riemhuman.solvers.path_distances import PairsOfPoints, distances_of
+from riemhuman.solvers.path_comparison import PairsOfPoints
 
 
 @pytest.fixture(scope="module")
@@ -80,8 +80,7 @@ class InterruptedPath(LinearPath):
     """A solver stopped from the keyboard."""
 
     def solve(self, metric, start, end):
-        path = super().solve(metric, start, end).path
-        return PathResult(path, 1.0, np.ones(1), converged=False, message=INTERRUPTED)
+        raise Interrupted(super().solve(metric, start, end))
 
 
 def test_the_keyboard_stops_all(metric, points):
@@ -123,7 +122,7 @@ def test_table_of_lengths(metric, points):
 def test_the_table_holds_the_row_of_every_pair_on_both_sides():
     rows = np.arange(18.0).reshape(3, 6)
     rows[:, 5] = 1.0, 0.0, 1.0
-    found = distances_of(3, rows)
+    found = PathDistances.from_rows(3, rows)
     for name, column in (("lengths", 0), ("bounds", 1), ("gaps", 2)):
         a, b, c = rows[:, column]
         np.testing.assert_array_equal(getattr(found, name), [[0, a, b], [a, 0, c], [b, c, 0]])

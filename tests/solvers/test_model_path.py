@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry import ElasticMetric
-from riemhuman.solvers.model_path import ModelParameters, ModelPath
+from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath
 
 
 @pytest.fixture(scope="module")

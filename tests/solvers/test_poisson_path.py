@@ -11,7 +11,7 @@ from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import DegenerateSurfaceError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import LinearPath, PoissonPath, SegmentEnergy
-from riemhuman.solvers.poisson_path import turned_path, turned_paths
+from riemhuman.solvers.interpolated_paths import rotating_path, rotating_paths
 
 
 @pytest.fixture(scope="module")
@@ -56,13 +56,13 @@ def test_the_best_turned_path_and_its_rivals(seed):
     """Every part of the body turns the way that costs less; rivals turn a whole limb the other."""
     metric = ElasticMetric(bodies_in_motion.space(), 0.0, 0.0, 1.0)
     start, end = bodies_in_motion.swung_arms(seed)
-    found = turned_paths(metric, SegmentEnergy(), start, end, 11)
+    found = rotating_paths(metric, SegmentEnergy(), start, end, 11)
     energies = [energy for _, energy in found]
     interpolator = metric.space.template.interpolator
     shorter = interpolator.turns(start, end)
     alike = interpolator.mended(shorter)
     for turns in (shorter, alike):
-        assert energies[0] <= metric.energy(turned_path(metric, start, end, 11, turns))
+        assert energies[0] <= metric.energy(rotating_path(metric, start, end, 11, turns))
     largest = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)[0]
     assert (len(found) > 1) == (seed == 1)
     assert (len(largest) > 0.04 * len(shorter)) == (seed == 1)
@@ -93,7 +93,7 @@ def ways_of_parts(areas, energy):
     )
     space = SimpleNamespace(template=template, check_immersed=lambda point, name: None)
     of_path = SimpleNamespace(value=lambda _, path: energy(path[1, :n_parts, 0] > 0))
-    found = turned_paths(SimpleNamespace(space=space), of_path, turned, turned, 3)
+    found = rotating_paths(SimpleNamespace(space=space), of_path, turned, turned, 3)
     return [tuple(np.flatnonzero(path[1, :, 0])) for path, _ in found]
 
 
@@ -128,7 +128,7 @@ def test_turned_paths_are_at_equal_times(bodies):
     interpolator = bodies.template.interpolator
     start, end = pose_pair(bodies, "squat", "hands_on_hips")
     turns = interpolator.turns(start, end)
-    path = turned_path(metric, start, end, 4, turns)
+    path = rotating_path(metric, start, end, 4, turns)
     inner = interpolator.interpolate(start, end, np.array([1 / 3, 2 / 3]), turns)
     np.testing.assert_allclose(path, np.stack([start, *inner, end]), atol=1e-12)
 

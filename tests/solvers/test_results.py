@@ -15,9 +15,9 @@ from riemhuman import solvers
 from riemhuman.errors import ArgumentError, ConvergenceWarning, FileFormatError
 from riemhuman.geometry import ElasticMetric, VectorSpace
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.solvers.minimization import Minimum
+from riemhuman.solvers._lbfgs import Minimum
 from riemhuman.solvers.parallel_transport import TransportResult
-from riemhuman.solvers.results import MeanResult, PathResult, warn_unless_converged
+from riemhuman.solvers.results import MeanResult, PathResult, Status, finish
 from riemhuman.statistics import FrechetMean, GeometricMedian
 
 
@@ -28,10 +28,10 @@ class Solver:
             1.0,
             np.array([1.0]),
             n_iterations=7,
-            converged=converged,
+            status=Status.of(converged),
             message="out of time",
         )
-        warn_unless_converged(self, result)
+        finish(self, result)
         return result
 
 
@@ -88,55 +88,6 @@ def test_solvers_say_nothing_unless_asked_to(cls):
     assert defaults.get("callback") is None
 
 
-PATH, DESCENT = {"n_nodes": 11}, {"tolerance": 1e-8, "max_iter": 50}
-LADDER = {"n_rungs": 10, "exact": True, "scale": 1.0, "tolerance": 1e-10, "max_iter": 50}
-DRIFT = {"remove_drift": True, "max_iter": 1000}
-SEARCH = {"progress": False}
-DEFAULTS = {
-    "BasisMean": {
-        **SEARCH,
-        "with_differences": True,
-        "companion_weight": 1.0,
-        "tolerance": 1e-8,
-        "max_iter": 500,
-    },
-    "BasisPath": {**PATH, **DRIFT, **SEARCH, "tolerance": 1e-4},
-    "ClosedFormGeodesic": PATH,
-    "DiscreteExponential": {**DESCENT, "n_steps": 10, "n_doublings": 1},
-    "DiscreteLogarithm": {**DESCENT, "n_steps": 10, "n_doublings": 1},
-    "Disentangling": {
-        **SEARCH,
-        "shape_weight": 1.0,
-        "pose_weight": 1000.0,
-        "smoothing": 1.0 / 600.0,
-        "tolerance": 1e-3,
-        "max_iter": 300,
-    },
-    "GradientDescentMean": {"step": 1.0, "tolerance": 1e-8, "max_iter": 2000},
-    "LinearPath": PATH,
-    "MiddleEquation": DESCENT,
-    "ModelPath": PATH,
-    "PathStraightening": {
-        **PATH,
-        **DRIFT,
-        **SEARCH,
-        "coarse_segments": (),
-        "tolerance": 1e-4,
-    },
-    "PoissonPath": PATH,
-    "PoleLadder": LADDER,
-    "SchildLadder": LADDER,
-}
-
-
-@pytest.mark.parametrize("cls", [c for c in DATACLASSES if c.__name__ in DEFAULTS])
-def test_numbers_that_results_were_computed_with_stay(cls):
-    """Figures that are printed without settings depend on them."""
-    kinds = (bool, int, float, tuple)
-    found = {field.name: field.default for field in dataclasses.fields(cls)}
-    assert {k: v for k, v in found.items() if isinstance(v, kinds)} == DEFAULTS[cls.__name__]
-
-
 LEAST = {"n_nodes": 2, "max_iter": 1, "n_steps": 1, "n_rungs": 1}
 MODELS = ("basis", "model")
 POSITIVE = ("tolerance", "scale", "step", "shape_weight", "pose_weight")
@@ -175,8 +126,8 @@ def test_small_numbers_above_zero_are_legal(cls, name):
 
 RESULTS = [
     PathResult(np.arange(6.0).reshape(3, 2), 0.5, np.array([2.0, 0.5]), n_iterations=1),
-    MeanResult(np.ones(2), 0.25, np.array([0.25]), converged=False, message="out of time"),
-    Minimum(np.zeros(2), 1.0, np.ones(3), interrupted=True, n_evaluations=4),
+    MeanResult(np.ones(2), 0.25, np.array([0.25]), status=Status.MAX_ITER, message="out of time"),
+    Minimum(np.zeros(2), 1.0, np.ones(3), status=Status.INTERRUPTED, n_evaluations=4),
     TransportResult(np.ones(2), np.ones((3, 2)), np.zeros((3, 2)), message="closed form"),
 ]
 
@@ -189,6 +140,14 @@ def test_results_are_kept_in_files(tmp_path, result):
         expected = getattr(result, field.name)
         assert type(getattr(found, field.name)) is type(expected)
         np.testing.assert_array_equal(getattr(found, field.name), expected)
+
+
+def test_an_unknown_status_is_refused(tmp_path):
+    path = tmp_path / "result.npz"
+    PathResult(np.zeros((2, 2)), 0.0, np.zeros(1)).save(path)
+    save_arrays(path, load_arrays(path, []) | {"status": np.array("perfect")})
+    with pytest.raises(FileFormatError, match="perfect"):
+        PathResult.load(path)
 
 
 def test_results_of_another_class_are_refused(tmp_path):
@@ -208,7 +167,7 @@ def test_results_of_another_class_are_refused(tmp_path):
         ("energies", np.array(["1", "2"])),
         ("energy", np.zeros(2)),
         ("energy", np.array("low")),
-        ("converged", np.array(2)),
+        ("status", np.array(2)),
         ("n_iterations", np.array(0.5)),
         ("message", np.array(1)),
     ],

@@ -18,7 +18,7 @@ from riemhuman.solvers import (
     PoleLadder,
     SegmentEnergy,
 )
-from riemhuman.solvers.rounding import path_floor, rounding_energy
+from riemhuman.solvers.paths import path_floor, rounding_energy
 from riemhuman.statistics import FrechetMean, GeometricMedian
 
 WEIGHTS = [(1.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1e-4, 0.0), (1.0, 0.1, 0.1)]
@@ -26,7 +26,6 @@ MOST_EVALUATIONS = 3
 
 PATHS = {
     "basis": BasisPath(bodies.basis(), n_nodes=5),
-    "recipe": BasisPath(bodies.basis(), n_nodes=5, method="l-bfgs-b"),
     "straightening": PathStraightening(n_nodes=5),
     "linear": LinearPath(5),
     "poisson": PoissonPath(5),

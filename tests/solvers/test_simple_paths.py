@@ -5,9 +5,9 @@ import pytest
 from cases import CASES, cases_that, name_of
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, NotDefinedError
-from riemhuman.solvers.energies import FiniteDifferenceEnergy
-from riemhuman.solvers.simple_paths import (
+from riemhuman.solvers.paths import (
     ClosedFormGeodesic,
+    FiniteDifferenceEnergy,
     LinearPath,
     check_end_points,
     check_initial_path,

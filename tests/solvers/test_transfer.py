@@ -18,10 +18,11 @@ from riemhuman.errors import (
 )
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, SRNFMetric
 from riemhuman.solvers import Disentangling, MotionTransfer, ShapeTransfer
-from riemhuman.solvers.quasi_newton import _ROUND
 from riemhuman.solvers.transfer import SmoothTurn
 from riemhuman.surfaces import DeformationBasis
 from riemhuman.surfaces.template import Template
+
+_ROUND = 50
 
 
 @pytest.fixture(scope="module")

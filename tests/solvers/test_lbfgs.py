@@ -4,10 +4,23 @@ import numpy as np
 import pytest
 from scipy import optimize
 
-from riemhuman.solvers import quasi_newton
-from riemhuman.solvers.quasi_newton import descend, descend_in_rounds, gained_lately
+from riemhuman.solvers import _lbfgs
+from riemhuman.solvers._lbfgs import LBFGS, Minimum
+from riemhuman.solvers.results import Result, Status, finish
 
-SETTINGS = {"max_iter": 500, "expected_decrease": 1e-10}
+SETTINGS = {"max_iter": 500, "tolerance": 1e-10}
+
+
+def minimize(function, start, operator_at, floor=-np.inf, earlier=(), freeze_at=None, **settings):
+    """Return the minimum, with an operator that depends on the point."""
+    return LBFGS(**settings).minimize(
+        function, start, operator_at, floor=floor, earlier=earlier, freeze_at=freeze_at
+    )
+
+
+def descend(function, start, operator, **settings):
+    """Return the minimum, with one operator."""
+    return minimize(function, start, lambda x: operator, **settings)
 
 
 def problem(size=60, condition=1e4, rng=0):
@@ -45,10 +58,10 @@ def test_near_hessians_save_iterations_whatever_their_size(factor):
 def test_steps_are_those_of_the_two_loops(monkeypatch):
     """The products in place of vectors give the direction of the textbook."""
     rng = np.random.default_rng(2)
-    monkeypatch.setattr(quasi_newton, "_MEMORY", 4)
+    monkeypatch.setattr(_lbfgs, "_MEMORY", 4)
     root = rng.standard_normal((9, 9))
     operator, hessian = root @ root.T + np.eye(9), np.diag(np.arange(1.0, 10.0))
-    memory, pairs, last = quasi_newton._Memory(9), [], rng.standard_normal(9)
+    memory, pairs, last = _lbfgs._Memory(9), [], rng.standard_normal(9)
     for count in range(7):
         step = rng.standard_normal(9)
         change = hessian @ step
@@ -68,7 +81,7 @@ def test_steps_are_those_of_the_two_loops(monkeypatch):
 
 
 def test_changes_of_negative_curvature_are_not_remembered():
-    memory = quasi_newton._Memory(2)
+    memory = _lbfgs._Memory(2)
     memory.add(np.ones(2), -np.ones(2), -np.ones(2), np.ones(2))
     np.testing.assert_array_equal(memory.direction(3.0 * np.ones(2)), [-3.0, -3.0])
 
@@ -82,7 +95,7 @@ def steps_tried(value, slope):
         return value(x[0]), np.array([slope(x[0])])
 
     at_zero = np.zeros(1)
-    found = quasi_newton._search(objective, at_zero, np.ones(1), value(0.0), slope(0.0))
+    found = _lbfgs._search(objective, at_zero, np.ones(1), value(0.0), slope(0.0))
     assert found.n_evaluations == len(tried)
     return tried, found.step
 
@@ -162,10 +175,8 @@ def test_minima_at_zero_stop_at_the_floor():
     assert found.gap == 0.0
     without = descend(function, np.ones(3), lambda g: g, **SETTINGS)
     assert without.n_iterations > found.n_iterations
-    in_rounds = descend_in_rounds(
-        function, np.ones(3), lambda x: lambda g: g, floor=1e-20, **SETTINGS
-    )
-    assert in_rounds.n_iterations >= quasi_newton._SLOW
+    in_rounds = minimize(function, np.ones(3), lambda x: lambda g: g, floor=1e-20, **SETTINGS)
+    assert in_rounds.n_iterations >= _lbfgs._SLOW
     assert in_rounds.gap == 0.0
 
 
@@ -175,9 +186,7 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share):
         return 1.0 + 0.5 * float(x @ x), x
 
     start = np.array([0.3, 0.4])
-    found = descend(
-        function, start, lambda g: g, max_iter=9, expected_decrease=0.125 / 1.125 / share
-    )
+    found = descend(function, start, lambda g: g, max_iter=9, tolerance=0.125 / 1.125 / share)
     assert found.converged
     assert (found.n_iterations == 0) == (share < 1)
 
@@ -196,26 +205,21 @@ def test_interruption_and_too_few_iterations():
             raise KeyboardInterrupt
 
     found = descend(function, np.zeros(60), lambda g: g / 1e3, callback=interrupt, **SETTINGS)
-    assert found.interrupted
-    assert not found.converged
+    assert found.status is Status.INTERRUPTED
     assert (found.n_iterations, found.value) == (3, function(found.x)[0])
-    few = descend(function, np.zeros(60), lambda g: g / 1e3, max_iter=2, expected_decrease=1e-9)
-    assert (few.n_iterations, few.converged) == (2, False)
+    few = descend(function, np.zeros(60), lambda g: g / 1e3, max_iter=2, tolerance=1e-9)
+    assert (few.n_iterations, few.status) == (2, Status.MAX_ITER)
 
 
 def test_no_step_lowers_a_value_with_a_wrong_gradient():
     found = descend(lambda x: (float(x @ x), -x), np.ones(2), lambda g: g, **SETTINGS)
-    assert not found.converged
-    assert "hardly a step" in found.message
+    assert found.status is Status.STALLED
     assert found.n_iterations == 0
     assert np.isnan(found.gap)
-    # Had the slope been small before, it would be a kink.
-    start, settings = np.ones(2), SETTINGS | {"newton_was_small": True}
-    assert descend(lambda x: (float(x @ x), -x), start, lambda g: g, **settings).converged is True
 
 
 def test_values_that_stand_still_are_the_least(monkeypatch):
-    monkeypatch.setattr(quasi_newton, "stands_still", lambda share, values: len(values) == 4)
+    monkeypatch.setattr(_lbfgs, "_stands_still", lambda share, values: len(values) == 4)
     function, _ = problem()
     found = descend(function, np.zeros(60), lambda g: g / 1e3, **SETTINGS)
     assert (found.converged, found.n_iterations) == (True, 3)
@@ -234,12 +238,9 @@ def test_the_slope_at_a_kink_tells_nothing():
         return value, np.concatenate([[cusp], bowl])
 
     start = np.concatenate([[1e-4], np.ones(9)])
-    found = descend_in_rounds(
-        function, start, lambda x: lambda g: g, max_iter=200, expected_decrease=1e-12
-    )
+    found = minimize(function, start, lambda x: lambda g: g, max_iter=200, tolerance=1e-12)
     assert abs(found.x[0]) < 1e-6
-    assert "hardly a step" in found.message or "still" in found.message
-    assert found.gap == gained_lately(found.values)
+    assert found.gap == _lbfgs._gain_of_second_half(found.values)
 
 
 def test_at_the_foot_of_a_cliff_another_operator_goes_on():
@@ -253,36 +254,36 @@ def test_at_the_foot_of_a_cliff_another_operator_goes_on():
         height = x[0] if x[0] > 0.0 else 10.0
         return 1.0 + height + 0.5 * float(gradient[1:] @ x[1:]), gradient
 
-    def holding_at(x):
-        held.append(x)
+    def freeze_at(x):
+        frozen.append(x)
         still = moves - np.outer(moves[0], moves[0]) / moves[0, 0]
         return lambda gradient: still @ gradient
 
     start = np.concatenate([[0.1], np.ones(9)])
-    settings = {"max_iter": 200, "expected_decrease": 1e-10}
-    held = []
-    stuck = descend_in_rounds(function, start, lambda x: lambda g: moves @ g, **settings)
+    settings = {"max_iter": 200, "tolerance": 1e-10}
+    frozen = []
+    stuck = minimize(function, start, lambda x: lambda g: moves @ g, **settings)
     assert not stuck.converged
-    found = descend_in_rounds(
-        function, start, lambda x: lambda g: moves @ g, holding_at=holding_at, **settings
+    found = minimize(
+        function, start, lambda x: lambda g: moves @ g, freeze_at=freeze_at, **settings
     )
     assert found.converged
     assert np.abs(found.x[1:]).max() < 1e-4 < np.abs(stuck.x[1:]).max()
-    assert len(held) == 1
-    assert found.x[0] == held[0][0] < 0.01
+    assert len(frozen) == 1
+    assert found.x[0] == frozen[0][0] < 0.01
     assert found.n_evaluations < stuck.n_evaluations
     # Where a Newton step has been small before, there is no need to go on.
-    kink = descend_in_rounds(
+    kink = minimize(
         function,
         start,
         lambda x: lambda g: moves @ g,
-        holding_at=holding_at,
+        freeze_at=freeze_at,
         max_iter=200,
-        expected_decrease=10.0,
+        tolerance=10.0,
         recent_decrease=0.0,
     )
     assert kink.converged
-    assert len(held) == 1
+    assert len(frozen) == 1
 
 
 def test_a_search_that_gets_stuck_again_at_once_ends():
@@ -295,29 +296,27 @@ def test_a_search_that_gets_stuck_again_at_once_ends():
         formed.append(x)
         return lambda g: g
 
-    found = descend_in_rounds(
+    found = minimize(
         function,
         np.array([0.015]),
         operator_at,
-        holding_at=lambda x: operator_at(x),
+        freeze_at=lambda x: operator_at(x),
         max_iter=200,
-        expected_decrease=1e-10,
+        tolerance=1e-10,
     )
-    assert (found.converged, len(formed)) == (False, 2)
-    assert "hardly a step" in found.message
+    assert (found.status, len(formed)) == (Status.STALLED, 2)
 
 
-@pytest.mark.parametrize("n_a_round", [15, 50])
-def test_many_iterations_end_when_they_gain_little(monkeypatch, n_a_round):
+@pytest.mark.parametrize("refresh", [15, 50])
+def test_many_iterations_end_when_they_gain_little(refresh):
     """The operator sees little of the soft directions, so that Newton steps seem small early."""
-    monkeypatch.setattr(quasi_newton, "_ROUND", n_a_round)
     function, _ = problem(condition=1e3)
-    settings = {"max_iter": 500, "expected_decrease": 1e-2}
+    settings = {"max_iter": 500, "tolerance": 1e-2, "refresh": refresh}
     start, operator_at = np.zeros(60), lambda x: lambda g: 1e-3 * g
-    early = descend_in_rounds(function, start, operator_at, **settings)
-    found = descend_in_rounds(function, start, operator_at, recent_decrease=1e-3, **settings)
+    early = minimize(function, start, operator_at, **settings)
+    found = minimize(function, start, operator_at, recent_decrease=1e-3, **settings)
     assert early.converged
-    assert gained_lately(early.values) > 1e-3 * early.value
+    assert _lbfgs._gain_of_second_half(early.values) > 1e-3 * early.value
     assert found.converged
     assert early.value > 1.1
     assert found.value < 1.001
@@ -326,27 +325,26 @@ def test_many_iterations_end_when_they_gain_little(monkeypatch, n_a_round):
 def test_iterations_before_the_start_count():
     """A start where a Newton step gains little is the end, unless iterations had gained more."""
     function, _ = problem(condition=1e3)
-    settings = {"max_iter": 500, "expected_decrease": 1e-2, "recent_decrease": 1e-3}
+    settings = {"max_iter": 500, "tolerance": 1e-2, "recent_decrease": 1e-3}
 
     def operator_at(x):
         return lambda gradient: 1e-3 * gradient
 
-    first = descend_in_rounds(
-        function, np.zeros(60), operator_at, **settings | {"recent_decrease": np.inf}
-    )
-    again = descend_in_rounds(function, first.x, operator_at, **settings)
+    first = minimize(function, np.zeros(60), operator_at, **settings | {"recent_decrease": np.inf})
+    again = minimize(function, first.x, operator_at, **settings)
     assert again.n_iterations == 0
-    found = descend_in_rounds(function, first.x, operator_at, earlier=first.values[:-1], **settings)
+    found = minimize(function, first.x, operator_at, earlier=first.values[:-1], **settings)
     assert found.value < 1.001 < again.value
     assert found.n_iterations == len(found.values) - 1 > 0
     few = settings | {"max_iter": 1}
     for earlier in ((), first.values[:-1]):
-        found = descend_in_rounds(function, first.x, operator_at, earlier=earlier, **few)
-        assert (found.gap >= gained_lately([*earlier, *found.values])) == (len(earlier) > 0)
+        found = minimize(function, first.x, operator_at, earlier=earlier, **few)
+        assert (found.gap >= _lbfgs._gain_of_second_half([*earlier, *found.values])) == (
+            len(earlier) > 0
+        )
 
 
-def test_rounds_form_the_operator_anew(monkeypatch):
-    monkeypatch.setattr(quasi_newton, "_ROUND", 5)
+def test_the_operator_is_formed_anew():
     function, _ = problem()
     formed, seen = [], []
 
@@ -354,15 +352,39 @@ def test_rounds_form_the_operator_anew(monkeypatch):
         formed.append(x)
         return lambda g: g / 1e3
 
-    found = descend_in_rounds(
+    found = minimize(
         function,
         np.zeros(60),
         operator_at,
         max_iter=12,
-        expected_decrease=1e-12,
+        refresh=5,
+        tolerance=1e-12,
         callback=lambda *s: seen.append(s),
     )
-    assert (len(formed), found.n_iterations, found.converged) == (3, 12, False)
+    assert (len(formed), found.n_iterations, found.status) == (3, 12, Status.MAX_ITER)
     assert [iteration for iteration, _, _ in seen] == list(range(1, 13))
     np.testing.assert_array_equal(formed[1], seen[4][2])
     np.testing.assert_allclose(found.values[1:], [value for _, value, _ in seen])
+
+
+def test_interruption_anywhere_keeps_the_best_point():
+    function, _ = problem()
+    for stop in range(2, 9):
+        calls = []
+
+        def interrupted(x, calls=calls, stop=stop):
+            calls.append(x)
+            if len(calls) == stop:
+                raise KeyboardInterrupt
+            return function(x)
+
+        found = descend(interrupted, np.zeros(60), lambda g: g / 1e3, **SETTINGS)
+        assert found.status is Status.INTERRUPTED
+        assert found.value == function(found.x)[0] == found.values[-1]
+
+
+def test_an_interrupted_solver_raises_with_its_result():
+    result = Minimum(np.zeros(1), 1.0, np.ones(1), status=Status.INTERRUPTED, message="stopped")
+    with pytest.raises(KeyboardInterrupt, match="stopped") as caught:
+        finish(Result(), result)
+    assert caught.value.result is result

@@ -1,12 +1,12 @@
-"""Flat triangles: an inverse Hessian that holds them is the one of the motions that are left."""
+"""Flat triangles: an inverse Hessian that freezes them is the one of the motions that are left."""
 
 import numpy as np
 import pytest
 from scipy import linalg
 
 from riemhuman.geometry import AlignedSurfaces
-from riemhuman.solvers import held_triangles
-from riemhuman.solvers.held_triangles import holding, raised
+from riemhuman.solvers import path_straightening
+from riemhuman.solvers.path_straightening import freeze_flat_triangles, lift_flat_triangles
 from riemhuman.surfaces.template import Template
 
 FACES = np.array([[0, 1, 2], [2, 1, 3], [3, 1, 4], [4, 1, 0]])
@@ -42,20 +42,20 @@ def flatness(points, node, triangle):
     )
 
 
-def test_where_no_triangle_is_flat_nothing_is_held():
+def test_where_no_triangle_is_flat_nothing_is_frozen():
     inverse, _ = operator()
     points = nodes()
-    assert holding(inverse, points, FACES) is inverse
+    assert freeze_flat_triangles(inverse, points, FACES) is inverse
     # Small triangles of good shape are not flat.
-    assert holding(inverse, 1e-9 * points, FACES) is inverse
+    assert freeze_flat_triangles(inverse, 1e-9 * points, FACES) is inverse
 
 
 @pytest.mark.parametrize("flat", [[(0, 1)], [(2, 3)], [(0, 0), (1, 2), (2, 1)]])
 def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
     inverse, matrix = operator()
     points = nodes(*flat)
-    held = holding(inverse, points, FACES)
-    found = np.column_stack([held(slope) for slope in np.eye(45)])
+    frozen = freeze_flat_triangles(inverse, points, FACES)
+    found = np.column_stack([frozen(slope) for slope in np.eye(45)])
     rows = []
     for node, triangle in flat:
         first, tip, last = FACES[triangle]
@@ -67,7 +67,7 @@ def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
     expected = left @ np.linalg.inv(left.T @ np.linalg.inv(matrix) @ left) @ left.T
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
     # Such motions leave the heights, and change the area to second order alone.
-    motion = held(np.random.default_rng(7).normal(size=45)).reshape(points.shape)
+    motion = frozen(np.random.default_rng(7).normal(size=45)).reshape(points.shape)
     moved = points + 1e-3 * motion / np.abs(motion).max()
     for node, triangle in flat:
         assert flatness(moved, node, triangle) == pytest.approx(
@@ -75,27 +75,27 @@ def test_the_operator_is_the_inverse_of_the_hessian_on_the_motions_left(flat):
         )
 
 
-def test_conditions_that_depend_on_each_other_are_held_together():
+def test_conditions_that_depend_on_each_other_are_frozen_together():
     """Both triangles at an edge are flat, all four corners on one line."""
     inverse, _ = operator()
     points = nodes()
     points[1, 1] = 0.4 * points[1, 0] + 0.6 * points[1, 2]
     points[1, 3] = 0.5 * points[1, 1] + 0.5 * points[1, 2]
     points[1, 4] = 0.5 * points[1, 1] + 0.5 * points[1, 3]
-    held = holding(inverse, points, FACES)
-    motion = held(np.random.default_rng(8).normal(size=45)).reshape(points.shape)[1]
+    frozen = freeze_flat_triangles(inverse, points, FACES)
+    motion = frozen(np.random.default_rng(8).normal(size=45)).reshape(points.shape)[1]
     np.testing.assert_allclose(motion[1], 0.4 * motion[0] + 0.6 * motion[2], atol=1e-9)
     np.testing.assert_allclose(motion[3], 0.5 * motion[1] + 0.5 * motion[2], atol=1e-9)
     assert np.abs(motion[0] - motion[2]).max() > 1e-3
 
 
-def test_the_flattest_are_held_first(monkeypatch):
-    monkeypatch.setattr(held_triangles, "_MOST", 1)
+def test_the_flattest_are_frozen_first(monkeypatch):
+    monkeypatch.setattr(path_straightening, "_MOST_FROZEN", 1)
     inverse, _ = operator()
     points = nodes((0, 1), (2, 3), height=1e-8)
     less_flat = nodes((2, 3), height=1e-7)[2]
     points[2] = less_flat
-    motion = holding(inverse, points, FACES)(np.random.default_rng(9).normal(size=45))
+    motion = freeze_flat_triangles(inverse, points, FACES)(np.random.default_rng(9).normal(size=45))
     motion = motion.reshape(points.shape)
     first, tip, last = FACES[1]
     left = motion[0, tip] - 0.3 * motion[0, first] - 0.7 * motion[0, last]
@@ -106,7 +106,7 @@ def test_the_flattest_are_held_first(monkeypatch):
 
 
 @pytest.mark.parametrize("share", [1e-7, 1e-4, 1e-3])
-def test_triangles_without_area_are_raised_and_others_stay(share):
+def test_triangles_without_area_are_lifted_and_others_stay(share):
     """However far below the bound rounding has taken them."""
     template = Template(nodes()[0], FACES)
     space = AlignedSurfaces(template, equip=False)
@@ -122,9 +122,9 @@ def test_triangles_without_area_are_raised_and_others_stay(share):
             high, low = (middle, low) if space.belongs(points)[node] else (high, middle)
         points[node, tip] = foot + (1.0 - share) * high * over
     np.testing.assert_array_equal(space.belongs(points), [False, True, False])
-    higher = raised(points, template)
+    higher = lift_flat_triangles(points, template)
     assert np.all(space.belongs(higher))
     np.testing.assert_array_equal(higher[1], points[1])
     assert np.count_nonzero(np.any(higher != points, axis=-1)) == 2
     assert np.abs(higher - points).max() < 1e-9
-    np.testing.assert_array_equal(raised(higher, template), higher)
+    np.testing.assert_array_equal(lift_flat_triangles(higher, template), higher)

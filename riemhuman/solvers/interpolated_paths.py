@@ -1,9 +1,10 @@
-"""Paths through the pose and shape parameters of a body model."""
+"""Paths interpolated without a search: triangles that rotate, and parameters of a body model."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,10 +15,120 @@ from riemhuman.checks import one_of, real_array, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.geometry.strategies import PathEnergy
-from riemhuman.solvers.energies import SegmentEnergy
-from riemhuman.solvers.many_paths import ManyPaths
+from riemhuman.solvers.paths import (
+    PathSolver,
+    SegmentEnergy,
+    check_end_points,
+    known_path,
+    linear_path,
+)
 from riemhuman.solvers.results import PathResult
-from riemhuman.solvers.simple_paths import check_end_points, known_path, linear_path
+
+# A part of this share of the area is a limb. At most so many are tried both ways, the largest, each
+# at the cost of one path; smaller parts, most of them a few triangles, are tried together.
+_LIMB = 0.01
+_MOST_LIMBS = 8
+
+# A path within this factor of the least energy may still lead to less once it is minimised.
+_CLOSE = 1.1
+
+
+@dataclass(frozen=True)
+class PoissonPath(PathSolver):
+    """The path of surfaces whose triangles rotate and stretch uniformly: limbs do not collapse.
+
+    See `riemhuman.surfaces.poisson`. Triangles rotate by the smaller angle. Where neighbours then
+    rotate in different directions, as in a limb that rotates by about 180°, each limb, the largest
+    first, rotates by the smaller angle or like its neighbours, whichever has less energy; so do all
+    smaller parts together.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Number of points of the path, both ends included.
+    energy : PathEnergy
+        Energy in the result.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> metric = rh.ElasticMetric(space, a=1.0, lam=1.0, c=0.1)
+    >>> result = rh.solvers.PoissonPath(n_nodes=5).solve(metric, bodies[0], bodies[2])
+    >>> result.path.shape
+    (5, 1202, 3)
+    """
+
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        """Return the path between surfaces whose triangles have an area."""
+        start, end = check_end_points(metric, start, end)
+        path, _ = rotating_paths(metric, self.energy, start, end, self.n_nodes)[0]
+        return known_path(metric, self.energy, path, "interpolated deformation gradients")
+
+
+def rotating_paths(
+    metric: RiemannianMetric, energy: PathEnergy, start: ndarray, end: ndarray, n_nodes: int
+) -> list[tuple[ndarray, float]]:
+    """Return paths whose triangles rotate, with their energies: the best, then alternatives.
+
+    In these a whole limb rotates the other way, and their energy is only a little higher. All are
+    compared at all times: at few times the chords of large rotations have too little energy, which
+    favours limbs that shrink or swing too far.
+    """
+    space = metric.space
+    space.check_immersed(start, "start")
+    space.check_immersed(end, "end")
+    interpolator = space.template.interpolator
+
+    shorter = interpolator.turns(start, end)
+    if not interpolator.is_torn(shorter):
+        path = rotating_path(metric, start, end, n_nodes, shorter)
+        return [(path, energy.value(metric, path))]
+    alike = interpolator.mended(shorter)
+    parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
+    areas = space.template.face_areas
+    n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])
+    if parts[n_limbs:]:
+        parts = [*parts[:n_limbs], np.concatenate(parts[n_limbs:])]
+
+    @cache
+    def candidate(ways: tuple[bool, ...]) -> tuple[float, ndarray]:
+        """Return energy and path if some parts rotate like their neighbours."""
+        rotations = shorter.copy()
+        for part, is_alike in zip(parts, ways, strict=True):
+            rotations[part] = (alike if is_alike else shorter)[part]
+        path = rotating_path(metric, start, end, n_nodes, rotations)
+        return energy.value(metric, path), path
+
+    def cost(ways: tuple[bool, ...]) -> float:
+        return candidate(ways)[0]
+
+    best = min((False,) * len(parts), (True,) * len(parts), key=cost)
+    alternatives = []
+    for k in range(len(parts)):
+        best, worse = sorted([best, (*best[:k], not best[k], *best[k + 1 :])], key=cost)
+        if k < n_limbs:
+            alternatives.append(worse)
+    alternatives = [ways for ways in alternatives if cost(ways) <= _CLOSE * cost(best)]
+    return [candidate(ways)[::-1] for ways in (best, *alternatives)]
+
+
+def rotating_path(
+    metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int, rotations: ndarray
+) -> ndarray:
+    """Return the path whose triangles rotate by given rotation vectors, shape (F, 3)."""
+    path = linear_path(start, end, n_nodes)
+    times = np.linspace(0.0, 1.0, n_nodes)[1:-1]
+    path[1:-1] = metric.space.template.interpolator.interpolate(start, end, times, rotations)
+    return path
+
 
 ROTATIONS = ("axis-angle", "geodesic")
 
@@ -53,7 +164,7 @@ class ModelParameters(NamedTuple):
 
 
 @dataclass(frozen=True)
-class ModelPath(ManyPaths):
+class ModelPath(PathSolver):
     """The path of a body model whose parameters change evenly from one body to another.
 
     The SMPL path of section 5.2 of the paper. It runs between surfaces of the model, which are near
@@ -66,8 +177,8 @@ class ModelPath(ManyPaths):
     n_nodes : int
         Number of points of the path, both ends included.
     rotations : str
-        "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic" turns
-        every joint about one axis by the smallest angle.
+        "axis-angle" interpolates the axis-angle vectors linearly, as in the paper; "geodesic"
+        rotates every joint about one axis by the smallest angle.
     energy : PathEnergy
         Energy that the result reports.
     parameters : callable, optional
@@ -113,6 +224,8 @@ class ModelPath(ManyPaths):
         ----------
         metric : RiemannianMetric
             A metric on surfaces, for the energy.
+        start, end : array, shape (V, 3)
+            Surfaces.
         start_parameters, end_parameters : ModelParameters, optional
             Their parameters (betas, pose, trans); by default the solver's `parameters` finds them.
 
@@ -129,14 +242,14 @@ class ModelPath(ManyPaths):
         start, end = check_end_points(metric, start, end)
         first = self._parameters_of(start, start_parameters, "start_parameters")
         last = self._parameters_of(end, end_parameters, "end_parameters")
-        for name, one, other in zip(ModelParameters._fields, first, last, strict=True):
-            if one.shape != other.shape:
+        for name, a, b in zip(ModelParameters._fields, first, last, strict=True):
+            if a.shape != b.shape:
                 raise ArgumentError(
                     f"start_parameters and end_parameters must have {name} of one shape; found "
-                    f"{one.shape} and {other.shape}"
+                    f"{a.shape} and {b.shape}"
                 )
         betas, pose, trans = (
-            linear_path(one, other, self.n_nodes) for one, other in zip(first, last, strict=True)
+            linear_path(a, b, self.n_nodes) for a, b in zip(first, last, strict=True)
         )
         if self.rotations == "geodesic":
             pose = _rotation_geodesics(first.pose, last.pose, self.n_nodes)
@@ -184,9 +297,9 @@ def _checked(parameters: Any, name: str) -> ModelParameters:
 def _rotation_geodesics(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
     """Return R₀ exp(t log(R₀⁻¹R₁)) of every joint, as axis-angle vectors."""
     first, last = Rotation.from_rotvec(start), Rotation.from_rotvec(end)
-    turn = (first.inv() * last).as_rotvec()
+    change = (first.inv() * last).as_rotvec()
     times = np.linspace(0.0, 1.0, n_nodes)
-    return np.stack([(first * Rotation.from_rotvec(t * turn)).as_rotvec() for t in times])
+    return np.stack([(first * Rotation.from_rotvec(t * change)).as_rotvec() for t in times])
 
 
 def _largest_distance(points: ndarray, others: ndarray) -> float:

@@ -1,4 +1,9 @@
-"""Cholesky factors of metrics in all coordinates of a point, for preconditioning."""
+"""Inverse Hessians of path energies: Cholesky factors of a metric's matrix, and of the times.
+
+Near a straight path the Hessian of the energy of n segments is close to 2n (D ⊗ G):
+D = tridiag(−1, 2, −1) couples the times, G is the matrix of the metric in the coordinates of one
+point, or its Gram matrix on a basis.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +13,21 @@ from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy import sparse
+from scipy import linalg, sparse
 
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.block_triangles import WIDTHS, eliminate, solve_lower, solve_upper
 from riemhuman.kernels.elimination import elimination_of
 from riemhuman.kernels.laplacian import cotangent_laplacian
-from riemhuman.solvers.preconditioner import INDEFINITE, CholeskyFactor
+
+_INDEFINITE = (
+    "the matrix of the metric is not positive semidefinite, or not finite; "
+    "riemhuman.testing.check_metric(metric, points) shows what is wrong"
+)
+
+# A Gram matrix is singular on deformations under which the metric is invariant, as translations.
+_RIDGE_OF_GRAM = 1e-8
 
 # The matrix of a metric of surfaces is singular on translations, and nearly so on bends if c = 0;
 # steps along them must not be endless.
@@ -31,22 +43,57 @@ _N_PROBES = 3
 _BLOCK = 3
 _ON_DIAGONAL = np.array([0, 4, 8])
 
-# So few right sides are not filled up with zeros to one of `WIDTHS`.
+# Up to so many right sides are not filled up with zeros to one of `WIDTHS`.
 _FEW = 6
 
 # Points of at most so many coordinates are one block.
 _LARGEST_BLOCK = 16
 
 
+class CholeskyFactor:
+    """Cholesky factor L of a positive semidefinite matrix with a tiny ridge, A ≈ L Lᵀ."""
+
+    def __init__(self, matrix: ndarray) -> None:
+        size = np.trace(matrix) / len(matrix)
+        ridge = _RIDGE_OF_GRAM * (np.diag(matrix) + (size if size > 0 else 1.0))
+        try:
+            self._lower = linalg.cholesky(matrix + np.diag(ridge), lower=True)
+        except (np.linalg.LinAlgError, ValueError) as error:
+            raise ArgumentError(_INDEFINITE) from error
+
+    def solve(self, columns: ndarray) -> ndarray:
+        """Return L⁻¹ X."""
+        return linalg.solve_triangular(self._lower, columns, lower=True, check_finite=False)
+
+    def solve_transposed(self, columns: ndarray) -> ndarray:
+        """Return L⁻ᵀ X."""
+        return linalg.solve_triangular(
+            self._lower, columns, lower=True, trans="T", check_finite=False
+        )
+
+    def inverse(self, columns: ndarray) -> ndarray:
+        """Return A⁻¹ X."""
+        return self.solve_transposed(self.solve(columns))
+
+
+class PathPreconditioner:
+    """The inverse of the Hessian 2n (D ⊗ G) of paths of n segments, given the factor of G."""
+
+    def __init__(self, gram: CholeskyFactor, n_segments: int) -> None:
+        steps = np.diff(np.eye(n_segments), axis=0)
+        self._inverse_time = CholeskyFactor(steps @ steps.T).inverse(np.eye(n_segments - 1))
+        self._gram = gram
+        self._scale = 1.0 / (2.0 * n_segments)
+
+    def inverse(self, gradient: ndarray) -> ndarray:
+        """Return the image of a gradient, shape (n_segments − 1, K)."""
+        return self._scale * self._inverse_time @ self._gram.inverse(gradient.T).T
+
+
 class SparseCholeskyFactor(CholeskyFactor):
     """Cholesky factor, up to a permutation, of a sparse positive semidefinite matrix with a ridge.
 
-    Parameters
-    ----------
-    matrix : sparse array, shape (3n, 3n)
-        Symmetric positive semidefinite matrix, the coordinates of each vertex together.
-    ridge : float
-        Share of the diagonal that is added to the matrix.
+    The coordinates of each vertex are together; `ridge` is the share of the diagonal that is added.
     """
 
     def __init__(self, matrix: Any, ridge: float = _RIDGE) -> None:
@@ -54,18 +101,24 @@ class SparseCholeskyFactor(CholeskyFactor):
         size = diagonal.mean()
         added = ridge * (diagonal + (size if size > 0 else 1.0))
         blocks = sparse.csr_array(matrix).tobsr((_BLOCK, _BLOCK))
-        found = elimination_of(blocks)
-        self._order = (_BLOCK * found.order[:, None] + np.arange(_BLOCK)).ravel()
-        lower = np.zeros((len(found.rows), _BLOCK**2))
-        lower[found.targets] = blocks.data.reshape(-1, _BLOCK**2)[found.sources]
-        lower[found.ends[:-1, None], _ON_DIAGONAL] += added[self._order].reshape(-1, _BLOCK)
-        pivots = np.empty((len(found.order), _BLOCK))
+        elimination = elimination_of(blocks)
+        self._order = (_BLOCK * elimination.order[:, None] + np.arange(_BLOCK)).ravel()
+        lower = np.zeros((len(elimination.rows), _BLOCK**2))
+        lower[elimination.targets] = blocks.data.reshape(-1, _BLOCK**2)[elimination.sources]
+        lower[elimination.ends[:-1, None], _ON_DIAGONAL] += added[self._order].reshape(-1, _BLOCK)
+        pivots = np.empty((len(elimination.order), _BLOCK))
         eliminate(
-            found.ends, found.rows, found.columns, found.row_ends, found.by_row, lower, pivots
+            elimination.ends,
+            elimination.rows,
+            elimination.columns,
+            elimination.row_ends,
+            elimination.by_row,
+            lower,
+            pivots,
         )
         if not np.all(pivots > 0.0):
-            raise ArgumentError(INDEFINITE)
-        self._lower = found.ends, found.rows, lower
+            raise ArgumentError(_INDEFINITE)
+        self._lower = elimination.ends, elimination.rows, lower
         self._squared_scale = pivots.reshape(-1, 1)
         self._scale = np.sqrt(self._squared_scale)
 
@@ -118,13 +171,7 @@ def _many_together(solve: Callable[[ndarray], ndarray], columns: ndarray) -> nda
 
 
 class BlockCholeskyFactor(CholeskyFactor):
-    """Cholesky factor of a block-diagonal positive semidefinite matrix with a ridge.
-
-    Parameters
-    ----------
-    blocks : array, shape (m, k, k)
-        Symmetric positive semidefinite blocks along the diagonal, K = mk.
-    """
+    """Cholesky factor of a matrix with diagonal blocks, shape (m, k, k), and a ridge."""
 
     def __init__(self, blocks: ndarray) -> None:
         _, _, k = blocks.shape
@@ -133,7 +180,7 @@ class BlockCholeskyFactor(CholeskyFactor):
         try:
             lower = np.linalg.cholesky(blocks + ridge[:, None, None] * np.eye(k))
         except np.linalg.LinAlgError as error:
-            raise ArgumentError(INDEFINITE) from error
+            raise ArgumentError(_INDEFINITE) from error
         self._inverse = np.linalg.inv(lower)
 
     def solve(self, columns: ndarray) -> ndarray:
@@ -148,37 +195,21 @@ class BlockCholeskyFactor(CholeskyFactor):
         return (blocks @ columns.reshape(m, k, *columns.shape[1:])).reshape(columns.shape)
 
 
-def spatial_factor(
+def metric_factor(
     metric: RiemannianMetric,
     points: ndarray,
-    scale: float,
+    scale: float = 1.0,
     stiffness: float = 0.0,
     ridge: float = _RIDGE,
 ) -> CholeskyFactor:
-    r"""Return a factor of the metric's matrix M in all coordinates, averaged over points.
+    """Return a factor of the metric's matrix M / scale in all coordinates, averaged over points.
 
-    Metrics with a method `metric_matrix` give the matrix itself. Otherwise the block of each entry
-    i along a point's first axis is estimated as (Σ_j M_ij M_ijᵀ)^½ from the action of M on random
-    vectors; this is M_ii where the metric couples no entries, as on fields.
-
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    points : array, shape (n, \*shape)
-        Points of a path.
-    scale : float
-        The matrix is divided by it.
-    stiffness : float
-        On surfaces, weight of the Dirichlet energy of deformations beside M, in units of its mean
-        diagonal entry. Deformations that the metric does not see to first order, such as bending if
-        c = 0 and stretching if a = 0, still affect its distances between surfaces further apart.
-    ridge : float
-        Share of the diagonal that is added to a matrix of surfaces.
-
-    Returns
-    -------
-    CholeskyFactor
+    Without a `metric_matrix`, the block of each entry i along a point's first axis is estimated as
+    (Σ_j M_ij M_ijᵀ)^½ from the action of M on random vectors; this is M_ii where the metric couples
+    no entries, as on fields. On surfaces, `stiffness` is the weight of the Dirichlet energy of
+    deformations beside M, in units of its mean diagonal entry: deformations that cost nothing to
+    first order, such as bending if c = 0 and stretching if a = 0, still affect distances between
+    surfaces further apart. `ridge` is the share of the diagonal that is added.
     """
     if metric.has_metric_matrix:
         matrix = metric.metric_matrix(points)

@@ -1,4 +1,4 @@
-"""Factors of metrics in all coordinates."""
+"""Cholesky factors of metrics, and inverse Hessians of paths."""
 
 import autograd.numpy as anp
 import numpy as np
@@ -9,14 +9,61 @@ from scipy import sparse
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import FlatMetric, RiemannianMetric, VectorSpace
 from riemhuman.kernels.laplacian import cotangent_laplacian
-from riemhuman.solvers import spatial_factors
-from riemhuman.solvers.spatial_factors import (
+from riemhuman.solvers import _preconditioners
+from riemhuman.solvers._preconditioners import (
     BlockCholeskyFactor,
+    CholeskyFactor,
+    PathPreconditioner,
     SparseCholeskyFactor,
-    spatial_factor,
+    metric_factor,
 )
 
-RIDGE = spatial_factors._RIDGE
+RIDGE = _preconditioners._RIDGE
+
+
+def positive_matrix(size, rng=0, rank=None):
+    root = np.random.default_rng(rng).standard_normal((size, rank or size))
+    return root @ root.T
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1.0, 1e9])
+def test_factor_solves(scale):
+    matrix = scale * positive_matrix(6)
+    factor = CholeskyFactor(matrix)
+    columns = np.random.default_rng(1).standard_normal((6, 4))
+    solution = factor.solve_transposed(factor.solve(columns))
+    np.testing.assert_allclose(matrix @ solution, columns, atol=1e-4)
+    inverse_root = factor.solve(np.eye(6))
+    np.testing.assert_allclose(inverse_root @ matrix @ inverse_root.T, np.eye(6), atol=1e-5)
+    np.testing.assert_allclose(factor.solve_transposed(np.eye(6)), inverse_root.T, rtol=1e-12)
+
+
+def test_singular_gram_matrices_get_a_ridge():
+    for matrix in (positive_matrix(5, rank=3), np.zeros((5, 5))):
+        assert np.all(np.isfinite(CholeskyFactor(matrix).solve(np.eye(5))))
+
+
+@pytest.mark.parametrize("entry", [-1.0, np.nan])
+def test_indefinite_gram_matrices_raise(entry):
+    with pytest.raises(ArgumentError, match="not positive semidefinite, or not finite.*check_metr"):
+        CholeskyFactor(np.diag([1.0, entry, 1.0]))
+
+
+def test_what_is_not_finite_is_passed_on():
+    factor = CholeskyFactor(positive_matrix(3))
+    for solve in (factor.solve, factor.solve_transposed):
+        assert not np.isfinite(solve(np.full((3, 1), np.nan))).any()
+
+
+@pytest.mark.parametrize("n_segments", [2, 3, 10])
+def test_inverse_of_the_hessian_of_paths(n_segments):
+    """Of n Σ (x_{i+1} − x_i)ᵀ G (x_{i+1} − x_i), ends fixed."""
+    gram = positive_matrix(4)
+    preconditioner = PathPreconditioner(CholeskyFactor(gram), n_segments)
+    coefficients = np.random.default_rng(2).standard_normal((n_segments - 1, 4))
+    steps = np.diff(np.pad(coefficients, ((1, 1), (0, 0))), axis=0) @ gram
+    gradient = -2.0 * n_segments * np.diff(steps, axis=0)
+    np.testing.assert_allclose(preconditioner.inverse(gradient), coefficients, rtol=1e-5)
 
 
 def whitened(factor, matrix):
@@ -100,7 +147,7 @@ def test_surface_metrics_give_their_matrix(name):
     """In the directions that the metric sees, the factor makes it the identity."""
     metric, points = CASES[name].metric, CASES[name].points[:2]
     matrix = metric.metric_matrix(points) / 3.0
-    factor = spatial_factor(metric, points, 3.0)
+    factor = metric_factor(metric, points, 3.0)
     assert isinstance(factor, SparseCholeskyFactor)
     values = np.linalg.eigvalsh(whitened(factor, matrix.toarray()))
     assert values.max() < 1.0
@@ -123,7 +170,7 @@ FIELDS = [case for case in cases_that("geodesic") if len(case.space.shape) > 1]
 def test_blocks_are_exact_on_fields(case):
     """On the tangent space, whose other directions carry no weight."""
     matrix = dense_matrix(case.metric, case.points[0])
-    factor = spatial_factor(case.metric, case.points[:1], 1.0)
+    factor = metric_factor(case.metric, case.points[:1], 1.0)
     values = np.linalg.eigvalsh(whitened(factor, matrix))
     is_zero = values < 1e-6
     np.testing.assert_allclose(values[~is_zero], 1.0, atol=2e-3)
@@ -132,7 +179,7 @@ def test_blocks_are_exact_on_fields(case):
 
 @pytest.mark.parametrize("case", cases_that(), ids=name_of)
 def test_factors_exist_for_every_metric(case):
-    factor = spatial_factor(case.metric, case.points, 1.0)
+    factor = metric_factor(case.metric, case.points, 1.0)
     check_transposed(factor, case.points[0].size)
 
 
@@ -147,14 +194,14 @@ def test_small_points_are_one_block():
                 + 0.0 * base_point[..., 0]
             )
 
-    factor = spatial_factor(Skewed(HalfPlane()), np.ones((1, 2)), 1.0)
+    factor = metric_factor(Skewed(HalfPlane()), np.ones((1, 2)), 1.0)
     matrix = np.array([[2.0, 0.9], [0.9, 1.0]])
     np.testing.assert_allclose(whitened(factor, matrix), np.eye(2), atol=1e-2)
 
 
 def test_average_over_points():
     metric = HyperbolicInnerProduct(HalfPlane())
-    factor = spatial_factor(metric, np.array([[0.0, 1.0], [0.0, 2.0]]), 1.0)
+    factor = metric_factor(metric, np.array([[0.0, 1.0], [0.0, 2.0]]), 1.0)
     expected = (1.0 + 0.25) / 2 * np.eye(2)
     np.testing.assert_allclose(whitened(factor, expected), np.eye(2), atol=1e-3)
 
@@ -165,7 +212,7 @@ def test_weights_of_any_size(weight, shape):
     """Points of one block and of many; the second entry weighs twice as much as the others."""
     space = VectorSpace(shape)
     weights = weight * np.where(np.arange(shape[0]) == 1, 2.0, 1.0)
-    factor = spatial_factor(FlatMetric(space, weights), np.zeros((2, *shape)), 5.0 * weight)
+    factor = metric_factor(FlatMetric(space, weights), np.zeros((2, *shape)), 5.0 * weight)
     expected = np.diag(np.repeat(weights, shape[1])) / (5.0 * weight)
     np.testing.assert_allclose(whitened(factor, expected), np.eye(space.dim), atol=1e-6)
 
@@ -180,7 +227,7 @@ class Chain(RiemannianMetric):
 
 def test_entries_that_are_coupled_weigh_what_their_row_does():
     """A row holds 2, −1 and −1: its squares add up to 6."""
-    factor = spatial_factor(Chain(VectorSpace((60, 2))), np.zeros((1, 60, 2)), 1.0)
+    factor = metric_factor(Chain(VectorSpace((60, 2))), np.zeros((1, 60, 2)), 1.0)
     weights = 1.0 / np.diag(whitened(factor, np.eye(120)))
     assert 1.5 < np.median(weights) < 4.0
 
@@ -195,6 +242,6 @@ def test_stiffness_adds_the_dirichlet_energy(name):
     laplacian = cotangent_laplacian(template.vertices, template.faces).toarray()
     share = np.diag(matrix).mean() / np.diag(laplacian).mean()
     expected = (matrix + stiffness * share * np.kron(laplacian, np.eye(3))) / scale
-    factor = spatial_factor(case.metric, case.points[:2], scale, stiffness)
+    factor = metric_factor(case.metric, case.points[:2], scale, stiffness)
     expected += RIDGE * np.diag(np.diag(expected) + np.diag(expected).mean())
     np.testing.assert_allclose(whitened(factor, expected), np.eye(len(expected)), atol=1e-8)

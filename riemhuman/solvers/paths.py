@@ -1,0 +1,395 @@
+"""Path energies, what all solvers for paths share, the straight path, and closed-form geodesics."""
+
+from __future__ import annotations
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import autograd.numpy as anp
+import numpy as np
+from autograd import value_and_grad
+from numpy import ndarray
+
+from riemhuman.checks import real_array, values_of, whole_number
+from riemhuman.errors import (
+    ArgumentError,
+    ConvergenceWarning,
+    NotDefinedError,
+    RiemhumanError,
+    warn,
+)
+from riemhuman.geometry import RiemannianMetric
+from riemhuman.geometry.strategies import GeodesicSolver, PathEnergy
+from riemhuman.kernels.threads import mapped, single_threaded_libraries, thread_count
+from riemhuman.progress import ProgressBar
+from riemhuman.solvers.results import PathResult, complete_path_result
+
+# Relative rounding errors of a point's entries.
+_ROUNDING = 1e-13
+
+
+@dataclass(frozen=True)
+class SegmentEnergy:
+    """n Σ d²(x_i, x_{i+1}) over n segments, in closed form where the metric has one.
+
+    It is never below d²(x_0, x_n), needs no exponential map, and does not decrease when a path
+    is refined in time.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> solver = rh.solvers.LinearPath(n_nodes=5, energy=rh.solvers.SegmentEnergy())
+    >>> bool(solver.solve(space.metric, bodies[0], bodies[2]).energy > 0)
+    True
+    """
+
+    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+        """Return the energy of a path.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_nodes, *shape)
+            Path.
+
+        Returns
+        -------
+        float
+        """
+        return float(metric.energy(path))
+
+    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+        """Return the energy of a path and its gradient with respect to all points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_nodes, *shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+            May be infinite where the path leaves the manifold.
+        gradient : array, shape (n_nodes, *shape)
+        """
+        return metric.energy_and_gradient(path)
+
+
+@dataclass(frozen=True)
+class FiniteDifferenceEnergy:
+    """n Σ ‖x_{i+1} − x_i‖² over n segments, by the inner product at their midpoints.
+
+    The paper's form of the energy (equation 7), of second order in the time step.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> solver = rh.solvers.LinearPath(n_nodes=5, energy=rh.solvers.FiniteDifferenceEnergy())
+    >>> bool(solver.solve(space.metric, bodies[0], bodies[2]).energy > 0)
+    True
+    """
+
+    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+        """Return the energy of a path, see `SegmentEnergy.value`.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_nodes, *shape)
+            Path.
+
+        Returns
+        -------
+        float
+        """
+        return float(self._energy(metric, metric.check_points(path, "path")))
+
+    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+        """Return the energy of a path and its gradient, by autograd.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        path : array, shape (n_nodes, *shape)
+            Path.
+
+        Returns
+        -------
+        energy : float
+        gradient : array, shape (n_nodes, *shape)
+        """
+        energy = value_and_grad(lambda points: self._energy(metric, points))
+        value, gradient = energy(metric.check_points(path, "path"))
+        return float(value), gradient
+
+    def _energy(self, metric: RiemannianMetric, path: ndarray) -> ndarray:
+        start, end = path[:-1], path[1:]
+        middle = metric.space.projection(0.5 * (start + end))
+        return (len(path) - 1) * anp.sum(metric.squared_norm(end - start, middle))
+
+
+class PathSolver(ABC):
+    """A base of geodesic solvers, for one pair of points or many."""
+
+    @abstractmethod
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        r"""Return a path between two points.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        start, end : array, shape (\*shape,)
+            End points.
+
+        Returns
+        -------
+        PathResult
+        """
+
+    def solve_many(
+        self,
+        metric: RiemannianMetric,
+        pairs: Sequence[Any] | ndarray,
+        *,
+        n_jobs: int | None = None,
+        progress: bool = False,
+    ) -> list[PathResult]:
+        r"""Find a path between the points of every pair.
+
+        Parameters
+        ----------
+        metric : RiemannianMetric
+            The metric.
+        pairs : array or sequence, shape (n_pairs, 2, \*shape)
+            Pairs of end points: an array, or anything with a length whose items are two points.
+        n_jobs : int, optional
+            Number of threads, -1 for one per core; by default one. Paths do not depend on it.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        list of PathResult
+            In the order of the pairs; see `rh.path_job` for more than memory holds.
+
+        Raises
+        ------
+        ArgumentError
+            If an item is not two points, or `solve` raises it for a pair; it names the item.
+
+        Warns
+        -----
+        ConvergenceWarning
+            If some paths have not converged; one warning counts them.
+        """
+        return solve_pairs(self, metric, pairs, n_jobs=n_jobs, progress=progress)
+
+
+def solve_pairs(
+    solver: GeodesicSolver,
+    metric: RiemannianMetric,
+    pairs: Sequence[Any] | ndarray,
+    *,
+    n_jobs: int | None = None,
+    progress: bool = False,
+) -> list[PathResult]:
+    """Return paths of any solver between many pairs of points, see `PathSolver.solve_many`."""
+    bar = ProgressBar(total=len(pairs), desc="Geodesics", disable=not progress, unit=" paths")
+    results: list[PathResult] = []
+    with warnings.catch_warnings(), single_threaded_libraries(), bar:
+        warnings.simplefilter("ignore", ConvergenceWarning)
+        for result in mapped(
+            lambda number: _solve_pair(solver, metric, pairs, number),
+            range(len(pairs)),
+            thread_count(n_jobs),
+        ):
+            results.append(result)
+            bar.update()
+    n_unfinished = sum(not result.converged for result in results)
+    if n_unfinished:
+        warn(
+            f"{type(solver).__name__} stopped without converging on {n_unfinished} of "
+            f"{len(pairs)} pairs; `converged` of their results is False",
+            ConvergenceWarning,
+        )
+    return results
+
+
+def _solve_pair(
+    solver: GeodesicSolver, metric: RiemannianMetric, pairs: Any, number: int
+) -> PathResult:
+    pair = pairs[number]
+    if not hasattr(pair, "__len__") or len(pair) != 2:
+        raise ArgumentError(f"pairs[{number}] must be two points; found {type(pair).__name__}")
+    start, end = (
+        values_of(point, f"{name} of pairs[{number}]")
+        for point, name in zip(pair, ("start", "end"), strict=True)
+    )
+    try:
+        return complete_path_result(solver.solve(metric, start, end))
+    except RiemhumanError as error:
+        raise type(error)(f"pairs[{number}]: {error}") from error
+
+
+@dataclass(frozen=True)
+class LinearPath(PathSolver):
+    """The straight path (1 − t) x₀ + t x₁, projected to the manifold: the simplest of all.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Number of points of the path, both ends included.
+    energy : PathEnergy
+        Energy in the result.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> space = rh.AlignedSurfaces(bodies.template)
+    >>> result = rh.solvers.LinearPath(n_nodes=3).solve(space.metric, bodies[0], bodies[1])
+    >>> bool((result.path[1] == (bodies[0] + bodies[1]) / 2).all())
+    True
+    """
+
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        """Return the straight path."""
+        start, end = check_end_points(metric, start, end)
+        path = linear_path(start, end, self.n_nodes)
+        path[1:-1] = metric.space.projection(path[1:-1])
+        return known_path(metric, self.energy, path, "the straight path")
+
+
+@dataclass(frozen=True)
+class ClosedFormGeodesic(PathSolver):
+    """The geodesic, for metrics that have it in closed form.
+
+    Parameters
+    ----------
+    n_nodes : int
+        Number of points of the path, both ends included.
+    energy : PathEnergy
+        Energy in the result.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> fields = rh.NormalFields(bodies.template)
+    >>> n = fields.random_point(2, rng=0)
+    >>> result = rh.solvers.ClosedFormGeodesic(n_nodes=5).solve(fields.metric, n[0], n[1])
+    >>> bool(abs(result.energy / fields.metric.squared_dist(n[0], n[1]) - 1) < 1e-9)
+    True
+    """
+
+    n_nodes: int = 11
+    energy: PathEnergy = SegmentEnergy()
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_nodes, "n_nodes", minimum=2)
+
+    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> PathResult:
+        """Return the geodesic; raise NotDefinedError if the metric has no closed form."""
+        if not metric.has_closed_form_geodesic:
+            raise NotDefinedError(
+                f"{type(metric).__name__} has no closed-form geodesics; use BasisPath or "
+                "PathStraightening"
+            )
+        start, end = check_end_points(metric, start, end)
+        path = metric.geodesic(start, end_point=end)(np.linspace(0.0, 1.0, self.n_nodes))
+        return known_path(metric, self.energy, path, "closed form", gap=0.0)
+
+
+def check_end_points(
+    metric: RiemannianMetric, start: ndarray, end: ndarray
+) -> tuple[ndarray, ndarray]:
+    """Return two single points as float64 arrays after checking them."""
+    checked = []
+    for point, name in ((start, "start"), (end, "end")):
+        checked.append(real_array(point, name, metric.space.shape, batched=False, rows=True))
+        metric.space.check_scale(checked[-1], name)
+    return checked[0], checked[1]
+
+
+def check_initial_path(
+    metric: RiemannianMetric, start: ndarray, end: ndarray, n_nodes: int, initial_path: ndarray
+) -> ndarray:
+    """Return an initial path of `n_nodes` times, whose ends may be off by rounding."""
+    path = metric.check_points(initial_path, "initial_path")
+    if len(path) != n_nodes:
+        raise ArgumentError(f"initial_path must have n_nodes = {n_nodes} times; found {len(path)}")
+    gap = max(np.abs(path[0] - start).max(), np.abs(path[-1] - end).max())
+    if gap > 1e-9 * max(np.abs(start).max(), np.abs(end).max()):
+        raise ArgumentError(
+            f"initial_path must run from start to end; its ends are off by up to {gap:.3g}"
+        )
+    return path
+
+
+def linear_path(start: ndarray, end: ndarray, n_nodes: int) -> ndarray:
+    """Return (1 − t) x₀ + t x₁ at equally spaced times (step 4 of Algorithm 1, corrected)."""
+    t = np.linspace(0.0, 1.0, n_nodes)
+    return np.multiply.outer(1.0 - t, start) + np.multiply.outer(t, end)
+
+
+def known_path(
+    metric: RiemannianMetric, energy: PathEnergy, path: ndarray, message: str, gap: float = np.nan
+) -> PathResult:
+    """Return the result of a solver that does not search; `gap` in per cent of the energy."""
+    value = energy.value(metric, path)
+    bound = lower_bound(metric, path)
+    return PathResult(path, value, np.array([value]), bound, gap, n_evaluations=1, message=message)
+
+
+def percentage(gap: float, energy: float) -> float:
+    """Return the gap of an energy to its minimum in per cent of it, 0 if the energy is 0."""
+    return 100.0 * gap / energy if energy > 0 else 0.0
+
+
+def lower_bound(metric: RiemannianMetric, path: ndarray) -> float:
+    """Return the squared distance of the ends of a path, if it is in closed form, else 0."""
+    return float(metric.squared_dist(path[0], path[-1])) if metric.has_closed_form_dist else 0.0
+
+
+def rounding_energy(
+    metric: RiemannianMetric,
+    point: ndarray,
+    energy: PathEnergy | None = None,
+    size: float = _ROUNDING,
+) -> float:
+    """Return a squared distance that cannot be told from 0: of a point from itself, rounded.
+
+    `size` is the relative error of the point's entries.
+    """
+    near = metric.space.projection(rounded(point, size))
+    return (energy or SegmentEnergy()).value(metric, np.stack([point, near]))
+
+
+def rounded(point: ndarray, size: float) -> ndarray:
+    """Return a point with rounding errors up to a relative size, the same ones at every call."""
+    return point * (1.0 + np.random.default_rng(0).uniform(-size, size, point.shape))
+
+
+def path_floor(metric: RiemannianMetric, energy: PathEnergy, path: ndarray) -> float:
+    """Return the energy of a constant path with rounding errors."""
+    energies = [rounding_energy(metric, point, energy) for point in path[[0, -1]]]
+    return (len(path) - 1) ** 2 * max(energies)

@@ -1,0 +1,35 @@
+"""Algorithm 1 of the paper as printed: SciPy's L-BFGS-B in the coefficients of a basis."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from scipy import optimize
+
+from riemhuman.solvers import SegmentEnergy
+
+
+def paper_path(metric, basis, start, end, n_nodes=11, max_iter=300, energy=None, path=None):
+    """Return path, energy, iterations, evaluations and the ratio gained from the straight path."""
+    energy = energy or SegmentEnergy()
+    line = np.linspace(start, end, n_nodes) if path is None else path
+    shape = n_nodes - 2, len(basis)
+
+    def path_of(coefficients):
+        moved = line.copy()
+        moved[1:-1] += basis.combine(coefficients.reshape(shape))
+        return moved
+
+    def objective(coefficients):
+        value, gradient = energy.value_and_gradient(metric, path_of(coefficients))
+        return value, (gradient[1:-1].reshape(n_nodes - 2, -1) @ basis.flat.T).ravel()
+
+    begin = np.zeros(shape[0] * shape[1])
+    options = {"ftol": 0.0, "gtol": 0.0, "maxiter": max_iter, "maxfun": 10 * max_iter}
+    found = optimize.minimize(objective, begin, jac=True, method="L-BFGS-B", options=options)
+    return SimpleNamespace(
+        path=path_of(found.x),
+        energy=float(found.fun),
+        n_iterations=found.nit,
+        n_evaluations=found.nfev,
+        gain=float(found.fun) / objective(begin)[0],
+    )
