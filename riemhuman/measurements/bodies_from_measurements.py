@@ -28,7 +28,7 @@ from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
 from riemhuman.measurements.measurement_set import DATA, open_measurements
 from riemhuman.measurements.measuring import Measurements, as_mapping
-from riemhuman.solvers.spatial_factors import SparseCholeskyFactor
+from riemhuman.solvers._preconditioners import SparseCholeskyFactor
 
 _SEXES = ("woman", "man", "adult")
 # Least relative uncertainty of a value when it is compared with the others.
