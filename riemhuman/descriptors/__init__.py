@@ -2,11 +2,13 @@
 
 from riemhuman.descriptors.area_projection import AreaProjectionTransform, ProjectedAreas
 from riemhuman.descriptors.descriptor import Descriptor
-from riemhuman.descriptors.heat_kernel import HeatKernelSignature
 from riemhuman.descriptors.latent_vectors import IdMatch, LatentVectors
 from riemhuman.descriptors.model_vectors import ModelPoseVectors, ModelShapeVectors
-from riemhuman.descriptors.shape_dna import ShapeDNA
-from riemhuman.descriptors.wave_kernel import WaveKernelSignature
+from riemhuman.descriptors.spectral_descriptors import (
+    HeatKernelSignature,
+    ShapeDNA,
+    WaveKernelSignature,
+)
 
 __all__ = [
     "AreaProjectionTransform",

@@ -10,13 +10,40 @@ from scipy import fft
 
 from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.descriptors.descriptor import Descriptor, pairwise
-from riemhuman.descriptors.voxels import VoxelGrid, enclosed_voxels, grid_around
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.representation import Record
 
 _RADII = tuple((0.03 + 0.02 * np.arange(7)).round(2).tolist())
 _MAX_VOXELS = 50_000_000
+# Offset of the rays from the voxels' centres, in voxels, so that no ray meets an edge exactly.
+_BESIDE = np.array([7.5487767e-7, 5.6984029e-7])
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelGrid:
+    """Cubes of equal size; voxel (i, j, k) has its centre at origin + spacing * (i, j, k).
+
+    Attributes
+    ----------
+    origin : array, shape (3,)
+        Centre of the first voxel, in metres.
+    spacing : float
+        Side of a voxel, in metres.
+    shape : tuple of int
+        Number of voxels along each axis.
+    """
+
+    origin: np.ndarray
+    spacing: float
+    shape: tuple[int, int, int]
+
+    @property
+    def centers(self) -> np.ndarray:
+        """Centres of all voxels, shape (*shape, 3), in metres."""
+        return self.origin + self.spacing * np.stack(
+            np.meshgrid(*map(np.arange, self.shape), indexing="ij"), axis=-1
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,8 +177,8 @@ class AreaProjectionTransform(Descriptor):
             triangles = triangles[:, ::-1]
             corners = points[triangles]
         reach = self.ratio * max(self.radii)
-        self._refuse_large_grid(points, reach)
-        grid = grid_around(points, self.voxel_size, reach + self.voxel_size)
+        self._check_grid_size(points, reach)
+        grid = _grid_around(points, self.voxel_size, reach + self.voxel_size)
 
         samples, normals, areas = _samples(points, triangles, self.voxel_size)
         values = np.empty((len(self.radii), *grid.shape))
@@ -159,32 +186,17 @@ class AreaProjectionTransform(Descriptor):
             arrived = _deposit(samples - radius * normals, areas, grid)
             nearby = _ball_sums(arrived, self.ratio * radius / self.voxel_size)
             values[i] = nearby / (4 * np.pi * radius**2)
-        return ProjectedAreas(values, enclosed_voxels(corners, grid), grid)
+        return ProjectedAreas(values, _enclosed_voxels(corners, grid), grid)
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the histograms of the transform of one surface.
-
-        Returns
-        -------
-        array, shape (n_radii * n_bins,)
-            One histogram after the other; each sums to the volume of the body, or to 1.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If an array does not hold numbers of the right kind.
-        ArgumentError
-            If the arrays are no mesh, or the grid would have too many voxels.
-        DegenerateSurfaceError
-            If the mesh encloses no voxel.
-        """
-        found = self.transform(vertices, faces)
-        if not found.inside.any():
+        """Return the histograms, each summing to the volume of the body or to 1, as one vector."""
+        areas = self.transform(vertices, faces)
+        if not areas.inside.any():
             raise DegenerateSurfaceError(
                 f"the mesh encloses no voxel of side {self.voxel_size:g} m; it must be larger than "
                 "that, closed except for small holes, and have a consistent orientation"
             )
-        values = found.values[:, found.inside]
+        values = areas.values[:, areas.inside]
         bins = np.clip(values * (self.n_bins / self.largest), 0, self.n_bins - 1).astype(np.int64)
         bins += self.n_bins * np.arange(len(bins))[:, np.newaxis]
         counts = np.bincount(bins.ravel(), minlength=len(bins) * self.n_bins)
@@ -195,7 +207,7 @@ class AreaProjectionTransform(Descriptor):
     def distances(self, vectors: ArrayLike) -> np.ndarray:
         return pairwise(vectors, _jeffrey if self.distance == "jeffrey" else "cityblock")
 
-    def _refuse_large_grid(self, points: np.ndarray, reach: float) -> None:
+    def _check_grid_size(self, points: np.ndarray, reach: float) -> None:
         extent = np.ptp(points, axis=0)
         n_voxels = float(np.prod((extent + 2 * reach) / self.voxel_size + 3))
         if n_voxels > _MAX_VOXELS:
@@ -301,3 +313,59 @@ def _jeffrey(p: np.ndarray, q: np.ndarray) -> float:
         positive = part > 0
         total += float(np.sum(part[positive] * np.log(part[positive] / middle[positive])))
     return max(total, 0.0)
+
+
+def _grid_around(vertices: np.ndarray, spacing: float, margin: float) -> VoxelGrid:
+    """Return the grid that covers the bounding box of points (V, 3), with a margin in metres."""
+    lower, upper = vertices.min(axis=0), vertices.max(axis=0)
+    counts = np.ceil((upper - lower + 2 * margin) / spacing).astype(int) + 1
+    origin = (lower + upper) / 2 - spacing * (counts - 1) / 2
+    return VoxelGrid(origin, spacing, (int(counts[0]), int(counts[1]), int(counts[2])))
+
+
+def _enclosed_voxels(corners: np.ndarray, grid: VoxelGrid) -> np.ndarray:
+    """Return whether the centre of each voxel is inside a mesh, given by its corners (F, 3, 3).
+
+    A centre is inside if rays along at least two of the three axes are inside, by the sum of signed
+    crossings with triangles. A hole in the mesh thus has an effect only where it is seen along two
+    axes.
+    """
+    positions = (corners - grid.origin) / grid.spacing
+    votes = np.zeros(grid.shape, dtype=np.int8)
+    for axis in range(3):
+        across = [(axis + 1) % 3, (axis + 2) % 3]
+        order = [*across, axis]
+        inside = _enclosed_along_last_axis(positions[:, :, order], [grid.shape[i] for i in order])
+        votes += np.transpose(inside, np.argsort(order))
+    return votes >= 2
+
+
+def _enclosed_along_last_axis(corners: np.ndarray, shape: list[int]) -> np.ndarray:
+    """Return the voxels inside by the signed crossings of rays; corners are in voxels."""
+    plane = corners[:, :, :2] - _BESIDE
+    first = np.maximum(np.ceil(plane.min(axis=1)), 0).astype(np.int64)
+    last = np.minimum(np.floor(plane.max(axis=1)), np.array(shape[:2]) - 1).astype(np.int64)
+    widths = np.maximum(last - first + 1, 0)
+    counts = widths.prod(axis=1)
+    triangle = np.repeat(np.arange(len(corners)), counts)
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+    rows = first[triangle, 0] + number // np.maximum(widths[triangle, 1], 1)
+    columns = first[triangle, 1] + number % np.maximum(widths[triangle, 1], 1)
+
+    # Signed areas of a ray's triangles with each side: all have one sign if the ray crosses.
+    to_corners = plane[triangle] - np.stack([rows, columns], axis=1)[:, np.newaxis]
+    following = np.roll(to_corners, -1, axis=1)
+    opposite = to_corners[:, :, 0] * following[:, :, 1] - to_corners[:, :, 1] * following[:, :, 0]
+    total = opposite.sum(axis=1)
+    crosses = ((opposite > 0).all(axis=1) | (opposite < 0).all(axis=1)) & (total != 0)
+    # Side i lies opposite to corner i + 2.
+    weights = np.roll(opposite[crosses], -1, axis=1) / total[crosses, np.newaxis]
+    heights = np.sum(weights * corners[triangle[crosses], :, 2], axis=1)
+
+    below = np.clip(np.ceil(heights).astype(np.int64), 0, shape[2])
+    cell = (rows[crosses] * shape[1] + columns[crosses]) * (shape[2] + 1) + below
+    crossings = np.bincount(
+        cell, np.sign(total[crosses]), minlength=shape[0] * shape[1] * (shape[2] + 1)
+    ).reshape(shape[0], shape[1], shape[2] + 1)
+    above = np.cumsum(crossings[:, :, ::-1], axis=2)[:, :, ::-1]
+    return above[:, :, 1:] > 0.5

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from scipy.spatial.distance import pdist, squareform
 
 from riemhuman.checks import real_array
-from riemhuman.docstrings import InheritsDocstrings
 from riemhuman.errors import ArgumentError, ArgumentTypeError, RiemhumanError
 from riemhuman.kernels.threads import mapped, thread_count
 from riemhuman.representation import constructor_text
@@ -19,7 +18,7 @@ from riemhuman.representation import constructor_text
 Mesh = tuple[ArrayLike, ArrayLike]
 
 
-class Descriptor(InheritsDocstrings, ABC):
+class Descriptor(ABC):
     """A vector that represents a surface, with a distance between such vectors.
 
     Subclasses are frozen dataclasses of parameters. They define `describe`, and `distances` if the
@@ -113,27 +112,7 @@ class Descriptor(InheritsDocstrings, ABC):
 
 
 def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarray:
-    """Return all distances within a set of vectors.
-
-    Parameters
-    ----------
-    vectors : array_like, shape (n, d)
-        Vectors, one per row.
-    metric : str or callable
-        A distance for `scipy.spatial.distance.pdist`.
-
-    Returns
-    -------
-    array, shape (n, n)
-        Symmetric, with zero diagonal.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the vectors are not real numbers.
-    ArgumentError
-        If the vectors are not a matrix of finite numbers.
-    """
+    """Return all distances of `pdist` within vectors, shape (n, d), as a matrix (n, n)."""
     rows = real_array(vectors, "vectors", ("n_vectors", "n_numbers"), batched=False)
     if len(rows) < 2:
         return np.zeros((len(rows), len(rows)))
@@ -141,26 +120,7 @@ def pairwise(vectors: ArrayLike, metric: str | Callable[..., float]) -> np.ndarr
 
 
 def meshes_of(bodies: Any) -> tuple[int, Callable[[int], Mesh]]:
-    """Return the number of meshes, and a function that returns a mesh by its index.
-
-    Parameters
-    ----------
-    bodies : object or iterable of (vertices, faces)
-        Registered surfaces with the fields ``points`` and ``template``, or meshes.
-
-    Returns
-    -------
-    count : int
-    mesh : callable
-        Takes an index; returns vertices and faces.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If `bodies` is neither.
-    ArgumentError
-        If there is no surface.
-    """
+    """Return the number of meshes, and a function that returns the mesh of an index."""
     if hasattr(bodies, "points") and hasattr(bodies, "template"):
         return len(bodies.points), lambda index: (bodies.points[index], bodies.template.faces)
     if not (isinstance(bodies, Iterable) or hasattr(bodies, "__getitem__")):

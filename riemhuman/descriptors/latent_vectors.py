@@ -190,33 +190,16 @@ class LatentVectors(Record, Descriptor):
         return LatentVectors(found.found, self.vectors[[rows[name] for name in found.found]])
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Raise an error: vectors are found by id, not from a mesh.
-
-        Raises
-        ------
-        NotDefinedError
-            Always.
-        """
+        """Raise a NotDefinedError: these vectors belong to ids, not to meshes."""
         raise NotDefinedError(
             "LatentVectors cannot describe a mesh, since other programs computed them; select(ids) "
             "returns the vectors of known bodies"
         )
 
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
-        """Return the vectors of a data set's bodies.
+        """Return the vectors of the bodies of a data set, by its field ``ids``.
 
-        Parameters
-        ----------
-        bodies : object
-            A data set whose field ``ids`` names the bodies. If the ids of the vectors are the
-            numbers from 0 on, they are the numbers of the bodies instead.
-        n_jobs : int, optional
-            Ignored.
-
-        Raises
-        ------
-        ArgumentError
-            If a body has no vector; the message lists all of them.
+        Ids of vectors that are the numbers from 0 on are the positions of the bodies instead.
         """
         numbers = [str(number) for number in range(len(bodies))]
         by_number = set(self.ids) == set(numbers)
@@ -225,7 +208,7 @@ class LatentVectors(Record, Descriptor):
 
 def _as_ids(ids: Any, name: str) -> tuple[str, ...]:
     found = []
-    for number, value in enumerate(np.asarray(ids).ravel() if _is_array(ids) else ids):
+    for number, value in enumerate(np.asarray(ids).ravel() if isinstance(ids, np.ndarray) else ids):
         if isinstance(value, bytes):
             value = value.decode("utf-8", errors="replace")
         if isinstance(value, bool | np.bool_) or not isinstance(value, str | int | np.integer):
@@ -237,10 +220,6 @@ def _as_ids(ids: Any, name: str) -> tuple[str, ...]:
             raise ArgumentError(f"{name}[{number}] is missing")
         found.append(text)
     return tuple(found)
-
-
-def _is_array(ids: Any) -> bool:
-    return isinstance(ids, np.ndarray)
 
 
 def _read_npz(file: Path) -> tuple[Any, Any]:

@@ -30,42 +30,12 @@ class _ModelVectors(Descriptor):
             )
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
-        """Return the vector of one surface.
-
-        Parameters
-        ----------
-        vertices : array_like, shape (V, 3)
-            Vertex positions, in metres, in the model's order.
-        faces : array_like, shape (F, 3)
-            The model's triangles.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If the vertices are not numbers.
-        ArgumentError
-            If the surface is not registered to the model.
-        """
-        points = self._registered(vertices, faces)
+        points = self._check_points(vertices, faces)
         return self._vectors(self.model.fit(points[np.newaxis]))[0]
 
     def describe_all(self, bodies: Any, n_jobs: int | None = None) -> np.ndarray:
-        """Return the vectors of many surfaces, fitted together.
-
-        Parameters
-        ----------
-        bodies : object or iterable of (vertices, faces)
-            Registered surfaces with the fields ``points`` and ``template``, or meshes; all with
-            the model's vertices and triangles.
-        n_jobs : int, optional
-            Ignored: the model fits all surfaces in one batch.
-
-        Raises
-        ------
-        ArgumentError
-            If a surface is not registered to the model.
-        """
-        return self._vectors(self._fitted(bodies))
+        """Return the vectors of surfaces of the model's mesh, fitted together in one batch."""
+        return self._vectors(self._fit(bodies))
 
     @staticmethod
     def describe_together(
@@ -95,24 +65,24 @@ class _ModelVectors(Descriptor):
             If a surface is not registered to a model.
         """
         fits = {}
-        models = {id(one.model): one for one in descriptors}
-        for key, one in ProgressBar(models.items(), disable=not progress, unit="fit"):
+        models = {id(descriptor.model): descriptor for descriptor in descriptors}
+        for key, descriptor in ProgressBar(models.items(), disable=not progress, unit="fit"):
             began = time.perf_counter()
-            fits[key] = one._fitted(bodies), time.perf_counter() - began
+            fits[key] = descriptor._fit(bodies), time.perf_counter() - began
         vectors, seconds = [], []
-        for one in descriptors:
-            fit, shared = fits[id(one.model)]
+        for descriptor in descriptors:
+            fit, shared = fits[id(descriptor.model)]
             began = time.perf_counter()
-            vectors.append(one._vectors(fit))
+            vectors.append(descriptor._vectors(fit))
             seconds.append(shared + time.perf_counter() - began)
         return vectors, seconds
 
-    def _fitted(self, bodies: Any) -> Any:
+    def _fit(self, bodies: Any) -> Any:
         count, mesh = meshes_of(bodies)
-        points = np.stack([self._registered(*mesh(i), f" of body {i}") for i in range(count)])
+        points = np.stack([self._check_points(*mesh(i), f" of body {i}") for i in range(count)])
         return self.model.fit(points)
 
-    def _registered(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> np.ndarray:
+    def _check_points(self, vertices: ArrayLike, faces: ArrayLike, where: str = "") -> np.ndarray:
         points = real_array(vertices, f"vertices{where}", ("n_vertices", 3), batched=False)
         template = self.model.template
         if len(points) != template.n_vertices:
@@ -225,9 +195,9 @@ class ModelPoseVectors(_ModelVectors):
             raise ArgumentError(
                 f"vectors must hold 3 numbers for each joint; found {rows.shape[1]} in all"
             )
-        turns = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat().reshape(len(rows), -1, 4)
+        quaternions = Rotation.from_rotvec(rows.reshape(-1, 3)).as_quat().reshape(len(rows), -1, 4)
         total = np.zeros((len(rows), len(rows)))
-        for joint in np.swapaxes(turns, 0, 1):
+        for joint in np.swapaxes(quaternions, 0, 1):
             # Angle of unit quaternions, with the nearer of ±q: atan2 is accurate for small angles.
             gaps = np.linalg.norm(joint[:, np.newaxis] - joint, axis=-1)
             sums = np.linalg.norm(joint[:, np.newaxis] + joint, axis=-1)

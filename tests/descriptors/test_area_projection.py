@@ -9,7 +9,7 @@ from scipy.special import rel_entr
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.descriptors import AreaProjectionTransform
-from riemhuman.descriptors.voxels import VoxelGrid, enclosed_voxels, grid_around
+from riemhuman.descriptors.area_projection import VoxelGrid, _enclosed_voxels, _grid_around
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 
 
@@ -97,8 +97,8 @@ def test_enclosed_voxels_of_solids():
         ),
     ):
         corners = mesh[0][mesh[1]]
-        grid = grid_around(mesh[0], 0.011, 0.03)
-        inside, distance = enclosed_voxels(corners, grid), level(grid.centers)
+        grid = _grid_around(mesh[0], 0.011, 0.03)
+        inside, distance = _enclosed_voxels(corners, grid), level(grid.centers)
         clear = np.abs(distance) > 0.002
         np.testing.assert_array_equal(inside[clear], distance[clear] < 0)
 
@@ -106,7 +106,7 @@ def test_enclosed_voxels_of_solids():
 def test_rays_through_edges_and_corners_count_once():
     box = trimesh.creation.box(extents=(0.4, 0.4, 0.4))  # its corners are centres of voxels
     grid = VoxelGrid(np.full(3, -0.5), 0.1, (11, 11, 11))
-    inside = enclosed_voxels(np.array(box.vertices)[box.faces], grid)
+    inside = _enclosed_voxels(np.array(box.vertices)[box.faces], grid)
     strictly = (np.abs(grid.centers) < 0.15).all(axis=-1)
     beyond = (np.abs(grid.centers) > 0.25).any(axis=-1)
     assert inside[strictly].all()

@@ -1,0 +1,407 @@
+"""Descriptors from the Laplace–Beltrami spectrum: ShapeDNA, heat and wave kernel signatures."""
+
+from __future__ import annotations
+
+import time
+from abc import abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import one_of, real_array, real_number, whole_number
+from riemhuman.descriptors.descriptor import Descriptor, meshes_of, pairwise
+from riemhuman.errors import ArgumentError, RiemhumanError
+from riemhuman.progress import ProgressBar
+from riemhuman.surfaces.spectra import LAPLACIANS, Spectrum, spectrum
+
+_DNA_NORMALIZATIONS = ("none", "area", "first")
+_NORMALIZATIONS = ("none", "area")
+_HEAT_POOLINGS = ("histogram", "mean", "vertex mean")
+_TIMES = tuple(np.geomspace(0.02, 2.0, 16).tolist())
+# Range of log₁₀(4πt h), which is 0 where the surface is flat within a distance of √t.
+_HEAT_RANGE = -0.5, 1.5
+_WAVE_POOLINGS = ("histogram", "vertex mean")
+_ENERGIES = tuple(np.linspace(1.5, 5.5, 24).tolist())
+# Range of the signature times the area, whose mean over any surface is 1.
+_WAVE_RANGE = 0.0, 4.0
+
+
+class SpectralDescriptor(Descriptor):
+    """A vector made of the lowest eigenvalues and eigenfunctions of a surface.
+
+    Subclasses are frozen dataclasses of parameters that define `of_spectrum`.
+    """
+
+    _in_threads = False
+
+    n_eigenvalues: int
+    laplacian: str
+
+    @abstractmethod
+    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+        """Return the vector of a surface from at least `n_eigenvalues` of its eigenvalues."""
+
+    def describe(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        return self.of_spectrum(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian))
+
+    @staticmethod
+    def describe_together(
+        descriptors: Sequence[SpectralDescriptor], bodies: Any, *, progress: bool = False
+    ) -> tuple[list[np.ndarray], list[float]]:
+        """Return the vectors of several descriptors; each surface's spectrum is computed once.
+
+        Parameters
+        ----------
+        descriptors : sequence of SpectralDescriptor
+            The descriptors.
+        bodies : object or iterable of (vertices, faces)
+            Surfaces, as for `describe_all`.
+        progress : bool
+            Whether to show a progress bar.
+
+        Returns
+        -------
+        vectors : list of array, each of shape (n, d)
+            Vectors of each descriptor.
+        seconds : list of float
+            Wall-clock time that each descriptor would take alone.
+
+        Raises
+        ------
+        RiemhumanError
+            If a surface cannot be described; the message gives its number.
+        """
+        count, mesh = meshes_of(bodies)
+        needed: dict[str, int] = {}
+        for descriptor in descriptors:
+            known = needed.get(descriptor.laplacian, 0)
+            needed[descriptor.laplacian] = max(descriptor.n_eigenvalues, known)
+        vectors: list[list[np.ndarray]] = [[] for _ in descriptors]
+        seconds = np.zeros(len(descriptors))
+        for index in ProgressBar(range(count), disable=not progress, unit="spectrum"):
+            for laplacian, n_eigenvalues in needed.items():
+                began = time.perf_counter()
+                try:
+                    modes = spectrum(*mesh(index), n_eigenvalues, laplacian)
+                except RiemhumanError as error:
+                    raise type(error)(f"body {index}: {error}") from error
+                shared = time.perf_counter() - began
+                for k, descriptor in enumerate(descriptors):
+                    if descriptor.laplacian == laplacian:
+                        began = time.perf_counter()
+                        vectors[k].append(descriptor.of_spectrum(modes))
+                        seconds[k] += shared + time.perf_counter() - began
+        return [np.stack(rows) for rows in vectors], seconds.tolist()
+
+
+@dataclass(frozen=True)
+class ShapeDNA(SpectralDescriptor):
+    r"""The first eigenvalues of the Laplace–Beltrami operator, without zero [1]_.
+
+    They depend only on lengths within the surface, so bending does not change them. By Weyl's law
+    they grow like :math:`\mu_k \approx 4\pi k / A`; divided by k, they have similar sizes. The
+    distance is Euclidean.
+
+    Parameters
+    ----------
+    n_eigenvalues : int
+        Number of eigenvalues.
+    normalization : {"none", "area", "first"}
+        "none" keeps eigenvalues in 1 / metre², which depend on the size of the body. "area"
+        multiplies them by the area of the surface, and "first" divides them by the first one; both
+        remove the size.
+    reweighted : bool
+        Whether to divide the k-th eigenvalue by k.
+    laplacian : {"cotangent", "robust"}
+        Discretisation, see `riemhuman.surfaces.spectrum`.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a parameter is of the wrong type.
+    ArgumentError
+        If the normalisation or Laplacian is unknown, or `n_eigenvalues` is less than one.
+
+    References
+    ----------
+    .. [1] Reuter, Wolter, Peinecke, "Laplace–Beltrami spectra as 'Shape-DNA' of surfaces and
+       solids", Computer-Aided Design 38(4), 2006.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.ShapeDNA(n_eigenvalues=10)
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
+    """
+
+    n_eigenvalues: int = 50
+    normalization: str = "none"
+    reweighted: bool = True
+    laplacian: str = "cotangent"
+
+    def __post_init__(self) -> None:
+        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
+        one_of(self.normalization, "normalization", _DNA_NORMALIZATIONS)
+        one_of(self.laplacian, "laplacian", LAPLACIANS)
+
+    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+        values = modes.eigenvalues[: self.n_eigenvalues]
+        if self.normalization == "area":
+            values = values * modes.areas.sum()
+        elif self.normalization == "first":
+            values = values / values[0]
+        return values / np.arange(1, len(values) + 1) if self.reweighted else values
+
+
+class KernelSignature(SpectralDescriptor):
+    """Spectral signatures Σ_k w_k φ_k(x)² of all points x, pooled over the surface.
+
+    Subclasses are frozen dataclasses of parameters that define `_of`, the signatures of a spectrum.
+    The distance of histograms is the sum of absolute differences, that of means is Euclidean.
+    """
+
+    pooling: str
+    normalization: str
+    n_bins: int
+
+    def signatures(self, vertices: ArrayLike, faces: ArrayLike) -> np.ndarray:
+        """Return the signatures of every vertex.
+
+        Parameters
+        ----------
+        vertices : array_like, shape (V, 3)
+            Vertex positions, in metres.
+        faces : array_like, shape (F, 3)
+            Vertex indices of each triangle, counted from 0.
+
+        Returns
+        -------
+        array, shape (n_scales, V)
+            One row for each time or energy. Heat kernel signatures are in 1 / metre², or without
+            unit for surfaces scaled to area 1; wave kernel signatures are multiplied by the area
+            and have mean 1 over the surface.
+
+        Raises
+        ------
+        ArgumentTypeError
+            If an array does not hold numbers of the right kind.
+        ArgumentError
+            If the arrays are no mesh, or the mesh has too few eigenvalues.
+        DegenerateSurfaceError
+            If a triangle has no area, with the cotangent Laplacian.
+        """
+        return self._of(self._scaled(spectrum(vertices, faces, self.n_eigenvalues, self.laplacian)))
+
+    def distances(self, vectors: ArrayLike) -> np.ndarray:
+        return pairwise(vectors, "cityblock" if self.pooling == "histogram" else "euclidean")
+
+    @abstractmethod
+    def _of(self, modes: Spectrum) -> np.ndarray:
+        """Return the signatures, shape (n_scales, V)."""
+
+    def _scaled(self, modes: Spectrum) -> Spectrum:
+        """Return the part of a spectrum that is used, scaled to area 1 if requested."""
+        modes = modes.first(self.n_eigenvalues)
+        return modes.of_unit_area() if self.normalization == "area" else modes
+
+    def _check_choices(self, poolings: tuple[str, ...]) -> None:
+        one_of(self.pooling, "pooling", poolings)
+        one_of(self.normalization, "normalization", _NORMALIZATIONS)
+        whole_number(self.n_eigenvalues, "n_eigenvalues", minimum=1)
+        whole_number(self.n_bins, "n_bins", minimum=2)
+        one_of(self.laplacian, "laplacian", LAPLACIANS)
+
+
+@dataclass(frozen=True)
+class HeatKernelSignature(KernelSignature):
+    r"""The heat kernel signature, pooled over the surface [1]_.
+
+    The signature of a point x is :math:`h_t(x) = \sum_k e^{-\mu_k t} \varphi_k(x)^2`, including the
+    eigenvalue zero. The descriptor uses :math:`\log_{10}(4\pi t\,h_t)`, which is 0 at points of a
+    plane. Since distributions of signatures distinguish surfaces [2]_, the default is a histogram
+    for each time, weighted by area; the distance of histograms is the sum of absolute differences.
+    The distance of means is Euclidean; the mean weighted by area is the heat trace
+    :math:`\sum_k e^{-\mu_k t} / A`, which depends on the eigenvalues alone.
+
+    Parameters
+    ----------
+    times : sequence of float
+        Times t > 0, in square metres, or in units of the surface's area; see `normalization`.
+    pooling : {"histogram", "mean", "vertex mean"}
+        "mean" is weighted by area. "vertex mean" is not: it depends on the distribution of the
+        vertices over the surface, and is meaningful only for registered surfaces.
+    normalization : {"none", "area"}
+        Whether surfaces are compared at their size, or scaled to area 1.
+    n_eigenvalues : int
+        Number of eigenvalues in the sum, not counting zero.
+    n_bins : int
+        Number of bins of a histogram.
+    laplacian : {"cotangent", "robust"}
+        Discretisation, see `riemhuman.surfaces.spectrum`.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a parameter is of the wrong type.
+    ArgumentError
+        If a time is not positive, or a choice is unknown.
+
+    References
+    ----------
+    .. [1] Sun, Ovsjanikov, Guibas, "A Concise and Provably Informative Multi-Scale Signature
+       Based on Heat Diffusion", SGP 2009.
+    .. [2] Bronstein, Bronstein, Guibas, Ovsjanikov, "Shape Google: Geometric Words and Expressions
+       for Invariant Shape Retrieval", ACM Transactions on Graphics 30(1), 2011.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.HeatKernelSignature()
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
+    """
+
+    times: tuple[float, ...] = _TIMES
+    pooling: str = "histogram"
+    normalization: str = "none"
+    n_eigenvalues: int = 60
+    n_bins: int = 16
+    laplacian: str = "cotangent"
+
+    def __post_init__(self) -> None:
+        times = real_array(self.times, "times", ("n_times",), batched=False)
+        if times.size == 0 or times.min() <= 0:
+            raise ArgumentError(f"times must be positive numbers; found {times.tolist()}")
+        object.__setattr__(self, "times", tuple(times.tolist()))
+        self._check_choices(_HEAT_POOLINGS)
+
+    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+        """Return the pooled signatures, shape (n_times * n_bins,), or (n_times,) for a mean."""
+        modes = self._scaled(modes)
+        used = modes.areas > 0
+        areas = modes.areas[used]
+        excess = 4 * np.pi * np.array(self.times)[:, np.newaxis] * self._of(modes)[:, used]
+        if self.pooling == "histogram":
+            return _area_histograms(np.log10(excess), areas, _HEAT_RANGE, self.n_bins)
+        weights = areas if self.pooling == "mean" else None
+        return np.log10(np.average(excess, axis=1, weights=weights))
+
+    def _of(self, modes: Spectrum) -> np.ndarray:
+        decay = np.exp(-np.outer(self.times, modes.eigenvalues))
+        return decay @ modes.functions**2 + modes.constants
+
+
+@dataclass(frozen=True)
+class WaveKernelSignature(KernelSignature):
+    r"""The wave kernel signature, pooled over the surface [1]_.
+
+    The signature of a point x is the average of :math:`\varphi_k(x)^2` over the eigenfunctions
+    with weights :math:`\exp(-(e - \log\mu_k)^2 / 2\sigma^2)`, here multiplied by the area of the
+    surface. Its mean weighted by area is then 1 at every energy; therefore `pooling` does not offer
+    that mean. The default is a histogram for each energy, weighted by area; the distance of
+    histograms is the sum of absolute differences.
+
+    Parameters
+    ----------
+    energies : sequence of float
+        Energies e = log μ, with μ in 1 / metre², or without unit for surfaces scaled to area 1, see
+        `normalization`.
+    sigma : float, optional
+        Width σ > 0 of the weights; by default seven hundredths of the range of energies, as in the
+        paper.
+    pooling : {"histogram", "vertex mean"}
+        "vertex mean" is the mean over vertices: it depends on their distribution over the surface,
+        and is meaningful only for registered surfaces.
+    normalization : {"none", "area"}
+        Whether surfaces are compared at their size, or scaled to area 1.
+    n_eigenvalues : int
+        Number of eigenfunctions in the average.
+    n_bins : int
+        Number of bins of a histogram.
+    laplacian : {"cotangent", "robust"}
+        Discretisation, see `riemhuman.surfaces.spectrum`.
+
+    Raises
+    ------
+    ArgumentTypeError
+        If a parameter is of the wrong type.
+    ArgumentError
+        If a number is out of range, or a choice is unknown.
+
+    References
+    ----------
+    .. [1] Aubry, Schlickewei, Cremers, "The wave kernel signature: A quantum mechanical approach
+       to shape analysis", ICCV Workshops 2011.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> descriptor = rh.descriptors.WaveKernelSignature()
+    >>> first, second = (descriptor.describe(f, bodies.template.faces) for f in bodies.points[:2])
+    >>> bool(descriptor.distances([first, second])[0, 1] > 0)
+    True
+    """
+
+    energies: tuple[float, ...] = _ENERGIES
+    sigma: float | None = None
+    pooling: str = "histogram"
+    normalization: str = "none"
+    n_eigenvalues: int = 60
+    n_bins: int = 32
+    laplacian: str = "cotangent"
+
+    def __post_init__(self) -> None:
+        energies = real_array(self.energies, "energies", ("n_energies",), batched=False)
+        object.__setattr__(self, "energies", tuple(energies.tolist()))
+        if energies.size == 0:
+            raise ArgumentError("energies is empty; at least one is needed")
+        if self.sigma is not None:
+            real_number(self.sigma, "sigma", minimum=0.0, strict=True)
+        elif np.ptp(energies) == 0:
+            raise ArgumentError(
+                "energies must hold at least two different numbers, or sigma be given; found "
+                f"{self.energies}"
+            )
+        self._check_choices(_WAVE_POOLINGS)
+
+    def of_spectrum(self, modes: Spectrum) -> np.ndarray:
+        """Return the pooled signatures, (n_energies * n_bins,), or (n_energies,) for a mean."""
+        modes = self._scaled(modes)
+        used = modes.areas > 0
+        values = self._of(modes)[:, used]
+        if self.pooling == "histogram":
+            return _area_histograms(values, modes.areas[used], _WAVE_RANGE, self.n_bins)
+        return values.mean(axis=1)
+
+    def _of(self, modes: Spectrum) -> np.ndarray:
+        gaps = np.array(self.energies)[:, np.newaxis] - np.log(modes.eigenvalues)
+        sigma = 0.07 * np.ptp(self.energies) if self.sigma is None else self.sigma
+        exponents = -(gaps**2) / (2 * sigma**2)
+        # The largest weight is scaled to 1, so that it cannot underflow far from all eigenvalues.
+        weights = np.exp(exponents - exponents.max(axis=1, keepdims=True))
+        weights /= weights.sum(axis=1, keepdims=True)
+        return modes.areas.sum() * (weights @ modes.functions**2)
+
+
+def _area_histograms(
+    values: np.ndarray, areas: np.ndarray, limits: tuple[float, float], n_bins: int
+) -> np.ndarray:
+    """Return histograms, each summing to 1, of functions (m, V) weighted by vertex areas (V,).
+
+    The first and the last bin also count values beyond them.
+    """
+    lower, upper = limits
+    position = (values - lower) * (n_bins / (upper - lower))
+    bins = np.clip(position, 0, n_bins - 1).astype(np.int64)
+    bins += n_bins * np.arange(len(values))[:, np.newaxis]
+    shares = np.broadcast_to(areas / areas.sum(), values.shape)
+    return np.bincount(bins.ravel(), shares.ravel(), minlength=len(values) * n_bins)
