@@ -34,71 +34,22 @@ def fields(**changes):
     return values | changes
 
 
-def test_what_is_kept():
-    values = fields()
-    bodies = Bodies(**values)
-    assert len(bodies) == 6
-    for name in ("points", "betas", "pose_vectors", "translations"):
-        np.testing.assert_array_equal(getattr(bodies, name), values[name])
-        assert getattr(bodies, name).dtype == np.float64
-    assert bodies.subject.dtype == bodies.pose.dtype == np.int64
-    assert bodies.subject.tolist() == values["subject"]
-    assert bodies.pose.tolist() == values["pose"]
-    assert bodies.subject_names == ("Ada", "Ben")
-    assert bodies.pose_names == ("up", "down", "aside")
-    assert bodies.template is TEMPLATE
-
-
-def test_what_may_be_left_out():
-    names = ("points", "subject", "pose", "template", "subject_names", "pose_names")
-    bodies = Bodies(**{name: fields()[name] for name in names})
-    assert bodies.model is bodies.betas is bodies.pose_vectors is bodies.translations is None
-    empty = Bodies(np.zeros((0, 4, 3)), np.zeros(0, int), np.zeros(0, int), TEMPLATE)
-    assert len(empty) == 0
-    assert empty.subject_names == empty.pose_names == ()
-
-
-def test_fields_cannot_be_replaced():
-    bodies = Bodies(**fields())
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        bodies.points = np.zeros((6, 4, 3))
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
         ({"points": np.zeros((6, 5, 3))}, r"points must have shape \(n_bodies, 4, 3\); found"),
-        ({"points": np.zeros((4, 3))}, "points must have shape"),
         ({"points": np.full((6, 4, 3), np.nan)}, "points holds 72 NaN"),
         ({"subject": [0] * 5}, r"subject must have shape \(6\); found \(5,\)"),
         ({"subject": [0, 0, 0, 1, 1, 2]}, "subject holds labels from 0 to 2; subject_names names"),
-        ({"subject": [0, 0, 0, 1, 1, -1]}, "subject holds labels from -1 to 1"),
-        ({"pose": [[0, 1, 2, 0, 1, 2]]}, "pose must have shape"),
-        ({"pose": [0, 1, 2, 3, 1, 2]}, "pose holds labels from 0 to 3; pose_names names only 3"),
         ({"pose_names": ()}, "pose_names names only 0"),
         ({"betas": np.zeros((5, 5))}, r"betas must have shape \(6, n_betas\)"),
-        ({"betas": np.full((6, 1), np.inf)}, "betas holds 6 NaN"),
         ({"pose_vectors": np.zeros((6, 6))}, r"pose_vectors must have shape \(6, n_joints, 3\)"),
-        ({"pose_vectors": np.full((6, 2, 3), np.nan)}, "pose_vectors holds 36 NaN"),
         ({"translations": np.zeros(3)}, r"translations must have shape \(6, 3\)"),
-        ({"translations": np.full((6, 3), np.nan)}, "translations holds 18 NaN"),
     ],
 )
 def test_refusals(changes, message):
     with pytest.raises(ArgumentError, match=message):
         Bodies(**fields(**changes))
-
-
-@pytest.mark.parametrize("name", ["subject", "pose"])
-def test_labels_are_whole_numbers(name):
-    with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of whole numbers"):
-        Bodies(**fields(**{name: [0.5] * 6}))
-
-
-@pytest.mark.parametrize("name", ["points", "betas", "pose_vectors", "translations"])
-def test_measurements_are_real_numbers(name):
-    with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
-        Bodies(**fields(**{name: "many"}))
 
 
 def test_ids():
@@ -161,6 +112,20 @@ def test_select():
             bodies.select(**wrong)
 
 
+def test_fields():
+    values = fields()
+    bodies = Bodies(**values)
+    for name in ("points", "betas", "pose_vectors", "translations", "subject", "pose"):
+        np.testing.assert_array_equal(getattr(bodies, name), values[name])
+    assert bodies.subject.dtype == np.int64
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        bodies.points = np.zeros((6, 4, 3))
+    for name, wrong in (("subject", [0.5] * 6), ("betas", "many")):
+        with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of"):
+            Bodies(**fields(**{name: wrong}))
+    assert len(Bodies(np.zeros((0, 4, 3)), np.zeros(0, int), np.zeros(0, int), TEMPLATE)) == 0
+
+
 @pytest.mark.parametrize("left_out", [(), ("betas", "pose_vectors", "translations")])
 def test_save_and_load(tmp_path, left_out):
     bodies = Bodies(**fields(ids=list("abcdef"), **dict.fromkeys(left_out)))
@@ -172,10 +137,7 @@ def test_save_and_load(tmp_path, left_out):
     np.testing.assert_array_equal(again.template.faces, TEMPLATE.faces)
     for name in ("subject_names", "pose_names", "ids"):
         assert getattr(again, name) == getattr(bodies, name)
-
-
-def test_empty_bodies_survive_a_file(tmp_path):
-    Bodies(**fields())[[]].save(tmp_path / "none.npz")
+    bodies[[]].save(tmp_path / "none.npz")
     assert len(Bodies.load(tmp_path / "none.npz")) == 0
 
 

@@ -63,22 +63,6 @@ def test_numbers_find_names(tmp_path, names):
     assert [file.stem for file in load_shrec14(tmp_path).files] == names
 
 
-def test_ids_may_be_names_with_endings(tmp_path):
-    write_meshes(tmp_path, ["a", "b", "10", "c", "d"], "ply")
-    text = CLASSES
-    for number, name in enumerate(["a.obj", "b.ply", "10", "c.OFF", "sub/d"]):
-        text = text.replace(f"\n{number}\n", f"\n{name}\n")
-    classes = tmp_path / "elsewhere.txt"
-    classes.write_text(text)
-    assert [file.stem for file in load_shrec14(tmp_path, classes).files] == [
-        "a",
-        "b",
-        "10",
-        "c",
-        "d",
-    ]
-
-
 def test_formats_have_an_order_and_hidden_files_do_not_count(data):
     write_meshes(data / "Data", ["0"], "off")
     write_meshes(data / "Data", ["0"], "ply")
