@@ -6,12 +6,15 @@ import autograd
 import autograd.numpy as anp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from oracles import taylor_slope
 from scipy.spatial.transform import Rotation
 
 from riemhuman.bodies import BodyModel
+from riemhuman.bodies.skinning import joint_parents, parents_first
 from riemhuman.datasets import load_open_model
-from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
+from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 
 N_VERTICES, N_JOINTS, N_BETAS = 9, 4, 2
 
@@ -149,18 +152,10 @@ def test_bones_keep_their_lengths(model):
     np.testing.assert_allclose(lengths(posed), lengths(rest), atol=1e-12)
 
 
-def test_batched_as_one_by_one(model):
-    betas, pose, trans = parameters(model, (2, 3))
-    points, joints = model(betas, pose, trans), model.joints(betas, pose, trans)
-    assert points.shape == (2, 3, model.n_vertices, 3)
-    assert joints.shape == (2, 3, model.n_joints, 3)
-    for i in np.ndindex(2, 3):
-        np.testing.assert_allclose(points[i], model(betas[i], pose[i], trans[i]), atol=1e-13)
-        np.testing.assert_allclose(joints[i], model.joints(betas[i], pose[i], trans[i]), atol=1e-13)
-
-
 def test_leading_axes_broadcast(model):
     betas, pose, trans = parameters(model, (4, 3))
+    flat = pose.reshape(4, 3, -1)
+    np.testing.assert_array_equal(model(betas, flat, trans), model(betas, pose, trans))
     betas, pose, trans = betas[:, :1], pose[:1], trans[0, 0]
     for function in (model, model.joints):
         found = function(betas, pose, trans)
@@ -171,34 +166,6 @@ def test_leading_axes_broadcast(model):
         assert function(pose=pose[0]).shape[:-2] == (3,)
         assert function(betas, trans=np.zeros((3, 3))).shape[:-2] == (4, 3)
         assert function(np.zeros((0, model.n_betas)), pose[0, 0]).shape[:-2] == (0,)
-
-
-def test_flat_pose(model):
-    betas, pose, trans = parameters(model, (2,))
-    flat = pose.reshape(2, -1)
-    np.testing.assert_array_equal(model(betas, flat, trans), model(betas, pose, trans))
-    np.testing.assert_array_equal(model.joints(pose=flat[0]), model.joints(pose=pose[0]))
-
-
-def test_arguments_and_model_stay_as_they_are(model):
-    arguments = parameters(model, (2,))
-    before = [argument.copy() for argument in arguments]
-    rest = model().copy()
-    model(*arguments)
-    for argument, kept in zip(arguments, before, strict=True):
-        np.testing.assert_array_equal(argument, kept)
-    np.testing.assert_array_equal(model(), rest)
-    for array in (model.shapedirs, model.joint_regressor, model.weights, model.parents):
-        assert not array.flags.writeable
-
-
-def test_fields_are_copied():
-    fields = small_fields()
-    model = model_of(fields)
-    rest = model(*parameters(model))
-    for array in fields.values():
-        array[...] = 0
-    np.testing.assert_array_equal(model(*parameters(model)), rest)
 
 
 @pytest.mark.parametrize("argument", [0, 1, 2])
@@ -226,17 +193,6 @@ def test_gradients(model, argument, joints, at_rest):
     assert np.sum(gradient * direction) == pytest.approx(central, rel=1e-6, abs=1e-6)
 
 
-def test_gradients_sum_over_broadcast_axes():
-    model = small_model()
-    betas, pose, trans = parameters(model, (3,))
-
-    def function(betas):
-        return anp.sum(model(betas, pose, trans) ** 2)
-
-    gradient = autograd.grad(function)(betas[0])
-    assert taylor_slope(function, betas[0], betas[1], gradient) > 1.9
-
-
 def test_round_trip(model, tmp_path):
     path = tmp_path / "body.npz"
     model.save(path)
@@ -244,6 +200,7 @@ def test_round_trip(model, tmp_path):
     for name in ("faces", "shapedirs", "joint_regressor", "weights", "parents"):
         np.testing.assert_array_equal(getattr(found, name), getattr(model, name))
     assert found.joint_names == model.joint_names
+    assert not found.weights.flags.writeable
     assert (found.posedirs is None) == (model.posedirs is None)
     np.testing.assert_array_equal(found(*parameters(model)), model(*parameters(model)))
     assert os.listdir(tmp_path) == ["body.npz"]
@@ -260,20 +217,6 @@ def test_single_precision_is_smaller_and_close(tmp_path):
     np.testing.assert_allclose(found(*arguments), model(*arguments), rtol=0, atol=1e-5)
 
 
-def test_saving_where_nothing_can_be_written(tmp_path):
-    with pytest.raises(FileError, match="nowhere"):
-        small_model().save(tmp_path / "nowhere" / "body.npz")
-    with pytest.raises(FileError, match="cannot be written"):
-        small_model().save(tmp_path)
-    with pytest.raises(ArgumentTypeError, match="path"):
-        small_model().save(None)
-
-
-def test_names_of_joints():
-    assert small_model().joint_names == ("joint_0", "joint_1", "joint_2", "joint_3")
-    assert small_model(joint_names=list("abcd")).joint_names == ("a", "b", "c", "d")
-
-
 @pytest.mark.parametrize("root", [-1, 2**32 - 1])
 @pytest.mark.parametrize("dtype", [np.int64, np.uint32, np.float64])
 def test_root_in_every_spelling(root, dtype, tmp_path):
@@ -281,12 +224,6 @@ def test_root_in_every_spelling(root, dtype, tmp_path):
     np.savez(tmp_path / "body.npz", **small_fields(kintree_table=table.astype(dtype)))
     model = BodyModel.from_file(tmp_path / "body.npz")
     assert model.parents.tolist() == [-1, 0, 1, 0]
-
-
-def test_other_fields_are_left_unread(tmp_path):
-    pickled = np.array({"head": 15}, dtype=object)
-    np.savez(tmp_path / "body.npz", part_numbers=pickled, **small_fields())
-    assert BodyModel.from_file(tmp_path / "body.npz").n_joints == N_JOINTS
 
 
 def spoilt(name, index, value):
@@ -297,14 +234,11 @@ def spoilt(name, index, value):
 
 REFUSED = {
     "v_template of another length": ({"v_template": np.eye(8, 3)}, "faces"),
-    "v_template flat": ({"v_template": np.zeros(27)}, "v_template must have shape"),
     "v_template not finite": (spoilt("v_template", (2, 1), np.nan), "v_template holds 1 NaN"),
     "faces beyond the vertices": ({"f": [[0, 1, N_VERTICES]]}, "faces"),
     "shapedirs without betas": ({"shapedirs": np.zeros((N_VERTICES, 3))}, "shapedirs must have"),
-    "shapedirs not finite": (spoilt("shapedirs", (0, 0, 0), np.inf), "shapedirs holds 1 NaN"),
     "shapedirs words": ({"shapedirs": np.array(["a"])}, "shapedirs must be an array of real"),
     "J_regressor transposed": ({"J_regressor": small_fields()["J_regressor"].T}, "J_regressor"),
-    "J_regressor not finite": (spoilt("J_regressor", (1, 1), np.nan), "J_regressor holds 1 NaN"),
     "J_regressor off one": (
         {"J_regressor": 2 * small_fields()["J_regressor"]},
         "every row of J_regressor must sum to one; row . sums to 2",
@@ -314,22 +248,18 @@ REFUSED = {
         {"weights": np.full((N_VERTICES, 4), 0.26)},
         "every row of weights must sum to one; row 0 sums to 1.04",
     ),
-    "weights not finite": (spoilt("weights", (3, 2), np.nan), r"weights holds 1 NaN.*\(3, 2\)"),
     "weights negative": (
         spoilt("weights", 4, [-0.5, 1.5, 0.0, 0.0]),
         "weights must not be negative; found -0.5 at vertex 4, joint 0",
     ),
-    "tree of three joints": ({"kintree_table": [[-1, 0, 1], [0, 1, 2]]}, "kintree_table must have"),
     "tree with a cycle": (
         {"kintree_table": [[-1, 2, 3, 1], [0, 1, 2, 3]]},
         r"kintree_table has a cycle: joints \[1, 2, 3\]",
     ),
-    "tree with a loop": ({"kintree_table": [[-1, 1, 0, 0], [0, 1, 2, 3]]}, "kintree_table.*cycle"),
     "two roots": (
         {"kintree_table": [[-1, 0, 2**32 - 1, 0], [0, 1, 2, 3]]},
         r"kintree_table must have one root; found roots \[0, 2\]",
     ),
-    "no root": ({"kintree_table": [[3, 0, 1, 2], [0, 1, 2, 3]]}, r"one root; found roots \[\]"),
     "unknown parent": (
         {"kintree_table": [[-1, 0, 7, 0], [0, 1, 2, 3]]},
         "kintree_table names 7 as the parent of joint 2",
@@ -343,10 +273,7 @@ REFUSED = {
         {"posedirs": np.zeros((N_VERTICES, 3, 36))},
         r"posedirs must have shape \(9, 3, 27\)",
     ),
-    "posedirs not finite": (spoilt("posedirs", (0, 0, 5), np.nan), "posedirs holds 1 NaN"),
     "three names": ({"joint_names": list("abc")}, "joint_names must hold 4 different names"),
-    "a name twice": ({"joint_names": list("abca")}, "joint_names must hold 4 different names"),
-    "one word": ({"joint_names": "abcd"}, "joint_names must hold 4 different names"),
 }
 
 
@@ -360,60 +287,50 @@ def test_malformed_fields(case, tmp_path):
         BodyModel.from_file(tmp_path / "body.npz")
 
 
-@pytest.mark.parametrize("name", [name for name in small_fields() if name != "posedirs"])
-def test_missing_fields_are_named(name, tmp_path):
-    np.savez(tmp_path / "body.npz", **small_fields(**{name: None}))
-    with pytest.raises(
-        FileFormatError, match=rf"body\.npz lacks the fields {name}; found (J_regressor|f),"
-    ):
-        BodyModel.from_file(tmp_path / "body.npz")
-
-
-def test_files_that_are_no_models(tmp_path):
-    with pytest.raises(FileError, match=r"missing\.npz cannot be read"):
-        BodyModel.from_file(tmp_path / "missing.npz")
-    with pytest.raises(FileError, match="cannot be read"):
-        BodyModel.from_file(tmp_path)
-    with pytest.raises(ArgumentTypeError, match="path"):
-        BodyModel.from_file(None)
-    path = tmp_path / "body.npz"
-    with path.open("wb") as stream:
-        np.save(stream, np.zeros((5, 3)))
-    with pytest.raises(FileFormatError, match=r"body\.npz is not an \.npz archive"):
-        BodyModel.from_file(path)
-    np.savez(path, **small_fields(weights=np.array([{}], dtype=object)))
-    with pytest.raises(FileFormatError, match="not an .npz archive of plain arrays"):
-        BodyModel.from_file(path)
-
-
-def test_garbage_and_truncated_files(tmp_path):
-    path = tmp_path / "body.npz"
-    small_model().save(path)
-    whole = path.read_bytes()
-    cuts = np.linspace(0, len(whole) - 1, 12).astype(int)
-    for content in [b"garbage", bytes(500), *(whole[:cut] for cut in cuts)]:
-        path.write_bytes(content)
-        with pytest.raises(FileFormatError, match=r"body\.npz"):
-            BodyModel.from_file(path)
-
-
 @pytest.mark.parametrize("method", ["__call__", "joints"])
 def test_wrong_arguments(method):
     model = small_model()
     evaluate = getattr(model, method)
     for arguments, message in [
         ({"betas": np.zeros(N_BETAS + 1)}, r"betas must have shape \(\.\.\., 2\); found \(3,\)"),
-        ({"betas": 0.5}, "betas must have shape"),
         ({"betas": [np.nan, 0.0]}, "betas holds 1 NaN"),
         ({"pose": np.zeros((3, 3))}, r"pose must have shape .*4, 3.* or .*12.*; found \(3, 3\)"),
-        ({"pose": np.zeros(11)}, "pose must have shape"),
         ({"pose": 0.0}, "pose must have shape"),
-        ({"pose": np.full((4, 3), np.inf)}, "pose holds 12 NaN"),
         ({"trans": np.zeros(2)}, "trans must have shape"),
-        ({"trans": [0.0, np.nan, 0.0]}, "trans holds 1 NaN"),
     ]:
         with pytest.raises(ArgumentError, match=message):
             evaluate(**arguments)
     for name in ("betas", "pose", "trans"):
         with pytest.raises(ArgumentTypeError, match=f"{name} must be an array of real numbers"):
             evaluate(**{name: "tall"})
+
+
+@st.composite
+def trees(draw):
+    """Return the parents of a random tree whose joints are shuffled."""
+    n_joints = draw(st.integers(1, 12))
+    parents = [-1] + [draw(st.integers(0, joint - 1)) for joint in range(1, n_joints)]
+    order = np.array(draw(st.permutations(range(n_joints))))
+    shuffled = np.empty(n_joints, dtype=np.int64)
+    shuffled[order] = [order[parent] if parent >= 0 else -1 for parent in parents]
+    return shuffled
+
+
+@given(trees())
+def test_parents_come_before_children(parents):
+    order = parents_first(parents)
+    assert sorted(order) == list(range(len(parents)))
+    place = {joint: number for number, joint in enumerate(order)}
+    assert all(place[parent] < place[joint] for joint, parent in enumerate(parents) if parent >= 0)
+
+
+@given(trees(), st.sampled_from([-1, 2**32 - 1]), st.integers(0, 100))
+def test_tables_in_any_numbering(parents, root, shift):
+    numbers = shift + 3 * np.arange(len(parents))
+    table = [[numbers[parent] if parent >= 0 else root for parent in parents], numbers]
+    np.testing.assert_array_equal(joint_parents(table, len(parents)), parents)
+
+
+def test_cycles_are_named():
+    with pytest.raises(ArgumentError, match=r"has a cycle: joints \[1, 3\] never reach the root"):
+        parents_first(np.array([-1, 3, 0, 1]))
