@@ -89,7 +89,7 @@ class Bodies:
         points = real_array(
             self.points, "points", ("n_bodies", self.template.n_vertices, 3), batched=False
         )
-        self._keep(points=points)
+        self._set(points=points)
         for name in ("subject", "pose"):
             labels = integer_array(getattr(self, name), name, (len(points),))
             names = tuple(str(label) for label in getattr(self, f"{name}_names"))
@@ -98,12 +98,12 @@ class Bodies:
                     f"{name} holds labels from {labels.min()} to {labels.max()}; "
                     f"{name}_names names only {len(names)} of them"
                 )
-            self._keep(**{name: labels, f"{name}_names": names})
+            self._set(**{name: labels, f"{name}_names": names})
         trailing = {"betas": ("n_betas",), "pose_vectors": ("n_joints", 3), "translations": (3,)}
         for name, shape in trailing.items():
             if getattr(self, name) is not None:
                 array = real_array(getattr(self, name), name, (len(points), *shape), batched=False)
-                self._keep(**{name: array})
+                self._set(**{name: array})
 
         ids = tuple(str(name) for name in (self.ids or range(len(points))))
         if len(ids) != len(points) or len(set(ids)) < len(ids):
@@ -111,7 +111,7 @@ class Bodies:
                 f"ids must be as many different names as there are surfaces, {len(points)}; found "
                 f"{len(ids)}, {len(set(ids))} of them different"
             )
-        self._keep(ids=ids)
+        self._set(ids=ids)
 
     def __len__(self) -> int:
         """Return the number of surfaces."""
@@ -122,18 +122,16 @@ class Bodies:
     @overload
     def __getitem__(self, index: slice | Sequence[int] | np.ndarray) -> Bodies: ...
     def __getitem__(self, index: Any) -> np.ndarray | Bodies:
-        if not isinstance(index, slice) and np.ndim(index) == 0:
-            try:
-                number = operator.index(index)
-            except TypeError as error:
-                raise ArgumentTypeError(
-                    "bodies are indexed by a whole number, a slice, a mask or several numbers; "
-                    f"found {index!r}"
-                ) from error
-            if not -len(self) <= number < len(self):
-                raise FrameIndexError(f"{self!r} has no surface {number}")
-            return self.points[number]
-        return self._chosen(np.arange(len(self))[index] if isinstance(index, slice) else index)
+        try:
+            numbers = np.arange(len(self))[index]
+        except (IndexError, TypeError) as error:
+            raise FrameIndexError(f"{self!r} has no surfaces {index!r}: {error}") from error
+        if np.ndim(numbers) > 1:
+            raise FrameIndexError(
+                f"bodies are indexed by a number, a slice, a mask or a list of numbers; found "
+                f"{index!r}"
+            )
+        return self.points[numbers] if np.ndim(numbers) == 0 else self._choose(numbers)
 
     def select(
         self,
@@ -171,12 +169,12 @@ class Bodies:
             if wanted is not None:
                 labels = _labels(wanted, name, getattr(self, f"{name}_names"))
                 chosen &= np.isin(getattr(self, name), labels)
-        return self._chosen(chosen)
+        return self._choose(np.flatnonzero(chosen))
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the surfaces and their labels, but not the body model, to an .npz file.
 
-        The file appears whole or not at all.
+        An interrupted call leaves no incomplete file.
 
         Parameters
         ----------
@@ -270,31 +268,14 @@ class Bodies:
         html: str = plots.surfaces_html(self.points, self.template.faces, repr(self).strip("<>"))
         return html
 
-    def _chosen(self, index: Any) -> Bodies:
-        """Return the surfaces at some indices, or where a mask is true."""
-        index = np.asarray(index)
-        is_mask = index.dtype == bool
-        if index.ndim != 1 or not (is_mask or index.dtype.kind in "iu" or index.size == 0):
-            raise ArgumentTypeError(
-                "bodies are indexed by a whole number, a slice, a mask or several numbers; found "
-                f"an array of dtype {index.dtype} and shape {index.shape}"
-            )
-        if is_mask and len(index) != len(self):
-            raise ArgumentError(
-                f"a mask must have an entry for each of {len(self)} surfaces; found {len(index)}"
-            )
-        numbers = np.flatnonzero(index) if is_mask else index.astype(np.int64)
-        if numbers.size and not -len(self) <= numbers.min() <= numbers.max() < len(self):
-            raise FrameIndexError(
-                f"{self!r} has no surface {numbers.min() if numbers.min() < 0 else numbers.max()}"
-            )
-        values = {name: getattr(self, name) for name in _STORED}
-        kept: dict[str, Any] = {
-            name: value[numbers] for name, value in values.items() if value is not None
+    def _choose(self, numbers: np.ndarray) -> Bodies:
+        stored = {name: getattr(self, name) for name in _STORED}
+        chosen: dict[str, Any] = {
+            name: value[numbers] for name, value in stored.items() if value is not None
         }
-        return replace(self, **kept, ids=tuple(self.ids[number] for number in numbers))
+        return replace(self, **chosen, ids=tuple(self.ids[number] for number in numbers))
 
-    def _keep(self, **values: object) -> None:
+    def _set(self, **values: object) -> None:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 

@@ -86,19 +86,9 @@ def test_slices_masks_and_numbers_give_bodies(index, chosen):
     assert some.template is bodies.template
 
 
-@pytest.mark.parametrize(
-    ("index", "error", "message"),
-    [
-        (6, FrameIndexError, "has no surface 6"),
-        ([0, -7], FrameIndexError, "has no surface -7"),
-        (1.5, ArgumentTypeError, "indexed by a whole number"),
-        ([0.5], ArgumentTypeError, "dtype float64"),
-        ([[0]], ArgumentTypeError, r"shape \(1, 1\)"),
-        ([True, False], ArgumentError, "an entry for each of 6 surfaces; found 2"),
-    ],
-)
-def test_indices_that_are_refused(index, error, message):
-    with pytest.raises(error, match=message):
+@pytest.mark.parametrize("index", [6, -7, [0, -7], 1.5, [0.5], [[0]], [True, False], "0", None])
+def test_wrong_indices(index):
+    with pytest.raises(FrameIndexError, match="surfaces|indexed by"):
         Bodies(**fields())[index]
 
 
