@@ -52,7 +52,7 @@ _ALONE = (
     "citing",
     "changelog",
     "extending",
-    "house",
+    "architecture",
     "index",
 )
 html_sidebars: dict[str, list[str]] = {page: [] for page in _ALONE}

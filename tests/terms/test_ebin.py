@@ -51,7 +51,7 @@ def test_squared_dist_agrees_with_matrix_functions(family, lam):
     np.testing.assert_allclose(squared_dist(g1, g2, lam), expected, rtol=1e-10, atol=1e-13)
 
 
-# Slips that a reader of the paper could make (house rule 9).
+# Slips that a reader of the paper could make.
 
 
 def squared_dist_from(theta, g1, g2, lam):
