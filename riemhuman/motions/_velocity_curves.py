@@ -37,7 +37,6 @@ from riemhuman.geometry import EbinMetric, FlatMetric, NormalFieldMetric, Rotati
 from riemhuman.kernels.compiled import compiled
 from riemhuman.kernels.special_orthogonal import axial, transpose
 from riemhuman.motions._frames import Motion, frame_runs
-from riemhuman.terms import _cone_geodesics as cones
 
 # Steps in which the length of the spline is measured, for every side and chord.
 _FINER = 8
@@ -122,9 +121,10 @@ def _chart(metric: Any, base: ndarray, weight: float) -> Any:
 def _ebin_chart(metric: EbinMetric, base: ndarray, weight: float) -> Any:
     """Return coordinates of h at g = LLᵀ: the trace of L⁻¹hL⁻ᵀ, and its trace-free part."""
     scale = np.sqrt(weight * metric.space.template.face_areas * np.sqrt(np.linalg.det(base)))
+    inverse = np.linalg.inv(np.linalg.cholesky(base))
 
     def coordinates(h: ndarray) -> ndarray:
-        whitened = cones.whiten(h, base)
+        whitened = inverse @ h @ np.swapaxes(inverse, -1, -2)
         first, second = whitened[..., 0, 0], whitened[..., 1, 1]
         parts = [
             np.sqrt(metric.lam) * (first + second),
