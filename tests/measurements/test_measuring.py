@@ -1,5 +1,7 @@
 """Measurements of bodies: scaling, rigid motions, remeshing, gradients, poses, missing values."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from lengths import sample
@@ -105,6 +107,20 @@ def test_sizes_of_people(own):
         ("body mass", 50, 85),
     ):
         assert low < measured[name] < high, name
+
+
+def test_thigh_is_measured_where_the_line_crosses_the_trunk(own):
+    """A crotch that is eight centimetres lower takes the place of a part of the line."""
+    model = load_open_model("coarse")
+    point = model(np.zeros(16), own.definitions.standard_pose_vector)
+    crotch = own.definitions.landmarks["crotch"]
+    middle = crotch[1] @ point[crotch[0]]
+    lowered = point - 0.08 * np.exp(-(((point - middle) / 0.06) ** 2).sum(1))[:, None] * [0, 1, 0]
+    thigh = own.definitions.measurements[own.names.index("thigh girth")]
+    plain = Measurements(own.definitions, [replace(thigh, leave_out=())])
+    assert list(plain.measure(lowered, missing="nan").why_missing) == [(0, "thigh girth")]
+    girths = own.measure(np.stack([point, lowered]))["thigh girth"]
+    np.testing.assert_allclose(girths[1], girths[0], rtol=0.1)
 
 
 def test_lines_have_the_measured_lengths(bodies, own):

@@ -116,7 +116,15 @@ def open_definitions(fractions: Mapping[str, float]) -> tuple[Measurement, ...]:
             standard=_CLOTHING,
             **arm,
         ),
-        Girth(name="thigh girth", at="right_thigh", normal=_THIGH, standard=_CLOTHING, **leg),
+        # Where thighs touch, or the crotch is low, the line crosses other parts.
+        Girth(
+            name="thigh girth",
+            at="right_thigh",
+            normal=_THIGH,
+            leave_out=(*TRUNK, "left leg", *ARMS),
+            standard=_CLOTHING,
+            **leg,
+        ),
         Girth(name="mid-thigh girth", at=on(_THIGH, 0.5), normal=_THIGH, standard=_CLOTHING, **leg),
         Girth(
             name="knee girth",
