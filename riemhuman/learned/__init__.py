@@ -1,4 +1,4 @@
-"""Learned codes: networks that describe a body by a few numbers, and rebuild it from them."""
+"""Learned codes: vectors that describe a body, by trained networks or fitted to a metric."""
 
 from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
 from riemhuman.learned.metric_codes import MetricCodes

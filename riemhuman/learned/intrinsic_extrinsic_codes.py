@@ -2,35 +2,21 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Mapping
 from copy import copy
-from types import MappingProxyType, ModuleType
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.errors import ArgumentError
+from riemhuman.errors import ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
-from riemhuman.learned.codes import PairedCodes, checked_template
-from riemhuman.learned.networks import in_single_precision, network
-from riemhuman.learned.point_clouds import (
-    cloud_features,
-    cloud_shapes,
-    initial_cloud,
-    surface_points,
-)
-from riemhuman.learned.weight_files import Weights, check_training_bodies
-from riemhuman.progress import ProgressBar
-from riemhuman.surfaces.spectra import spectrum
-from riemhuman.surfaces.template import Template
+from riemhuman.learned._codes import PairedCodes
+from riemhuman.learned._networks import cloud_features, cloud_shapes, network
+from riemhuman.learned._weight_files import Weights
+from riemhuman.surfaces import Template
 
-# Errors with loss one: of a point, in metres, and of the logarithm of an eigenvalue.
-_ERROR, _LOGARITHM = 0.03, 0.02
-# Standard deviation of the noise on codes, and the weights of their size and covariances.
-_NOISE, _SIZE, _COVARIANCE = 0.05, 1e-3, 1.0
 # Number of clouds of a body whose codes are averaged, and the seed of their points.
 _CLOUDS, _SEED_OF_POINTS = 4, 0
 
@@ -42,33 +28,25 @@ class IntrinsicExtrinsicCodes(PairedCodes):
     Training needs no labels, and codes need no registered mesh: the network reads points spread
     over a surface. It predicts the spectrum of the Laplace–Beltrami operator, which bending does
     not change, from the intrinsic code alone, and the positions of points of the template from both
-    codes. The loss also penalises covariances between the two codes. Unlike in [1]_, the noise on
-    codes has a fixed size, the decoder gives points in correspondence, and bodies must be upright
-    and face forward: rotations are not learned.
+    codes. Unlike in [1]_, the noise on codes has a fixed size, the decoder gives points in
+    correspondence, and bodies must be upright and face forward: rotations are not learned.
+
+    On scans of real people, expect about 15 % of nearest neighbours to be the same person and 85 to
+    90 % the same pose: as in the paper's table, it tells poses and hardly people.
 
     Parameters
     ----------
-    template : Template
-        Template of the bodies in training.
-    n_intrinsic, n_extrinsic : int
-        Numbers of entries of the codes.
-    n_points : int
-        Number of points of a cloud.
-    n_eigenvalues : int
-        Number of eigenvalues.
-    n_hidden, n_features : int
-        Sizes of the hidden layers, and number of features of a cloud.
-    batch_size : int
-        Number of clouds per step.
+    path : path_like
+        The file of a trained network; `load_pretrained` returns the one that ships.
 
     Attributes
     ----------
+    n_intrinsic, n_extrinsic, n_points, n_eigenvalues : int
+        Numbers of entries of the codes, points of a cloud, and eigenvalues.
     parameters_ : dict of str to array
         Parameters of the networks.
     vertices_ : array of int, shape (n_points,)
-        Vertices of the template that `inverse_transform` returns.
-    losses_ : array, shape (n_steps,)
-        Loss at each step; only after `fit`.
+        Vertices of the training template that `inverse_transform` returns.
 
     References
     ----------
@@ -85,6 +63,12 @@ class IntrinsicExtrinsicCodes(PairedCodes):
     ((2, 10), (2, 24))
     """
 
+    n_intrinsic: int
+    n_extrinsic: int
+    n_points: int
+    n_eigenvalues: int
+    n_hidden: int
+    n_features: int
     vertices_: ndarray
 
     code_names = ("intrinsic", "extrinsic")
@@ -97,104 +81,23 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         "n_hidden",
         "n_features",
     )
-    _SHIPPED = MappingProxyType({None: "intrinsic_extrinsic_codes.npz"})
-
-    def __init__(
-        self,
-        template: Template | None = None,
-        n_intrinsic: int = 10,
-        n_extrinsic: int = 24,
-        *,
-        n_points: int = 300,
-        n_eigenvalues: int = 16,
-        n_hidden: int = 48,
-        n_features: int = 256,
-        n_steps: int = 3000,
-        batch_size: int = 32,
-        learning_rate: float = 1e-3,
-        random_state: int = 0,
-    ) -> None:
-        self.template = template
-        self.n_intrinsic = n_intrinsic
-        self.n_extrinsic = n_extrinsic
-        self.n_points = n_points
-        self.n_eigenvalues = n_eigenvalues
-        self.n_hidden = n_hidden
-        self.n_features = n_features
-        self.n_steps = n_steps
-        self.batch_size = batch_size
-        self.learning_rate = learning_rate
-        self.random_state = random_state
-
-    def fit(
-        self,
-        X: ArrayLike,
-        y: object = None,
-        *,
-        checkpoint: str | os.PathLike[str] | None = None,
-        progress: bool = False,
-    ) -> Self:
-        """Train the networks, on bodies that are upright and face forward.
-
-        Raises
-        ------
-        MissingDependencyError
-            If PyTorch is not installed.
-        ArgumentError
-            If bodies or parameters are wrong.
-        DegenerateSurfaceError
-            If a triangle has no area.
-        FileFormatError
-            If the checkpoint is from another training.
-        """
-        rng = self._generator("batch_size")
-        template, points = check_training_bodies(self.template, X)
-        if self.n_points > template.n_vertices:
-            raise ArgumentError(
-                f"n_points={self.n_points} exceeds the {template.n_vertices} vertices"
-            )
-        self._start_on(template)
-        self.vertices_ = np.sort(rng.permutation(template.n_vertices)[: self.n_points])
-        bar = ProgressBar(points, disable=not progress, unit="body", desc="spectra")
-        values = np.log([spectrum(f, template.faces, self.n_eigenvalues).eigenvalues for f in bar])
-        self._spectrum = values.mean(axis=0)
-        # Two clouds of each body: the network shall learn the body, not the points.
-        clouds = np.stack(
-            [[surface_points(f, template.faces, self.n_points, rng) for _ in "ab"] for f in points]
-        )
-        placed = points[:, self.vertices_] - points.mean(axis=1, keepdims=True)
-        self._place = placed.mean(axis=0)
-        data = {"clouds": clouds, "points": placed - self._place, "values": values - self._spectrum}
-        start = initial_cloud(self.n_hidden, self.n_features, rng)
-        start |= self._initial_networks(rng)
-        self._train(start, data, self._loss, checkpoint, progress)
-        self._place, self._spectrum = map(in_single_precision, (self._place, self._spectrum))
-        return self
+    _SHIPPED = "intrinsic_extrinsic_codes.npz"
 
     def on(self, template: Template, correspondence: Any = None) -> Self:
-        """Return the same network for bodies over another template.
-
-        Parameters
-        ----------
-        template : Template
-            The other template; these codes need no correspondence.
-        correspondence : object
-            Ignored.
-
-        Raises
-        ------
-        ArgumentTypeError
-            If `template` is not a template.
-        ArgumentError
-            If nothing was fitted.
-        """
-        self._require_fit("parameters_")
-        other = copy(self)
-        other._template = checked_template(template)
-        return other
+        """Return the same network for bodies over another template; needs no correspondence."""
+        if not isinstance(template, Template):
+            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
+        codes = copy(self)
+        codes._template = template
+        return codes
 
     def transform(self, X: ArrayLike) -> ndarray:
         """Return the codes of bodies, which must be upright and face forward.
+
+        Parameters
+        ----------
+        X : array_like, shape (n, V, 3)
+            Bodies over the template `template_`, metres.
 
         Returns
         -------
@@ -204,13 +107,13 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Raises
         ------
         ArgumentError
-            If nothing was fitted, or the bodies do not fit the template.
+            If the bodies do not fit the template.
         DegenerateSurfaceError
             If a body has no area.
         """
-        points = self._checked_points(X)
-        found = [self.describe(surface, self.template_.faces) for surface in points]
-        return np.array(found).reshape(len(points), sum(self._n_codes))
+        points = self._check_points(X)
+        codes = [self.describe(surface, self.template_.faces) for surface in points]
+        return np.array(codes).reshape(len(points), sum(self._n_codes))
 
     def describe(self, vertices: ArrayLike, faces: ArrayLike) -> ndarray:
         """Return the codes of any mesh.
@@ -229,19 +132,23 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Raises
         ------
         ArgumentError
-            If nothing was fitted, or the arrays are no mesh.
+            If the arrays are no mesh.
         DegenerateSurfaceError
             If the mesh has no area.
         """
-        self._require_fit("parameters_")
         mesh = check_mesh(vertices, faces)
         self._check_scale(mesh[0], "vertices")
         rng = np.random.default_rng(_SEED_OF_POINTS)
         clouds = np.stack([surface_points(*mesh, self.n_points, rng) for _ in range(_CLOUDS)])
-        return np.asarray(self._encoded(self._used, clouds).mean(axis=0))
+        return np.asarray(self._encode(self.parameters_, clouds).mean(axis=0))
 
     def inverse_transform(self, Z: ArrayLike) -> ndarray:
         """Return points of the bodies with given codes.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_intrinsic + n_extrinsic)
+            Both codes of each body; they may come from different bodies.
 
         Returns
         -------
@@ -252,12 +159,11 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Raises
         ------
         ArgumentError
-            If nothing was fitted, or the codes have another length.
+            If the codes have another length.
         """
-        self._require_fit("parameters_")
-        codes = self._checked_codes(Z)
-        found = network(self._used, "points", codes)
-        return found.reshape(len(codes), self.n_points, 3) + self._place
+        codes = self._check_codes(Z)
+        points = network(self.parameters_, "points", codes)
+        return points.reshape(len(codes), self.n_points, 3) + self._place
 
     def spectra(self, Z: ArrayLike) -> ndarray:
         """Return the eigenvalues that the network predicts from intrinsic codes.
@@ -275,40 +181,14 @@ class IntrinsicExtrinsicCodes(PairedCodes):
         Raises
         ------
         ArgumentError
-            If nothing was fitted, or the codes have another length.
+            If the codes have another length.
         """
-        self._require_fit("parameters_")
         intrinsic, _ = self.split(Z)
-        return np.exp(network(self._used, "spectrum", intrinsic) + self._spectrum)
+        return np.exp(network(self.parameters_, "spectrum", intrinsic) + self._spectrum)
 
     @staticmethod
-    def _encoded(parameters: Any, clouds: Any, backend: ModuleType = np) -> Any:
-        features = cloud_features(parameters, clouds, backend)
-        return network(parameters, "codes", features, backend)
-
-    def _loss(
-        self,
-        torch: ModuleType,
-        parameters: Mapping[str, Any],
-        data: Mapping[str, Any],
-        rng: np.random.Generator,
-    ) -> Any:
-        size = min(self.batch_size, len(data["points"]))
-        bodies = rng.permutation(len(data["points"]))[:size]
-        codes = self._encoded(parameters, data["clouds"][bodies, rng.integers(2, size=size)], torch)
-        deviations = codes - codes.mean(0)
-        noise = rng.standard_normal(codes.shape).astype(np.float32)
-        noisy = codes + _NOISE * torch.tensor(noise)
-        placed = network(parameters, "points", noisy, torch).reshape(size, -1, 3)
-        values = network(parameters, "spectrum", noisy[:, : self.n_intrinsic], torch)
-        missed = ((placed - data["points"][bodies]) ** 2).sum(-1).mean() / _ERROR**2
-        untold = ((values - data["values"][bodies]) ** 2).mean() / _LOGARITHM**2
-        covariances = (
-            torch.swapaxes(deviations[:, : self.n_intrinsic], 0, 1)
-            @ deviations[:, self.n_intrinsic :]
-        ) / size
-        penalty = _SIZE * (codes**2).mean() + _COVARIANCE * (covariances**2).mean()
-        return missed + untold + penalty
+    def _encode(parameters: Any, clouds: Any, backend: ModuleType = np) -> Any:
+        return network(parameters, "codes", cloud_features(parameters, clouds, backend), backend)
 
     def _sizes(self) -> dict[str, tuple[int, int]]:
         n_codes = self.n_intrinsic + self.n_extrinsic
@@ -318,16 +198,30 @@ class IntrinsicExtrinsicCodes(PairedCodes):
             "spectrum": (self.n_intrinsic, self.n_eigenvalues),
         }
 
-    def _arrays(self) -> dict[str, ndarray]:
-        return self.parameters_ | {
-            "vertices": self.vertices_.astype(np.int32),
-            "place": self._place.astype(np.float32),
-            "mean_spectrum": self._spectrum.astype(np.float32),
-        }
-
     def _read(self, weights: Weights) -> None:
         n_vertices = weights.template.n_vertices
         self.vertices_ = weights.indices("vertices", (self.n_points,), 0, n_vertices)
         self._place = weights.numbers("place", (self.n_points, 3))
         self._spectrum = weights.numbers("mean_spectrum", (self.n_eigenvalues,))
         self._read_networks(weights, cloud_shapes(self.n_hidden, self.n_features))
+
+
+def surface_points(
+    vertices: ndarray, faces: ndarray, n_points: int, rng: np.random.Generator
+) -> ndarray:
+    """Return random points (n_points, 3) spread evenly over a surface, relative to their mean.
+
+    The sequence of triangles is cut into stretches of equal area; each contains one point.
+    """
+    corners = vertices[faces]
+    sides = corners[:, 1:] - corners[:, :1]
+    areas = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
+    ends = np.cumsum(areas)
+    if not len(ends) or not ends[-1] > 0:
+        raise DegenerateSurfaceError("the surface has no area; points cannot be spread over it")
+    wanted = (np.arange(n_points) + rng.random(n_points)) * (ends[-1] / n_points)
+    triangles = np.minimum(np.searchsorted(ends, wanted), len(ends) - 1)
+    root, share = np.sqrt(rng.random(n_points)), rng.random(n_points)
+    shares = np.stack([1.0 - root, root * (1.0 - share), root * share], axis=1)
+    points = np.einsum("ij,ijk->ik", shares, corners[triangles])
+    return points - points.mean(axis=0)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from train_codes import find_parts
 
 from riemhuman.errors import ArgumentError
-from riemhuman.learned.parts import Parts, find_parts
 from riemhuman.surfaces.template import Template
 
 N_ROUND, N_ALONG = 6, 13
@@ -106,8 +106,3 @@ def test_refuses_too_many_parts_and_meshes_in_pieces(template):
     )
     with pytest.raises(ArgumentError, match="must be connected"):
         find_parts(two, np.concatenate([bodies, bodies], axis=1), 4, np.random.default_rng(0))
-
-
-def test_is_a_record(parts):
-    assert isinstance(parts, Parts)
-    assert "weights=<array" in repr(parts)

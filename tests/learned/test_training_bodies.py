@@ -1,9 +1,9 @@
 """Random people in random poses."""
 
 import numpy as np
+from training_bodies import random_bodies
 
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.learned.training_bodies import random_bodies
 
 
 def test_same_seed_same_bodies():

@@ -5,14 +5,13 @@ import zipfile
 import numpy as np
 import pytest
 
-from riemhuman.errors import ArgumentError, FileError, FileFormatError, MissingDependencyError
+from riemhuman.errors import FileError, FileFormatError, MissingDependencyError
 from riemhuman.io.arrays import load_arrays, save_arrays
-from riemhuman.learned import IntrinsicExtrinsicCodes, MetricCodes, ShapePoseCodes
-from riemhuman.learned.codes import FOLDER
+from riemhuman.learned import IntrinsicExtrinsicCodes, ShapePoseCodes
+from riemhuman.learned._codes import FOLDER
 
 FILE = FOLDER / "shape_pose_codes.npz"
 KINDS = {"shape_pose_codes": ShapePoseCodes, "intrinsic_extrinsic_codes": IntrinsicExtrinsicCodes}
-KINDS |= {f"metric_codes_{which}": MetricCodes for which in ("shape", "pose")}
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +52,7 @@ def circle(parents):
 
 BAD = {
     "format_version": (lambda a: np.array(99), "format version is 99"),
-    "kind": (lambda a: np.array("MetricCodes"), "expected 'ShapePoseCodes'"),
+    "kind": (lambda a: np.array("OtherCodes"), "expected 'ShapePoseCodes'"),
     "n_shape": (lambda a: np.array(-1), "n_shape must be at least 1"),
     "n_pose": (lambda a: np.array(3.5), "n_pose must be whole numbers of shape"),
     "n_hidden": (lambda a: a + 1, "must be real numbers of shape"),
@@ -90,16 +89,9 @@ def test_missing_fields_files_and_pickles_are_refused(arrays, tmp_path):
         ShapePoseCodes.load(tmp_path / "none.npz")
 
 
-@pytest.mark.parametrize("kind", [ShapePoseCodes, IntrinsicExtrinsicCodes, MetricCodes])
-def test_nothing_fitted(kind, tmp_path):
-    for use in (lambda codes: codes.transform(np.zeros((1, 5, 3))), lambda codes: codes.save("x")):
-        with pytest.raises(ArgumentError, match="must be fitted first"):
-            use(kind())
-
-
 def test_training_names_the_extra_that_it_needs(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "torch", None)
-    from riemhuman.learned.training import trained
+    from training import train
 
     with pytest.raises(MissingDependencyError, match=r"riemhuman\[learned\]"):
-        trained({}, {}, lambda *_: 0.0, n_steps=1, seed=0)
+        train({}, {}, lambda *_: 0.0, n_steps=1, seed=0)

@@ -15,6 +15,7 @@ from numpy import ndarray
 
 from riemhuman.errors import ArgumentError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.learned._networks import cloud_shapes, network_shapes
 from riemhuman.optional import import_optional
 from riemhuman.progress import ProgressBar
 
@@ -27,7 +28,7 @@ _WARM_UP = 0.05
 _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 
-def trained(
+def train(
     parameters: Mapping[str, ndarray],
     data: Mapping[str, ndarray],
     loss: Loss,
@@ -38,46 +39,13 @@ def trained(
     checkpoint: str | os.PathLike[str] | None = None,
     progress: bool = False,
 ) -> tuple[dict[str, ndarray], ndarray]:
-    """Train networks with Adam, and return their parameters and the losses.
+    """Train networks with Adam, and return their parameters in half precision, and the losses.
 
-    Each step has a generator of its own, so that a training continued from a checkpoint gives the
-    same result, bit for bit, as one without interruption. Training runs on one thread, since sums
-    over several threads depend on their number.
-
-    Parameters
-    ----------
-    parameters : mapping of str to array
-        Initial parameters.
-    data : mapping of str to array
-        Data, given to `loss` as tensors in single precision.
-    loss : callable
-        Takes the module torch, the parameters and the data as tensors, and a generator for the
-        batch; returns the loss.
-    n_steps : int
-        Number of steps.
-    seed : int
-        Seed of the batches.
-    learning_rate : float
-        Largest learning rate; it rises at first, then falls to 0 as half a cosine.
-    checkpoint : path_like, optional
-        An .npz file that is written every 200 steps; if it exists, training continues from it.
-    progress : bool
-        Whether to show a progress bar.
-
-    Returns
-    -------
-    parameters : dict of str to array
-        In half precision, the precision of files.
-    losses : array, shape (n_steps,)
-
-    Raises
-    ------
-    MissingDependencyError
-        If PyTorch is not installed.
-    FileFormatError
-        If the checkpoint is from another training.
-    ArgumentError
-        If the loss is not finite.
+    `loss` takes the module torch, the parameters and the data as tensors, and a generator for the
+    batch. Each step has a generator of its own, so that a training continued from a checkpoint, an
+    .npz file written every 200 steps, gives the same result, bit for bit, as one without
+    interruption. Training runs on one thread, since sums over several depend on their number. The
+    learning rate rises at first, then falls to 0 as half a cosine.
     """
     torch = import_optional("torch", "learned")
     file = None if checkpoint is None else Path(checkpoint)
@@ -112,6 +80,33 @@ def trained(
                 _keep(file, origin, tensors, adam, losses, step + 1)
     found = {name: tensor.detach().numpy() for name, tensor in tensors.items()}
     return {name: array.astype(np.float16) for name, array in found.items()}, losses
+
+
+def initial_network(
+    name: str, n_in: int, n_hidden: int, n_out: int, rng: np.random.Generator
+) -> dict[str, ndarray]:
+    """Return initial parameters: a random linear part, and hidden layers without effect."""
+    found = {}
+    for key, shape in network_shapes(name, n_in, n_hidden, n_out).items():
+        is_random = key[-1] in "ABL"
+        array = rng.standard_normal(shape) / np.sqrt(shape[0]) if is_random else np.zeros(shape)
+        found[key] = array.astype(np.float32)
+    return found
+
+
+def initial_cloud(n_hidden: int, n_features: int, rng: np.random.Generator) -> dict[str, ndarray]:
+    """Return initial parameters of `cloud_features`."""
+    shapes = cloud_shapes(n_hidden, n_features)
+    return {
+        name: (rng.standard_normal(shape) * np.sqrt(2.0 / shape[0])).astype(np.float32)
+        for name, shape in shapes.items()
+        if len(shape) == 2
+    } | {
+        # Random biases activate features at different places of the cloud.
+        name: (0.5 * rng.standard_normal(shape)).astype(np.float32)
+        for name, shape in shapes.items()
+        if len(shape) == 1
+    }
 
 
 def _pace(step: int, n_steps: int) -> float:

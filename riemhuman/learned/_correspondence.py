@@ -11,19 +11,23 @@ from scipy.spatial import cKDTree
 
 from riemhuman.bodies import correspondence_matrix
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces
 from riemhuman.kernels.triangle_frames import (
     deformation_gradients,
     stacked_derivatives,
     triangle_frames,
 )
-from riemhuman.surfaces.template import Template
+from riemhuman.surfaces import Template
 
 # Largest distance of matching vertices, relative to the size of the template: files round.
 _SAME = 1e-5
+
 # Number of vertices that a triangle follows, and the weight of their normals in metres, which keeps
 # the two sides of a hand apart.
 _CARRIERS, _NORMALS = 6, 0.05
+
+# Triangles of less than this share of their own area have collapsed, and less than this share of
+# the body's area is too little to recognise the body by.
+_COLLAPSED, _TOO_LITTLE = 1e-3, 0.2
 
 
 class Correspondence:
@@ -32,26 +36,8 @@ class Correspondence:
     Forth, the network's vertices are combinations of the template's. Back, every triangle of the
     template takes the mean deformation gradient of the nearby triangles of the network, and a
     Poisson equation gives the surface; the remaining errors at the network's vertices are then
-    corrected by moving the vertices near them.
-
-    Parameters
-    ----------
-    home : Template
-        Template of the network, with V vertices.
-    template : Template
-        The other template, with V' vertices: any mesh, of any person in any pose.
-    correspondence : array_like of int, pair, or sparse matrix, optional
-        Where the vertices of `home` lie on `template`: numbers of vertices, shape (V,); a pair of
-        numbers of triangles, shape (V,), and barycentric coordinates, shape (V, 3); or a matrix
-        whose rows sum to one. By default the vertices of `template` at the same places.
-
-    Raises
-    ------
-    ArgumentError
-        If the correspondence does not fit the templates, or is missing and `template` lacks a
-        vertex of `home`.
-    DegenerateSurfaceError
-        If a triangle of `home` has no area on `template`.
+    corrected by moving the vertices near them. `usable` (F,) says which triangles of the network's
+    template have not collapsed.
     """
 
     def __init__(self, home: Template, template: Template, correspondence: Any = None) -> None:
@@ -65,57 +51,60 @@ class Correspondence:
                 f"network's template; found {self._forth.shape[0]}"
             )
         start = self._forth @ template.vertices
-        AlignedSurfaces(home, equip=False).check_immersed(start, "correspondence")
-        self._start = triangle_frames(start, home.differential_operator)
+        areas = _areas(start, home.faces)
+        self.usable = areas > _COLLAPSED * home.face_areas * (areas.sum() / home.face_areas.sum())
+        share = home.face_areas[self.usable].sum() / home.face_areas.sum()
+        if share < _TOO_LITTLE:
+            raise ArgumentError(
+                "correspondence must keep most triangles of the network's template; those with an "
+                f"area on the other template make up {share:.0%} of the body"
+            )
+        # Collapsed triangles stay where they are: nothing follows them.
+        self._start = np.tile(np.eye(3), (home.n_faces, 1, 1))
+        self._start[self.usable] = self._home_frames(start)
         frames = triangle_frames(template.vertices, template.differential_operator)
         self._frames = frames
-        average = _vertex_average(start, home)
+        average = _vertex_average(np.where(self.usable, areas, 0.0), home)
+        # Vertices all of whose triangles have collapsed carry nothing.
+        alive = np.unique(home.faces[self.usable])
+        average = average[alive]
         normals = average @ self._start[..., 2]
         places = template.vertices[template.faces].mean(axis=1)
-        self._carriers = _neighbors(start, normals, places, frames[..., 2]) @ average
+        carriers = _neighbors(start[alive], normals, places, frames[..., 2])
+        self._carriers = carriers @ average
         # Corrections are small: they need not distinguish the sides of a hand.
         nothing = np.zeros_like(template.vertices)
         self._spread = _neighbors(start, np.zeros_like(start), template.vertices, nothing)
 
     def forth(self, points: ndarray) -> ndarray:
-        """Return surfaces over the network's template.
-
-        Parameters
-        ----------
-        points : array, shape (n, V', 3)
-            Surfaces over the other template, metres.
-
-        Returns
-        -------
-        array, shape (n, V, 3)
-        """
+        """Return surfaces (n, V, 3) over the network's template of surfaces (n, V', 3)."""
         n_bodies, n_vertices, _ = points.shape
         flat = points.transpose(1, 0, 2).reshape(n_vertices, -1)
         return (self._forth @ flat).reshape(-1, n_bodies, 3).transpose(1, 0, 2)
 
     def back(self, points: ndarray) -> ndarray:
-        """Return surfaces over the other template.
-
-        Parameters
-        ----------
-        points : array, shape (n, V, 3)
-            Surfaces over the network's template, metres.
-
-        Returns
-        -------
-        array, shape (n, V', 3)
-        """
-        nowhere = np.zeros((self.template.n_vertices, 3))
-        found = np.empty((len(points), *nowhere.shape))
+        """Return surfaces (n, V', 3) over the other template of surfaces (n, V, 3)."""
+        origin = np.zeros((self.template.n_vertices, 3))
+        surfaces = np.empty((len(points), *origin.shape))
         for number, surface in enumerate(points):
-            after = triangle_frames(surface, self.home.differential_operator)
-            moved = deformation_gradients(self._start, after).reshape(self.home.n_faces, 9)
-            carried = (self._carriers @ moved).reshape(-1, 3, 3) @ self._frames
-            found[number] = self.template.interpolator.surface_of(
-                stacked_derivatives(carried), nowhere
+            moved = np.zeros((self.home.n_faces, 3, 3))
+            after = self._home_frames(surface)
+            moved[self.usable] = deformation_gradients(self._start[self.usable], after)
+            moved = (self._carriers @ moved.reshape(-1, 9)).reshape(-1, 3, 3)
+            surfaces[number] = self.template.interpolator.surface_of(
+                stacked_derivatives(moved @ self._frames), origin
             )
-            found[number] += self._spread @ (surface - self._forth @ found[number])
-        return found
+            surfaces[number] += self._spread @ (surface - self._forth @ surfaces[number])
+        return surfaces
+
+    def _home_frames(self, surface: ndarray) -> ndarray:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return triangle_frames(surface, self.home.differential_operator)[self.usable]
+
+
+def _areas(points: ndarray, faces: ndarray) -> ndarray:
+    edges = points[faces[:, 1:]] - points[faces[:, :1]]
+    return 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
 
 
 def _same_vertices(home: Template, template: Template) -> ndarray:
@@ -130,10 +119,8 @@ def _same_vertices(home: Template, template: Template) -> ndarray:
     return np.asarray(numbers)
 
 
-def _vertex_average(points: ndarray, mesh: Template) -> sparse.csr_array:
+def _vertex_average(areas: ndarray, mesh: Template) -> sparse.csr_array:
     """Return the matrix from values at triangles to their means around vertices, (V, F)."""
-    edges = points[mesh.faces[:, 1:]] - points[mesh.faces[:, :1]]
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     entries = (np.repeat(areas, 3), (mesh.faces.ravel(), np.repeat(np.arange(mesh.n_faces), 3)))
     around = sparse.csr_array(entries, shape=(mesh.n_vertices, mesh.n_faces))
     totals = np.maximum(around @ np.ones(mesh.n_faces), np.finfo(float).tiny)
@@ -149,9 +136,11 @@ def _neighbors(
     """
     tree = cKDTree(np.concatenate([vertices, _NORMALS * normals], axis=1))
     gaps, near = tree.query(np.concatenate([places, _NORMALS * directions], axis=1), _CARRIERS)
-    reach = gaps[:, -1:]
+    # Several vertices may lie at one place; where all do, they share the weight.
+    reach = np.maximum(gaps[:, -1:], np.finfo(float).tiny)
     weights = ((reach - gaps) / np.maximum(gaps, 1e-9 * reach)) ** 2
-    weights /= weights.sum(axis=1, keepdims=True)
+    totals = weights.sum(axis=1, keepdims=True)
+    weights = np.where(totals > 0, weights / np.where(totals > 0, totals, 1.0), 1.0 / _CARRIERS)
     rows = np.repeat(np.arange(len(places)), _CARRIERS)
     return sparse.csr_array(
         (weights.ravel(), (rows, near.ravel())), shape=(len(places), len(vertices))

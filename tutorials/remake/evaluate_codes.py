@@ -1,6 +1,6 @@
 """Evaluate the networks that ship on bodies that they were not trained on.
 
-    python -m riemhuman.learned.evaluate [--only shape-pose]
+    python tutorials/remake/evaluate_codes.py [--only shape-pose]
 
 prints the numbers of the model cards: for other random people in other random poses, and for the
 plain and natural open bodies, whose people and poses are not part of the training data.
@@ -11,22 +11,15 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy import ndarray
-from scipy.spatial.distance import pdist
-from scipy.stats import spearmanr
+from training_bodies import random_bodies
 
 from riemhuman.datasets import load_open_bodies, load_open_model
-from riemhuman.geometry import AlignedSurfaces, ElasticMetric
-from riemhuman.learned.build_weights import WEIGHTS
-from riemhuman.learned.codes import PairedCodes
-from riemhuman.learned.intrinsic_extrinsic_codes import IntrinsicExtrinsicCodes
-from riemhuman.learned.metric_codes import MetricCodes
-from riemhuman.learned.shape_pose_codes import ShapePoseCodes
-from riemhuman.learned.training_bodies import random_bodies
+from riemhuman.learned import IntrinsicExtrinsicCodes, ShapePoseCodes
+from riemhuman.learned._codes import PairedCodes
 from riemhuman.surfaces.procrustes import procrustes
 from riemhuman.surfaces.spectra import spectrum
 
@@ -143,25 +136,9 @@ def _intrinsic_extrinsic(bodies: UnseenBodies) -> str:
     )
 
 
-def _metric(bodies: UnseenBodies, which: str) -> str:
-    a, lam, c = WEIGHTS[which]
-    space = AlignedSurfaces(bodies.model.template, equip=False)
-    metric = ElasticMetric(space, a=a, lam=lam, c=c)
-    wanted = metric.dist_pairwise(bodies.points)[np.triu_indices(len(bodies.points), 1)]
-    found = pdist(MetricCodes.load_pretrained(which=which).transform(bodies.points))
-    error = np.abs(found - wanted) / wanted
-    return (
-        f"error of a distance, mean {100 * error.mean():.1f} %, 95 of 100 pairs within "
-        f"{100 * np.quantile(error, 0.95):.1f} %; rank correlation "
-        f"{spearmanr(found, wanted).statistic:.4f}"
-    )
-
-
 _CARDS: dict[str, Callable[[UnseenBodies], str]] = {
     "shape-pose": _shape_pose,
     "intrinsic-extrinsic": _intrinsic_extrinsic,
-    "metric-shape": partial(_metric, which="shape"),
-    "metric-pose": partial(_metric, which="pose"),
 }
 
 

@@ -1,0 +1,220 @@
+"""Base class of codes that networks compute: files, templates and correspondences."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from copy import copy
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+from numpy import ndarray
+from numpy.typing import ArrayLike
+
+from riemhuman.checks import real_array
+from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.io.arrays import save_arrays
+from riemhuman.learned._correspondence import Correspondence
+from riemhuman.learned._networks import network_shapes
+from riemhuman.learned._weight_files import Weights
+from riemhuman.surfaces import Template
+from riemhuman.units import check_same_scale
+
+FOLDER = Path(__file__).parent / "data"
+
+_REMEDY = "give them in the unit that the network was trained in"
+
+
+class PairedCodes(ABC):
+    """Two codes of a body, one after the other, and bodies from both, by trained networks."""
+
+    code_names: ClassVar[tuple[str, str]]
+    parameters_: dict[str, ndarray]
+
+    # Whole numbers in files, the file that ships, and the size of hidden layers per `n_hidden`.
+    _SETTINGS: ClassVar[tuple[str, ...]]
+    _SHIPPED: ClassVar[str]
+    _WIDTH: ClassVar[int] = 1
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        weights = Weights(path, type(self).__name__, self._SETTINGS)
+        self._fields = weights.fields
+        for name, value in weights.settings.items():
+            setattr(self, name, value)
+        self._home = self._template = weights.template
+        self._carried: Correspondence | None = None
+        self._read(weights)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> Self:
+        """Read a trained network.
+
+        Parameters
+        ----------
+        path : path_like
+            The .npz file, written by `save` or by ``tutorials/remake/train_codes.py``. Its arrays
+            are checked, and nothing in it is executed.
+
+        Returns
+        -------
+        ShapePoseCodes or IntrinsicExtrinsicCodes
+            The network; it runs without PyTorch.
+
+        Raises
+        ------
+        FileError
+            If the file is missing or cannot be read.
+        FileFormatError
+            If it does not hold a network of this class.
+        """
+        return cls(path)
+
+    @classmethod
+    def load_pretrained(cls, template: Template | None = None, correspondence: Any = None) -> Self:
+        """Return the network that ships, trained on the open body model.
+
+        Parameters
+        ----------
+        template : Template, optional
+            Template of the bodies; by default that of the coarse open model.
+        correspondence : array_like of int, pair, or sparse matrix, optional
+            Where the vertices of the coarse open template lie on `template`, see `on`.
+
+        Returns
+        -------
+        ShapePoseCodes or IntrinsicExtrinsicCodes
+
+        Raises
+        ------
+        ArgumentError
+            If the template is not in correspondence.
+        """
+        codes = cls(FOLDER / cls._SHIPPED)
+        return codes if template is None else codes.on(template, correspondence)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the network to an .npz file.
+
+        Parameters
+        ----------
+        path : path_like
+            The file; an existing file is replaced.
+
+        Raises
+        ------
+        FileError
+            If the file cannot be written.
+        """
+        save_arrays(path, self._fields, compressed=True)
+
+    @property
+    def template_(self) -> Template:
+        """Template that bodies must be registered to."""
+        return self._template
+
+    def on(self, template: Template, correspondence: Any = None) -> Self:
+        """Return the same network for bodies over another template.
+
+        The other template may be of any person in any pose, with any triangles; a correspondence
+        says which of its points match the vertices of the network's own template. Triangles that
+        collapse, such as fingers on a mesh without fingers, are left out; a part of the body of
+        which no triangle is left moves with its neighbour.
+
+        Parameters
+        ----------
+        template : Template
+            The other template.
+        correspondence : array_like of int, pair, or sparse matrix, optional
+            Where the vertices of the network's template lie on the other: numbers of vertices,
+            shape (V,); a pair of numbers of triangles, shape (V,), and barycentric coordinates,
+            shape (V, 3); or a matrix whose rows sum to one. It is optional if the other template
+            has vertices at the same places, as the full open template has those of the coarse one.
+
+        Returns
+        -------
+        ShapePoseCodes or IntrinsicExtrinsicCodes
+
+        Raises
+        ------
+        ArgumentTypeError
+            If `template` is not a template.
+        ArgumentError
+            If the correspondence is missing or does not fit, or nearly all triangles collapse.
+        """
+        if not isinstance(template, Template):
+            raise ArgumentTypeError(f"template must be a Template; found {type(template).__name__}")
+        codes = copy(self)
+        same = template.n_vertices == self._home.n_vertices and np.array_equal(
+            template.faces, self._home.faces
+        )
+        given = same and correspondence is None
+        codes._carried = None if given else Correspondence(self._home, template, correspondence)
+        codes._template = self._home if given else template
+        return codes
+
+    @abstractmethod
+    def transform(self, X: ArrayLike) -> ndarray:
+        """Return both codes of bodies (n, V, 3), shape (n, n_codes)."""
+
+    @abstractmethod
+    def inverse_transform(self, Z: ArrayLike) -> ndarray:
+        """Return the bodies with given codes (n, n_codes)."""
+
+    def split(self, Z: ArrayLike) -> tuple[ndarray, ndarray]:
+        """Return the two codes of each body.
+
+        Parameters
+        ----------
+        Z : array_like, shape (n, n_codes)
+            Codes, as `transform` returns them.
+
+        Returns
+        -------
+        first, second : array, shape (n, n_first) and (n, n_second)
+            Shape and pose codes of `ShapePoseCodes`, intrinsic and extrinsic codes of
+            `IntrinsicExtrinsicCodes`.
+        """
+        codes = self._check_codes(Z)
+        return codes[:, : self._n_codes[0]], codes[:, self._n_codes[0] :]
+
+    @property
+    def _n_codes(self) -> tuple[int, int]:
+        first, second = self.code_names
+        return getattr(self, f"n_{first}"), getattr(self, f"n_{second}")
+
+    @abstractmethod
+    def _sizes(self) -> dict[str, tuple[int, int]]:
+        """Return the numbers of inputs and outputs of each network."""
+
+    @abstractmethod
+    def _read(self, weights: Weights) -> None:
+        """Read the learned arrays from a file."""
+
+    def _parameter_shapes(self) -> dict[str, tuple[int, ...]]:
+        width: int = self._WIDTH * getattr(self, "n_hidden")  # noqa: B009
+        shapes: dict[str, tuple[int, ...]] = {}
+        for name, (n_in, n_out) in self._sizes().items():
+            shapes |= network_shapes(name, n_in, width, n_out)
+        return shapes
+
+    def _read_networks(self, weights: Weights, others: Mapping[str, tuple[int, ...]]) -> None:
+        """Read the networks, and other parameters of the given shapes."""
+        shapes = self._parameter_shapes() | dict(others)
+        self.parameters_ = {name: weights.numbers(name, shape) for name, shape in shapes.items()}
+
+    def _check_points(self, X: Any) -> ndarray:
+        points = self._template.check_points(X, "X")
+        if points.ndim != 3:
+            raise ArgumentError(
+                f"X must have shape (n, {self._template.n_vertices}, 3); found {points.shape}"
+            )
+        return points
+
+    def _check_scale(self, points: ndarray, name: str) -> None:
+        reference = self._home.vertices
+        check_same_scale(points, reference, name, "the network's template", remedy=_REMEDY)
+
+    def _check_codes(self, Z: Any) -> ndarray:
+        return np.asarray(real_array(Z, "Z", ("n", sum(self._n_codes)), batched=False))

@@ -1,0 +1,66 @@
+"""Small networks, run by NumPy, or by PyTorch in training."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+_KEYS = ("A", "b1", "B", "b2", "C", "L", "b3")
+
+
+def network(parameters: Mapping[str, Any], name: str, x: Any, backend: ModuleType = np) -> Any:
+    r"""Return the outputs (..., n_out) of a network with a residual block and a linear part.
+
+    .. math::
+        y = L x + C h + b_3, \quad h = g + \sigma(B g + b_2), \quad g = \sigma(A x + b_1)
+
+    with :math:`\sigma(x) = x / (1 + e^{-x})`. Its parameters have names such as "shape.A".
+    """
+    A, b1, B, b2, C, L, b3 = (parameters[f"{name}.{key}"] for key in _KEYS)
+    hidden = activate(x @ A + b1, backend)
+    hidden = hidden + activate(hidden @ B + b2, backend)
+    return x @ L + hidden @ C + b3
+
+
+def network_shapes(name: str, n_in: int, n_hidden: int, n_out: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of a network's parameters."""
+    found = {
+        "A": (n_in, n_hidden),
+        "b1": (n_hidden,),
+        "B": (n_hidden, n_hidden),
+        "b2": (n_hidden,),
+        "C": (n_hidden, n_out),
+        "L": (n_in, n_out),
+        "b3": (n_out,),
+    }
+    return {f"{name}.{key}": shape for key, shape in found.items()}
+
+
+def cloud_features(parameters: Mapping[str, Any], x: Any, backend: ModuleType = np) -> Any:
+    """Return the largest value of each feature over points, for clouds of shape (n, n_points, 3).
+
+    After Qi, Su, Mo and Guibas, "PointNet: deep learning on point sets for 3D classification and
+    segmentation", CVPR 2017: three layers that are the same for all points.
+    """
+    for layer in range(3):
+        x = x @ parameters[f"cloud.W{layer}"] + parameters[f"cloud.b{layer}"]
+        if layer < 2:
+            x = activate(x, backend)
+    return backend.amax(x, 1)
+
+
+def cloud_shapes(n_hidden: int, n_features: int) -> dict[str, tuple[int, ...]]:
+    """Return the shapes of the parameters of `cloud_features`."""
+    sizes = (3, n_hidden, 2 * n_hidden, n_features)
+    return {f"cloud.W{layer}": (sizes[layer], sizes[layer + 1]) for layer in range(3)} | {
+        f"cloud.b{layer}": (sizes[layer + 1],) for layer in range(3)
+    }
+
+
+def activate(x: Any, backend: ModuleType = np) -> Any:
+    r"""Return :math:`x / (1 + e^{-x})`."""
+    # By the hyperbolic tangent, which does not overflow.
+    return x * (0.5 + 0.5 * backend.tanh(0.5 * x))

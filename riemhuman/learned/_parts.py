@@ -1,0 +1,221 @@
+r"""Bodies described by the rotations and stretches of parts instead of vertex positions.
+
+The deformation gradient of a triangle, which takes it and its normal from the template to a body,
+is close to a combination of the mean gradients :math:`A_k` of a few parts,
+:math:`G_f = \sum_k w_{fk} A_k`. The polar decomposition :math:`A_k = R_k S_k` separates the
+rotation of a part from its stretch. The surface follows from the :math:`A_k` by a Poisson equation,
+which is linear (Sumner and Popović, "Deformation transfer for triangle meshes", 2004; Gao, Lai, Yang, Zhang,
+Xia and Kobbelt, "Sparse data driven mesh deformation", 2019, use such features of single vertices).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+from scipy import sparse
+
+from riemhuman.kernels.special_orthogonal import log, nearest_rotations
+from riemhuman.kernels.surface import is_degenerate as is_degenerate_triangle
+from riemhuman.kernels.surface import partial_derivatives, refuse_degenerate, unit_normals
+from riemhuman.kernels.triangle_frames import (
+    deformation_gradients,
+    stacked_derivatives,
+    triangle_frames,
+)
+from riemhuman.learned._weight_files import Weights
+from riemhuman.surfaces import Template
+
+# Number of surfaces whose gradients are held in memory together.
+_BLOCK = 64
+
+# Entries of a symmetric matrix.
+_ROWS, _COLUMNS = np.triu_indices(3)
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """Parts of a template: from surfaces to rotations and stretches of parts, and back.
+
+    `part_of` (F,) is the part of each triangle, `weights` (F, K) the weight of each part in the
+    gradient of each triangle, and `parents` (K,) the part that the rotation of each part is
+    relative to; -1 for the root, whose rotation is relative to the whole body. Triangles outside
+    `usable` (F,) do not count in surfaces.
+    """
+
+    template: Template
+    part_of: ndarray
+    weights: ndarray
+    parents: ndarray
+    usable: ndarray | None = None
+
+    @classmethod
+    def read(cls, weights: Weights, n_parts: int) -> Parts:
+        """Return the parts stored in a file."""
+        template = weights.template
+        part_of = weights.indices("part_of", (template.n_faces,), 0, n_parts)
+        if len(np.unique(part_of)) < n_parts:
+            raise weights.error("part_of must name every part")
+        parents = weights.indices("part_parents", (n_parts,), -1, n_parts)
+        blend = weights.numbers("part_weights", (template.n_faces, n_parts))
+        parts = cls(template, part_of, blend, parents)
+        n_reached = sum(len(level) for level, _ in parts.levels)
+        if np.count_nonzero(parents < 0) != 1 or n_reached < n_parts:
+            raise weights.error("part_parents must be a tree: one root, and no circle")
+        return parts
+
+    def arrays(self) -> dict[str, ndarray]:
+        """Return the arrays of a file."""
+        return {
+            "part_of": self.part_of.astype(np.uint16),
+            "part_weights": self.weights.astype(np.float16),
+            "part_parents": self.parents.astype(np.int16),
+        }
+
+    @property
+    def n_parts(self) -> int:
+        """Number of parts K."""
+        return len(self.parents)
+
+    @cached_property
+    def levels(self) -> list[tuple[ndarray, ndarray]]:
+        """Parts at each depth of the tree, with the positions of their parents one level above."""
+        levels = []
+        above = np.flatnonzero(self.parents < 0)
+        levels.append((above, np.zeros(1, dtype=np.int64)))
+        while len(above):
+            below = np.flatnonzero(np.isin(self.parents, above))
+            places = np.searchsorted(above, self.parents[below])
+            if len(below):
+                levels.append((below, places))
+            above = below
+        return levels
+
+    @cached_property
+    def operator(self) -> ndarray:
+        """Matrix from gradients of parts to vertices about their mean, shape (V, 3 K)."""
+        template = self.template
+        frames = triangle_frames(template.vertices, template.differential_operator)
+        origin = np.zeros((template.n_vertices, 3))
+        columns = [
+            template.interpolator.surface_of(
+                stacked_derivatives(weight[:, None, None] * frames), origin
+            )
+            for weight in self.weights.T
+        ]
+        return np.concatenate(columns, axis=1)
+
+    def split(self, points: ndarray) -> tuple[ndarray, ndarray]:
+        """Return features (n, 9 K) and rotations (n, 3, 3) of bodies (n, V, 3).
+
+        Features are the rotation vectors of all parts relative to their parents, in radians, then
+        the upper triangles of S - I. The rotation of a body is the nearest to its mean gradient.
+        """
+        features = np.empty((len(points), 9 * self.n_parts))
+        frames = np.empty((len(points), 3, 3))
+        for start in range(0, len(points), _BLOCK):
+            some = slice(start, start + _BLOCK)
+            features[some], frames[some] = self._split(points[some])
+        return features, frames
+
+    def _split(self, points: ndarray) -> tuple[ndarray, ndarray]:
+        means = self._mean_gradients(points)
+        rotations = nearest_rotations(means)
+        frames = nearest_rotations(np.tensordot(means, self._shares, axes=(1, 0)))
+        is_root = (self.parents < 0)[:, None, None]
+        parents = np.where(is_root, frames[:, None], rotations[:, self.parents])
+        vectors = log(parents, rotations)
+        stretches = rotations.swapaxes(-1, -2) @ means
+        stretches = 0.5 * (stretches + stretches.swapaxes(-1, -2)) - np.eye(3)
+        parts = (vectors, stretches[..., _ROWS, _COLUMNS])
+        return np.concatenate([part.reshape(len(points), -1) for part in parts], axis=1), frames
+
+    def _mean_gradients(self, points: ndarray) -> ndarray:
+        """Return the mean gradients of all parts, shape (n, K, 3, 3)."""
+        used = slice(None) if self.usable is None else self.usable
+        moved = gradients(self.template, points, used)
+        rows = np.swapaxes(moved, 0, 1).reshape(moved.shape[1], -1)
+        means = (self._means[:, used] @ rows).reshape(self.n_parts, len(points), 3, 3)
+        missing = self._shares == 0
+        if missing[self.levels[0][0]].any():
+            means[self.levels[0][0]] = np.tensordot(self._shares, means, axes=1)
+        for parts, _ in self.levels[1:]:
+            lost = parts[missing[parts]]
+            means[lost] = means[self.parents[lost]]
+        return np.swapaxes(means, 0, 1)
+
+    def surfaces(self, features: Any, backend: ModuleType = np, operator: Any = None) -> Any:
+        """Return the surfaces (n, V, 3) with given features (n, 9 K), not rotated, at the origin.
+
+        `operator` may hold the rows of `operator` for some vertices. The backend is NumPy or
+        PyTorch.
+        """
+        count = self.n_parts
+        n_bodies = features.shape[0]
+        vectors = features[:, : 3 * count].reshape(n_bodies, count, 3)
+        halves = features[:, 3 * count :].reshape(n_bodies, count, 6)
+        rotations = self._chain(_rotations(vectors, backend), backend)
+        xx, xy, xz, yy, yz, zz = (halves[..., i] for i in range(6))
+        entries = [1.0 + xx, xy, xz, xy, 1.0 + yy, yz, xz, yz, 1.0 + zz]
+        stretches = backend.stack(entries, -1).reshape(n_bodies, count, 3, 3)
+        means = backend.swapaxes(rotations @ stretches, 2, 3).reshape(n_bodies, 3 * count, 3)
+        return (self.operator if operator is None else operator) @ means
+
+    def _chain(self, own: Any, backend: ModuleType) -> Any:
+        chained = [own[:, self.levels[0][0]]]
+        for parts, places in self.levels[1:]:
+            chained.append(chained[-1][:, places] @ own[:, parts])
+        order = np.concatenate([parts for parts, _ in self.levels])
+        return backend.concatenate(chained, 1)[:, np.argsort(order)]
+
+    @cached_property
+    def _areas(self) -> ndarray:
+        areas: ndarray = self.template.face_areas
+        return areas if self.usable is None else areas * self.usable
+
+    @cached_property
+    def _means(self) -> sparse.csr_array:
+        """Matrix from values at triangles to their means over parts, shape (K, F)."""
+        sums = np.bincount(self.part_of, self._areas, self.n_parts)
+        entries = self._areas / np.where(sums > 0, sums, 1.0)[self.part_of]
+        return sparse.csr_array((entries, (self.part_of, np.arange(len(entries)))))
+
+    @cached_property
+    def _shares(self) -> ndarray:
+        """Share of each part in the area of the usable triangles, shape (K,)."""
+        sums = np.bincount(self.part_of, self._areas, self.n_parts)
+        return sums / sums.sum()
+
+
+def gradients(template: Template, points: ndarray, used: Any = slice(None)) -> ndarray:
+    """Return the deformation gradients of triangles, shape (n, F, 3, 3)."""
+    operator = template.differential_operator
+    f_u, f_v = (part[..., used, :] for part in partial_derivatives(points, operator))
+    refuse_degenerate(is_degenerate_triangle(f_u, f_v), "X")
+    after = np.stack([f_u, f_v, unit_normals(f_u, f_v)], axis=-1)
+    return deformation_gradients(triangle_frames(template.vertices, operator)[used], after)
+
+
+def _rotations(vectors: Any, backend: ModuleType) -> Any:
+    """Return rotation matrices of rotation vectors (Rodrigues' formula)."""
+    squares = (vectors * vectors).sum(-1)
+    angles = backend.sqrt(squares + 1e-12)
+    sine, half = backend.sin(angles) / angles, backend.sin(0.5 * angles) / angles
+    cosine = 2.0 * half * half
+    x, y, z = (vectors[..., i] for i in range(3))
+    entries = [
+        1.0 - cosine * (y * y + z * z),
+        cosine * x * y - sine * z,
+        cosine * x * z + sine * y,
+        cosine * x * y + sine * z,
+        1.0 - cosine * (x * x + z * z),
+        cosine * y * z - sine * x,
+        cosine * x * z - sine * y,
+        cosine * y * z + sine * x,
+        1.0 - cosine * (x * x + y * y),
+    ]
+    return backend.stack(entries, -1).reshape(*vectors.shape, 3)
