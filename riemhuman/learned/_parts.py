@@ -4,8 +4,9 @@ The deformation gradient of a triangle, which takes it and its normal from the t
 is close to a combination of the mean gradients :math:`A_k` of a few parts,
 :math:`G_f = \sum_k w_{fk} A_k`. The polar decomposition :math:`A_k = R_k S_k` separates the
 rotation of a part from its stretch. The surface follows from the :math:`A_k` by a Poisson equation,
-which is linear (Sumner and Popović, "Deformation transfer for triangle meshes", 2004; Gao, Lai, Yang, Zhang,
-Xia and Kobbelt, "Sparse data driven mesh deformation", 2019, use such features of single vertices).
+which is linear (Sumner and Popović, "Deformation transfer for triangle meshes", 2004; Gao, Lai,
+Yang, Zhang, Xia and Kobbelt, "Sparse data driven mesh deformation", 2019, use such features of
+single vertices).
 """
 
 from __future__ import annotations

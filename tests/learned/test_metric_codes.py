@@ -60,9 +60,8 @@ def test_conventions_and_refusals():
     codes = MetricCodes(METRICS["pose"][0](space), n_codes=50, n_components=8)
     found = codes.fit(known.points[:9]).transform(known.points[:4])
     assert found.shape == (4, 50)
-    np.testing.assert_array_equal(
-        found, clone(codes).fit(known.points[:9]).transform(known.points[:4])
-    )
+    again = clone(codes).fit(known.points[:9]).transform(known.points[:4])
+    np.testing.assert_array_equal(found, again)
     assert codes.transform(known.points[:0]).shape == (0, 50)
     with pytest.raises(ArgumentError, match="must be fitted first"):
         clone(codes).transform(known.points)
