@@ -10,7 +10,7 @@ from riemhuman.datasets import load_open_bodies, open_bodies
 from riemhuman.datasets._natural_bodies import natural_surfaces
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.solvers import Disentangling
-from riemhuman.surfaces.distortion import edge_lengths
+from riemhuman.surfaces.measures import edge_lengths
 from riemhuman.surfaces.procrustes import procrustes
 
 # Segments with fewer vertices say little.

@@ -48,10 +48,10 @@ def ellipsoid(n, axes=(0.2, 0.5, 0.12)):
 
 def set_at(template, measurements, **places):
     """Return measurements at landmarks, which are the surface points nearest to some places."""
-    from riemhuman.surfaces.nearest_places import nearest_places
+    from riemhuman.surfaces.nearest_points import nearest_points
 
     points = np.array(list(places.values()), dtype=float)
-    nearest, _ = nearest_places(points, template.vertices, template.faces)
+    nearest, _ = nearest_points(points, template.vertices, template.faces)
     landmarks = {
         name: (template.faces[face], weight)
         for name, face, weight in zip(places, *nearest, strict=True)

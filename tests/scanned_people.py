@@ -7,7 +7,7 @@ import riemhuman as rh
 from riemhuman.datasets._natural_bodies import surface_noise
 from riemhuman.registration._start_poses import _SMPL_TREE, rename_joints
 from riemhuman.registration.simulated_scans import remeshed
-from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.nearest_points import nearest_points
 
 MOTIONS = (
     "chicken_wings",
@@ -69,7 +69,7 @@ def foreign_bodies(model, seed, n_people, n_moments):
     rng = np.random.default_rng([seed, 6890])
     rest, faces = model.template.vertices, model.faces
     vertices, triangles = remeshed(rest, faces, N_FOREIGN_VERTICES, rng)
-    places, _ = nearest_places(vertices, rest, faces)
+    places, _ = nearest_points(vertices, rest, faces)
     names = list(model.joint_names)
     motions = rh.datasets.load_open_motions(
         "full" if model.n_vertices > 5000 else "coarse", sequences=list(MOTIONS)
@@ -115,7 +115,7 @@ def _curled(model, surface, wrist, angle):
 
 def correspondence_errors(one, other, first, second, faces):
     """Return how far from its truth every vertex of one foreign body goes on another, metres."""
-    places, _ = nearest_places(one, first, faces)
+    places, _ = nearest_points(one, first, faces)
     carried = np.einsum("nk,nkx->nx", places.barycentric, second[faces[places.triangles]])
     return np.linalg.norm(carried - other, axis=1)
 

@@ -162,7 +162,7 @@ def mesh_facts(vertices: ndarray, faces: ndarray) -> dict[str, Any]:
     from scipy import sparse
     from scipy.sparse.csgraph import connected_components
 
-    from riemhuman.surfaces.distortion import signed_volume, triangle_areas
+    from riemhuman.surfaces.measures import signed_volume, triangle_areas
     from riemhuman.units import likely_units
 
     sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
@@ -293,7 +293,7 @@ def _matrix_facts(arrays: Mapping[str, ndarray]) -> dict[str, Any]:
 def _measurement_facts(file: Path) -> dict[str, Any]:
     import json
 
-    from riemhuman.io.text_tables import read_text
+    from riemhuman.io.files import read_text
 
     try:
         fields = json.loads(read_text(file))
@@ -307,7 +307,7 @@ def _measurement_facts(file: Path) -> dict[str, Any]:
 def _table_facts(file: Path) -> dict[str, Any]:
     import csv
 
-    from riemhuman.io.text_tables import read_text
+    from riemhuman.io.files import read_text
 
     rows = list(csv.reader(read_text(file).splitlines()))
     columns = rows[0] if rows else []

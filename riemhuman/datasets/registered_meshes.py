@@ -21,9 +21,8 @@ from riemhuman.io.mesh_arrays import face_difference
 from riemhuman.io.meshes import load_mesh
 from riemhuman.progress import ProgressBar
 from riemhuman.representation import join_names
-from riemhuman.surfaces.procrustes import procrustes
+from riemhuman.surfaces.procrustes import make_upright, procrustes
 from riemhuman.surfaces.template import Template
-from riemhuman.surfaces.upright import upright
 from riemhuman.units import SCALES, check_same_scale
 
 # Suffixes of mesh files; of one mesh in several formats, the first of these is read.
@@ -97,7 +96,7 @@ class RegisteredMeshes:
         self._reference = self._files[0] if reference is None else Path(reference)
         self._unit, self._up = unit, up
         vertices, self._faces = load_mesh(self._reference)
-        self._vertices = upright(vertices, unit, up)
+        self._vertices = make_upright(vertices, unit, up)
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -132,7 +131,7 @@ class RegisteredMeshes:
 
     def _read(self, file: Path) -> np.ndarray:
         vertices, faces = load_mesh(file)
-        vertices = upright(vertices, self._unit, self._up)
+        vertices = make_upright(vertices, self._unit, self._up)
         if vertices.shape != self._vertices.shape:
             difference = f"it has {len(vertices)} vertices, that one has {len(self._vertices)}"
         else:
@@ -464,7 +463,9 @@ def _load(
     """
     if not isinstance(template, Template):
         read = Template.from_file(files[0] if template is None else template)
-        template = Template(upright(read.vertices, unit, up), read.faces) if unit or up else read
+        template = (
+            Template(make_upright(read.vertices, unit, up), read.faces) if unit or up else read
+        )
     meshes = RegisteredMeshes(files, scale=scale, unit=unit, up=up)
     numbers = ProgressBar(range(len(meshes)), desc="Meshes", unit="mesh", disable=not progress)
     points = np.empty((len(meshes), *meshes.reference.shape))

@@ -25,24 +25,7 @@ _HIDING = frozenset({"eval", "exec", "globals", "__import__"})
 
 
 def reached_by(function: types.FunctionType) -> dict[str, Any]:
-    """Return what a function and the functions nested in it look up outside themselves.
-
-    Parameters
-    ----------
-    function : function
-        The function.
-
-    Returns
-    -------
-    dict of str to object
-        Values of global names and modules of libraries by name; of other modules, the attributes
-        that may be used, as "module.name". Built-in names are left out.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the function looks up names that its code does not contain.
-    """
+    """Return what a function and the functions nested in it look up outside themselves."""
     names = function.__globals__
     reached: dict[str, Any] = {}
     attributes = set()
@@ -104,18 +87,7 @@ def _without_own_modules(reached: dict[str, Any], attributes: set[str]) -> dict[
 
 
 def library_of(value: Any) -> dict[str, str] | None:
-    """Return the installed library that a module, class or function belongs to.
-
-    Parameters
-    ----------
-    value : module, type or function
-        What to look up.
-
-    Returns
-    -------
-    dict of str or None
-        Name and version of the library; None for code that is not installed, such as a script.
-    """
+    """Return the installed library that a module, class or function belongs to."""
     if isinstance(value, types.ModuleType):
         name: str | None = value.__name__
     elif isinstance(value, types.FunctionType):
@@ -153,13 +125,7 @@ def _library(name: str) -> dict[str, str] | None:
 
 
 def is_own(library: dict[str, str] | None) -> bool:
-    """Tell whether a library is riemhuman.
-
-    Parameters
-    ----------
-    library : dict of str or None
-        Result of `library_of`.
-    """
+    """Tell whether a library is riemhuman."""
     return library is not None and library["library"].startswith(f"{_OWN} ")
 
 

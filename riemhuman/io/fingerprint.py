@@ -41,17 +41,7 @@ _COMPILED = (
 
 
 def digest(array: np.ndarray) -> bytes:
-    """Return the SHA-256 digest of an array's bytes.
-
-    Parameters
-    ----------
-    array : array
-        Any array; its order in memory does not matter.
-
-    Returns
-    -------
-    bytes, length 32
-    """
+    """Return the SHA-256 digest of an array's bytes."""
     return hashlib.sha256(np.ascontiguousarray(array).data).digest()
 
 
@@ -63,22 +53,6 @@ def describe(value: Any) -> Any:
     their digests; functions and classes by their code, constants, defaults, closures, bases and the
     globals that the code reaches; those of installed libraries, riemhuman included, by name and
     version. The description is the same in every process, before and after the metric is used.
-
-    Parameters
-    ----------
-    value : object
-        The metric, or one of its parameters.
-
-    Returns
-    -------
-    object
-        Made of dict, list, str, int, float, bool and None.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the metric holds something that cannot be described, such as an open file, a random
-        generator or a function of an unknown compiled module.
     """
     try:
         return _Description().of(value)

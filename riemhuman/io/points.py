@@ -48,7 +48,7 @@ def load_points(path: str | os.PathLike[str]) -> tuple[ndarray, ndarray | None, 
     --------
     >>> import riemhuman as rh
     >>> with open("scan.xyz", "w") as file:
-    ...     _ = file.write("0 0 0\\n0 1.7 0\\n")
+    ...     _ = file.write("0 0 0\n0 1.7 0\n")
     >>> points, faces, normals = rh.io.load_points("scan.xyz")
     >>> points.shape, faces, normals
     ((2, 3), None, None)

@@ -35,7 +35,7 @@ from riemhuman.measurements.definitions import (
     measurement_from_dict,
     nearest_name,
 )
-from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.nearest_points import nearest_points
 from riemhuman.surfaces.template import Template
 
 DATA = Path(__file__).parent / "data"
@@ -276,7 +276,7 @@ class MeasurementSet:
             if abs(sum(corners) - 1.0) < 1e-9 and min(corners) >= 0:
                 return int(face), np.array(corners)
         point = weights @ self.vertices[vertices]
-        nearest, _ = nearest_places(point[np.newaxis], self.vertices, self.faces)
+        nearest, _ = nearest_points(point[np.newaxis], self.vertices, self.faces)
         return int(nearest.triangles[0]), nearest.barycentric[0]
 
     def with_measurements(self, measurements: Iterable[Measurement | str]) -> MeasurementSet:
@@ -383,7 +383,7 @@ class MeasurementSet:
         """
         surface = _surface_of(template)
         points = self.vertices if registered is None else np.asarray(registered, dtype=np.float64)
-        places, _ = nearest_places(points, surface.vertices, surface.faces)
+        places, _ = nearest_points(points, surface.vertices, surface.faces)
         return places.triangles, places.barycentric
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -179,9 +179,9 @@ class MotionSpace(Manifold):
         if inside.any():
             self.frames.check_immersed(np.stack([start, end]), "frames")
             interpolator = self.frames.template.interpolator
-            rotations = interpolator.turns(start, end)
-            if interpolator.is_torn(rotations):
-                rotations = interpolator.mended(rotations)
+            rotations = interpolator.rotations(start, end)
+            if interpolator.has_jumps(rotations):
+                rotations = interpolator.unwrap(rotations)
             surfaces[inside] = interpolator.interpolate(start, end, times[inside], rotations)
         return surfaces
 

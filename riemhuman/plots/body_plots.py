@@ -16,7 +16,7 @@ from riemhuman.optional import import_optional
 from riemhuman.plots._colors import SKIN, colour_limit, value_colors
 from riemhuman.plots._figures import new_axes, new_figure
 from riemhuman.plots.rendering import View, Window, render, window_around
-from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.measures import triangle_areas
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -28,11 +28,10 @@ from riemhuman.registration._start_poses import arms_of, joint_names, rotate_for
 from riemhuman.registration._start_search import N_THREADS, Candidate, StartSearch, Target
 from riemhuman.registration._trust import AREA, NEAR_METRES, RIVAL_METRES, Evidence, find_doubts
 from riemhuman.registration.scans import Scan, as_scan
-from riemhuman.surfaces.distortion import triangle_areas
-from riemhuman.surfaces.nearest_places import SurfacePlaces, nearest_places
-from riemhuman.surfaces.procrustes import procrustes
+from riemhuman.surfaces.measures import triangle_areas
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+from riemhuman.surfaces.procrustes import AXES, procrustes
 from riemhuman.surfaces.template import Template
-from riemhuman.surfaces.upright import AXES
 from riemhuman.units import UNITS
 
 
@@ -59,7 +58,7 @@ class RegisteredScan:
     matched : array of bool, shape (V,)
         Which vertices match points of the scan within 2 cm; the positions of the others follow
         from the model and the elastic metric.
-    correspondence : SurfacePlaces
+    correspondence : SurfacePoints
         Triangle and barycentric coordinates of the point on the surface nearest to each point of
         the scan, by which data on the scan are carried over to the body.
     background : array of bool, shape (N,)
@@ -86,7 +85,7 @@ class RegisteredScan:
     fit: ModelFit | None
     distances: np.ndarray
     matched: np.ndarray
-    correspondence: SurfacePlaces
+    correspondence: SurfacePoints
     background: np.ndarray
     up: np.ndarray
     unit: str
@@ -367,7 +366,7 @@ class ScanRegistration:
         pose = self._rotate_forearms(best, pose, scan, tree)
         model_points = pose_body(self._search.samples(None), pose)[0][: self.model.n_vertices]
         points, matches = fit_elastic(self._metric, model_points, model_points, tree)
-        places, distances = nearest_places(whole.points, points, self.model.faces)
+        places, distances = nearest_points(whole.points, points, self.model.faces)
         likelihood = self._likelihood(pose, scan)
         moved = np.linalg.norm(points - model_points, axis=1)
         gaps = np.linalg.norm(matches.gaps, axis=1)
@@ -522,7 +521,7 @@ class TemplateRegistration:
         near = np.linalg.norm(matches.gaps, axis=1) < _NEAR_METRES
         matched = near & (matches.weights > 0.1)
         points = points / self._factor
-        places, distances = nearest_places(whole.points, points, faces)
+        places, distances = nearest_points(whole.points, points, faces)
         close = float(np.mean(distances * self._factor < _NEAR_METRES))
         reasons = []
         if matched.mean() < _LEAST_MATCHED:
@@ -595,7 +594,7 @@ def transfer_model(model: BodyModel, body: Template) -> BodyModel:
             f"{registered.message}"
         )
     forth = correspondence_matrix(model, registered.correspondence)
-    back = correspondence_matrix(body, nearest_places(registered.points, vertices, faces)[0])
+    back = correspondence_matrix(body, nearest_points(registered.points, vertices, faces)[0])
     weights = forth @ model.weights
     shapedirs = _combined(forth, model.shapedirs)
     posedirs = None if model.posedirs is None else _combined(forth, model.posedirs)

@@ -14,7 +14,7 @@ from riemhuman.checks import Rng, generator, real_number, whole_number
 from riemhuman.errors import ArgumentError
 from riemhuman.io.mesh_arrays import check_mesh
 from riemhuman.kernels.vertex_normals import vertex_normals
-from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.measures import triangle_areas
 
 _HOLE_METRES = 0.06
 _PIXEL_METRES, _DEPTH_METRES = 0.006, 0.012

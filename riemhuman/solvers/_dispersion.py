@@ -15,7 +15,7 @@ from riemhuman.errors import ArgumentError, DegenerateSurfaceError, StretchInvar
 from riemhuman.geometry import RiemannianMetric
 from riemhuman.kernels.tiles import slices
 from riemhuman.solvers.paths import rounding_energy
-from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.measures import triangle_areas
 
 # Points whose features are held together.
 _BLOCK = 64

@@ -259,7 +259,7 @@ class DiscreteExponential:
         start = points[0]
         displacement = None if velocity is None else velocity / steps_per_unit
         direction = points[-1] - points[-2] if displacement is None else displacement
-        basis = None if self.basis is None else self.basis.joined(direction[None])
+        basis = None if self.basis is None else self.basis.extend(direction[None])
         equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
         n_iterations = n_evaluations = 0
         stop, unsolved = "", ""

@@ -117,7 +117,7 @@ class _OfElasticMetric:
         across = np.cross(normals, tangents, axis=1)
         sizes = np.sum(tangents**2, axis=(1, 2))
         weights = sizes.mean() / np.maximum(sizes, _SMALLEST * sizes.mean())
-        assemble = self._template.interpolator.weighted(weights)
+        assemble = self._template.interpolator.with_weights(weights)
 
         def assembled(surface: ndarray) -> ndarray:
             there = triangle_frames(surface, operator)[..., :2]

@@ -37,7 +37,7 @@ _CLOSE = 1.1
 class PoissonPath(PathSolver):
     """The path of surfaces whose triangles rotate and stretch uniformly: limbs do not collapse.
 
-    See `riemhuman.surfaces.poisson`. Triangles rotate by the smaller angle. Where neighbours then
+    See `riemhuman.surfaces._poisson`. Triangles rotate by the smaller angle. Where neighbours then
     rotate in different directions, as in a limb that rotates by about 180°, each limb, the largest
     first, rotates by the smaller angle or like its neighbours, whichever has less energy; so do all
     smaller parts together.
@@ -87,11 +87,11 @@ def rotating_paths(
     space.check_immersed(end, "end")
     interpolator = space.template.interpolator
 
-    shorter = interpolator.turns(start, end)
-    if not interpolator.is_torn(shorter):
+    shorter = interpolator.rotations(start, end)
+    if not interpolator.has_jumps(shorter):
         path = rotating_path(metric, start, end, n_nodes, shorter)
         return [(path, energy.value(metric, path))]
-    alike = interpolator.mended(shorter)
+    alike = interpolator.unwrap(shorter)
     parts = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)
     areas = space.template.face_areas
     n_limbs = sum(areas[part].sum() >= _LIMB * areas.sum() for part in parts[:_MOST_LIMBS])

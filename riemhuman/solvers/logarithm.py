@@ -89,7 +89,7 @@ class DiscreteLogarithm:
         Deformations that span the geodesic together with the difference of the ends: its surfaces
         differ from the start by these alone. If a path that turns limbs has at least 1 % less
         energy, its displacements are added; the inverse is then
-        ``DiscreteExponential(basis.joined(result.path - base_point))``. By default all coordinates
+        ``DiscreteExponential(basis.extend(result.path - base_point))``. By default all coordinates
         are free.
     n_steps : int
         Steps in unit time.
@@ -162,7 +162,7 @@ class DiscreteLogarithm:
         start, end = check_end_points(metric, base_point, point)
         found = self._geodesic(metric, start, end)
         path = found.path
-        basis = None if self.basis is None else self.basis.joined(path[1:] - start)
+        basis = None if self.basis is None else self.basis.extend(path[1:] - start)
         equation = MiddleEquation(metric, basis, self.tolerance, self.max_iter)
         n_steps = len(path) - 1
         backward = equation.next_point(path[1], path[0])
@@ -202,7 +202,7 @@ class DiscreteLogarithm:
                 space: Any = metric.space
                 found = replace(found, path=steady_path(found.path, space.template.vertex_areas))
             return found
-        basis = self.basis.joined((end - start)[None])
+        basis = self.basis.extend((end - start)[None])
         solver = BasisPath(basis, n_nodes, remove_drift=False)
         first = solver.solve(metric, start, end)
         # The exponential can follow what the path has in the basis.
@@ -211,7 +211,7 @@ class DiscreteLogarithm:
             initial = linear_path(start, end, n_nodes)
         within = solver.solve(metric, start, end, initial_path=initial)
         least = within if within.energy <= _WORTH_JOINING * first.energy else first
-        joined = self.basis.joined(least.path[1:] - start)
+        joined = self.basis.extend(least.path[1:] - start)
         solver = replace(solver, basis=joined, tolerance=_TOLERANCE)
         return solver.solve(metric, start, end, initial_path=least.path)
 

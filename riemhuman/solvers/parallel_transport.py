@@ -194,7 +194,7 @@ class _Ladder(InheritsDocstrings, TransportSolver):
         else:
             basis = self.basis
             if basis is not None:
-                basis = basis.joined(np.stack([path[-1] - path[0], vector]))
+                basis = basis.extend(np.stack([path[-1] - path[0], vector]))
             geometry = _SingleSegments(MiddleEquation(metric, basis, self.tolerance, self.max_iter))
         vectors, floor = [vector], np.sqrt(rounding_energy(metric, path[0]))
         for start, end in pairwise(path):

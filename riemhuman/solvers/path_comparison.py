@@ -17,14 +17,25 @@ from riemhuman.geometry.strategies import GeodesicSolver
 from riemhuman.representation import Record
 from riemhuman.solvers.paths import solve_pairs
 from riemhuman.solvers.results import PathResult, Result, Status, complete_path_result
-from riemhuman.surfaces.distortion import (
-    Distortion,
-    change_along_path,
-    edge_lengths,
-    signed_volume,
-    summarize,
-    triangle_areas,
-)
+from riemhuman.surfaces.measures import edge_lengths, signed_volume, triangle_areas
+
+
+class Distortion(NamedTuple):
+    """A summary of the distortions of all triangles or edges.
+
+    Attributes
+    ----------
+    largest : float
+        The largest distortion.
+    quantile_99 : float
+        The 99 % quantile.
+    mean : float
+        The weighted mean.
+    """
+
+    largest: float
+    quantile_99: float
+    mean: float
 
 
 @dataclass(frozen=True, repr=False)
@@ -32,7 +43,7 @@ class PathMeasures(Record):
     """Energies of a path of surfaces, and how much it distorts them.
 
     Changes are relative, the largest along the path beyond those between its ends, see
-    `riemhuman.surfaces.distortion.change_along_path`.
+    `change_along_path`.
 
     Attributes
     ----------
@@ -394,3 +405,49 @@ class PairsOfPoints(Sequence[Any]):
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(len(self)))]
         return self._points[int(self._rows[number])], self._points[int(self._columns[number])]
+
+
+def change_along_path(sizes: ndarray) -> ndarray:
+    """Return the largest relative change of sizes along a path beyond the sizes at its ends.
+
+    For sizes A(τ) with ends A₀, A₁ it is the maximum over τ of A(τ)/max(A₀, A₁) − 1,
+    min(A₀, A₁)/A(τ) − 1 and 0, so that doubling and halving count the same.
+
+    Parameters
+    ----------
+    sizes : array, shape (n_times, ...)
+        Areas, lengths or volumes along a path, all of one sign.
+
+    Returns
+    -------
+    array, shape (...)
+        Infinite where a size vanishes only between the ends, or only at both ends.
+    """
+    sizes = np.abs(real_array(sizes, "sizes", finite=False))
+    largest, smallest = np.maximum(sizes[0], sizes[-1]), np.minimum(sizes[0], sizes[-1])
+    growth = _ratio(sizes.max(axis=0), largest)
+    shrinkage = _ratio(smallest, sizes.min(axis=0))
+    return np.maximum(np.maximum(growth, shrinkage) - 1.0, 0.0)
+
+
+def summarize(distortions: ndarray, weights: ndarray) -> Distortion:
+    """Return the largest, the 99 % quantile and the weighted mean of distortions.
+
+    Parameters
+    ----------
+    distortions : array, shape (m,)
+        Distortions of triangles or edges.
+    weights : array, shape (m,)
+        Their areas or lengths.
+    """
+    return Distortion(
+        float(distortions.max()),
+        float(np.quantile(distortions, 0.99)),
+        float(np.average(distortions, weights=weights)),
+    )
+
+
+def _ratio(a: ndarray, b: ndarray) -> ndarray:
+    """Return a/b, or 1 where both are 0."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where((a == 0) & (b == 0), 1.0, a / b)

@@ -24,11 +24,12 @@ from riemhuman.solvers.paths import rounded
 from riemhuman.solvers.quasi_newton import Operator, descend_in_rounds
 from riemhuman.solvers.results import Result, finish
 from riemhuman.surfaces.deformation_basis import DeformationBasis
-from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.measures import triangle_areas
 
 if TYPE_CHECKING:
+    from scipy.sparse.linalg import LinearOperator
+
     from riemhuman.geometry import AlignedSurfaces, SurfaceMetric
-    from riemhuman.surfaces.triangle_heat import HeatStep
 
 # Time of the flow, as a share of the area of a body. Of a variation of wavelength ℓ there remains
 # about exp(−4π²t/ℓ²): of 1.8 m², a half where ℓ = 0.41 m, an arm's girth and more; a quarter of
@@ -579,7 +580,7 @@ class SmoothTurn:
         along_bones = heat.step_through(trust, 0.5 * _ALONG_BONES * self._time)
         # By the trust of the second field, which bends sharply, few triangles would take all strain
         # of a joint and nearly lose their area.
-        assemble = self._template.interpolator.weighted(trust)
+        assemble = self._template.interpolator.with_weights(trust)
         field = _flow(along_bones, rotations)
         turned = assemble.surface_of(stacked_derivatives(field @ frames), pose)
         for _ in range(self._n_rounds):
@@ -605,7 +606,7 @@ class SmoothTurn:
         return 1.0 / (1.0 + _STRAIN_OF_BENDS**2 * self._area * np.maximum(squared_bends, 0.0))
 
 
-def _flow(half: HeatStep, rotations: ndarray) -> ndarray:
+def _flow(half: LinearOperator, rotations: ndarray) -> ndarray:
     """Return rotations after heat has flowed between them, as between matrices."""
     for _ in range(2):
         heat = half @ rotations.reshape(-1, 9)

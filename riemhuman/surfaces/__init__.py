@@ -1,17 +1,33 @@
-"""Registered surfaces: the template, deformation bases and Procrustes alignment."""
+"""Registered surfaces: the template, deformation bases, alignment, spectra and measures."""
 
 from riemhuman.surfaces.deformation_basis import DeformationBasis
-from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.measures import (
+    adjacent_triangles,
+    edge_lengths,
+    is_closed,
+    signed_volume,
+    triangle_areas,
+)
+from riemhuman.surfaces.nearest_points import SurfacePoints, nearest_points
+from riemhuman.surfaces.procrustes import generalized_procrustes, make_upright, procrustes
 from riemhuman.surfaces.spectra import Spectrum, spectrum
 from riemhuman.surfaces.template import Template
 
 __all__ = [
     "DeformationBasis",
     "Spectrum",
+    "SurfacePoints",
     "Template",
+    "adjacent_triangles",
+    "edge_lengths",
     "generalized_procrustes",
+    "is_closed",
+    "make_upright",
+    "nearest_points",
     "procrustes",
+    "signed_volume",
     "spectrum",
+    "triangle_areas",
 ]
 
 

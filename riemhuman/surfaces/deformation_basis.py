@@ -3,37 +3,32 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
-import autograd.numpy as np
-import numpy as onp
+import autograd.numpy as anp
+import numpy as np
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array, whole_number
+from riemhuman.checks import check_shape, real_array, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileFormatError
 from riemhuman.io.arrays import load_arrays, save_arrays
 from riemhuman.io.mesh_arrays import read_only
-from riemhuman.surfaces.laplacian import harmonics
-from riemhuman.surfaces.motion_frames import frames_apart
-from riemhuman.surfaces.orthonormal_deformations import OrthonormalDeformations
-from riemhuman.surfaces.streaming_pca import StreamingPCA
+from riemhuman.progress import ProgressBar
+from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template
-from riemhuman.surfaces.vertex_weights import (
-    normalized_weights,
-    orthonormal_rows,
-    vectors_of_rows,
-    weighted_rows,
-)
+from riemhuman.units import check_same_scale
 
 # A deformation lies in a basis if less than this share of its size is outside.
 _OUTSIDE = 1e-9
+# Largest deviation from orthonormal vectors that is accepted.
+_ORTHONORMAL = 1e-8
 _FORMAT_VERSION = 1
 _STATISTICS = ("explained_variance", "explained_variance_ratio", "mean")
 
 
-class DeformationBasis(OrthonormalDeformations):
+class DeformationBasis:
     r"""Orthonormal deformations :math:`D_k` of a surface, the search directions of solvers.
 
     Paths are sought as :math:`f + \sum_k \alpha_k D_k` [1]_, section 4. The vectors are
@@ -76,6 +71,9 @@ class DeformationBasis(OrthonormalDeformations):
     (1202, 3)
     """
 
+    # Read by jobs to recognise a basis: its vectors are orthonormal whatever the argument was.
+    _orthonormalize = False
+
     def __init__(
         self,
         vectors: ArrayLike,
@@ -83,10 +81,19 @@ class DeformationBasis(OrthonormalDeformations):
         orthonormalize: bool = False,
         vertex_weights: ArrayLike | None = None,
     ) -> None:
-        super().__init__(vectors, orthonormalize=orthonormalize, vertex_weights=vertex_weights)
-        self._explained_variance: onp.ndarray | None = None
-        self._explained_variance_ratio: onp.ndarray | None = None
-        self._mean: onp.ndarray | None = None
+        values = real_array(vectors, "vectors", ("n_components", "n_vertices", 3), batched=False)
+        if values.size == 0:
+            raise ArgumentError(f"vectors holds no deformation; found shape {values.shape}")
+        self._weights = normalized_weights(vertex_weights, values.shape[1])
+        if orthonormalize:
+            rows = orthonormal_rows(weighted_rows(values, self._weights), "vectors")
+            self._vectors = read_only(vectors_of_rows(rows, self._weights))
+        else:
+            self._vectors = read_only(np.array(values, order="C"))
+            self._check_orthonormal()
+        self._explained_variance: np.ndarray | None = None
+        self._explained_variance_ratio: np.ndarray | None = None
+        self._mean: np.ndarray | None = None
 
     @classmethod
     def from_motions(
@@ -99,12 +106,12 @@ class DeformationBasis(OrthonormalDeformations):
         vertex_weights: ArrayLike | None = None,
         progress: bool = False,
     ) -> DeformationBasis:
-        """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} seen in motions.
+        """Return the principal components of the deformations m_{nτ+τ} - m_{nτ} in motions.
 
         Frames are taken from each motion m at 0, τ, 2τ, … ([1]_, section 4). Motions are streamed:
         neither they nor their deformations need fit in memory. The components are exact up to
         256 MiB of deformations (some 800 of a body with 13,348 vertices); beyond, deformations
-        are merged in their order, see `riemhuman.surfaces.streaming_pca`.
+        are merged in their order, see `StreamingPCA`.
 
         Parameters
         ----------
@@ -148,23 +155,27 @@ class DeformationBasis(OrthonormalDeformations):
         pca = StreamingPCA(n_components, first[0].size, remove_mean=remove_mean)
         largest = 0.0
         for start, end in chain([first], pairs):
-            pca.add(weighted_rows((end - start)[onp.newaxis], weights)[0])
-            largest = max(largest, float(onp.abs(start).max()), float(onp.abs(end).max()))
-        scale = 1.0 if weights is None else float(onp.sqrt(weights.max()))
-        found = pca.components(rounding=onp.finfo(onp.float64).eps * scale * largest)
-        if found.rank < n_components:
+            pca.add(weighted_rows((end - start)[np.newaxis], weights)[0])
+            largest = max(largest, float(np.abs(start).max()), float(np.abs(end).max()))
+        scale = 1.0 if weights is None else float(np.sqrt(weights.max()))
+        principal = pca.components(rounding=np.finfo(np.float64).eps * scale * largest)
+        if principal.rank < n_components:
             centred = " less their mean" if remove_mean else ""
             raise ArgumentError(
-                f"n_components={n_components} exceeds the rank {found.rank} of the "
-                f"{found.n_samples} deformations{centred}; ask for at most that many"
+                f"n_components={n_components} exceeds the rank {principal.rank} of the "
+                f"{principal.n_samples} deformations{centred}; ask for at most that many"
             )
         basis = cls(
-            vectors_of_rows(found.vectors, weights),
+            vectors_of_rows(principal.vectors, weights),
             orthonormalize=True,
             vertex_weights=vertex_weights,
         )
-        mean = None if found.mean is None else vectors_of_rows(found.mean[onp.newaxis], weights)[0]
-        return basis._described(found.variance, found.variance_ratio, mean)
+        mean = (
+            None
+            if principal.mean is None
+            else vectors_of_rows(principal.mean[np.newaxis], weights)[0]
+        )
+        return basis._with_statistics(principal.variance, principal.variance_ratio, mean)
 
     @classmethod
     def from_laplacian(
@@ -200,9 +211,9 @@ class DeformationBasis(OrthonormalDeformations):
         n_components = whole_number(n_components, "n_components", minimum=1)
         weights = normalized_weights(vertex_weights, template.n_vertices)
         _, functions = harmonics(template, -(-n_components // 3))
-        roots = 1.0 if weights is None else onp.sqrt(weights)
+        roots = 1.0 if weights is None else np.sqrt(weights)
         functions = orthonormal_rows(functions * roots, "harmonics") / roots
-        vectors = onp.zeros((len(functions), 3, template.n_vertices, 3))
+        vectors = np.zeros((len(functions), 3, template.n_vertices, 3))
         for axis in range(3):
             vectors[:, axis, :, axis] = functions
         vectors = vectors.reshape(-1, template.n_vertices, 3)[:n_components]
@@ -245,12 +256,12 @@ class DeformationBasis(OrthonormalDeformations):
             ]
         except (ArgumentError, ArgumentTypeError) as error:
             raise FileFormatError(f"{os.fspath(path)}: {error}") from error
-        return basis._described(*statistics)
+        return basis._with_statistics(*statistics)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the basis to an .npz file that reads back bit for bit.
 
-        The file appears whole or not at all.
+        The file is written atomically.
 
         Parameters
         ----------
@@ -262,14 +273,142 @@ class DeformationBasis(OrthonormalDeformations):
         FileError
             If the file cannot be written.
         """
-        fields = {"format_version": onp.array(_FORMAT_VERSION), "vectors": self.vectors}
+        fields = {"format_version": np.array(_FORMAT_VERSION), "vectors": self.vectors}
         for name in ("vertex_weights", *_STATISTICS):
             if getattr(self, name) is not None:
                 fields[name] = getattr(self, name)
         save_arrays(path, fields)
 
     @property
-    def explained_variance(self) -> onp.ndarray | None:
+    def vectors(self) -> np.ndarray:
+        """The deformations, shape (K, V, 3), read-only, orthonormal."""
+        return self._vectors
+
+    @property
+    def flat(self) -> np.ndarray:
+        """The deformations as rows, shape (K, 3V), read-only, C-contiguous, not copied."""
+        return self._vectors.reshape(len(self), -1)
+
+    @property
+    def n_components(self) -> int:
+        """Number of deformations K."""
+        return len(self._vectors)
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices V."""
+        return self._vectors.shape[1]
+
+    @property
+    def vertex_weights(self) -> np.ndarray | None:
+        """Weights of the inner product, shape (V,), of mean 1; None if all are 1."""
+        return self._weights
+
+    def coefficients(self, deformation: Any) -> Any:
+        """Return the inner products of deformations with the vectors.
+
+        Parameters
+        ----------
+        deformation : array_like, shape (..., V, 3)
+            Deformations; no mean is subtracted.
+
+        Returns
+        -------
+        coefficients : array, shape (..., K)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or an entry is not finite.
+        """
+        deformation = real_array(deformation, "deformation", (self.n_vertices, 3))
+        if self._weights is not None:
+            deformation = deformation * self._weights[:, np.newaxis]
+        rows = anp.reshape(deformation, (*deformation.shape[:-2], -1))
+        return anp.matmul(rows, self.flat.T)
+
+    def combine(self, coefficients: Any) -> Any:
+        r"""Return the deformations :math:`\sum_k \alpha_k D_k`.
+
+        Parameters
+        ----------
+        coefficients : array_like, shape (..., K)
+            Coefficients α.
+
+        Returns
+        -------
+        deformation : array, shape (..., V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or an entry is not finite.
+        """
+        coefficients = real_array(coefficients, "coefficients", (len(self),))
+        rows = anp.matmul(coefficients, self.flat)
+        return anp.reshape(rows, (*coefficients.shape[:-1], self.n_vertices, 3))
+
+    def project(self, deformation: Any) -> Any:
+        """Project deformations onto the span of the vectors.
+
+        Parameters
+        ----------
+        deformation : array_like, shape (..., V, 3)
+            Deformations.
+
+        Returns
+        -------
+        projection : array, shape (..., V, 3)
+
+        Raises
+        ------
+        ArgumentError
+            If the shape is wrong or an entry is not finite.
+        """
+        return self.combine(self.coefficients(deformation))
+
+    def check_fits(self, template: Template | int) -> None:
+        """Raise an error unless a template has as many vertices as the basis.
+
+        Parameters
+        ----------
+        template : Template or int
+            The template, or its number of vertices.
+
+        Raises
+        ------
+        ArgumentError
+            If the number of vertices differs.
+        """
+        expected = template.n_vertices if isinstance(template, Template) else template
+        if self.n_vertices != expected:
+            raise ArgumentError(
+                f"the basis belongs to another template: it has {self.n_vertices} vertices, "
+                f"the template has {expected}"
+            )
+
+    def __len__(self) -> int:
+        return self.n_components
+
+    def __repr__(self) -> str:
+        weights = "" if self._weights is None else ", weighted"
+        return (
+            f"{type(self).__name__}(n_components={self.n_components}, "
+            f"n_vertices={self.n_vertices}{weights})"
+        )
+
+    def _check_orthonormal(self) -> None:
+        rows = weighted_rows(self._vectors, self._weights)
+        with np.errstate(over="ignore", invalid="ignore"):
+            deviation = float(np.abs(rows @ rows.T - np.eye(len(rows))).max())
+        if not deviation <= _ORTHONORMAL:
+            raise ArgumentError(
+                f"vectors must be orthonormal within {_ORTHONORMAL:g}; their inner products are "
+                f"up to {deviation:.3g} away from it: pass orthonormalize=True to make them so"
+            )
+
+    @property
+    def explained_variance(self) -> np.ndarray | None:
         """Variance of motions along each vector, shape (K,), or None for another basis.
 
         It is the mean square of the coefficients of all deformations, or their sample variance if
@@ -278,16 +417,16 @@ class DeformationBasis(OrthonormalDeformations):
         return self._explained_variance
 
     @property
-    def explained_variance_ratio(self) -> onp.ndarray | None:
+    def explained_variance_ratio(self) -> np.ndarray | None:
         """Variance along each vector as a share of the total, shape (K,), or None."""
         return self._explained_variance_ratio
 
     @property
-    def mean(self) -> onp.ndarray | None:
+    def mean(self) -> np.ndarray | None:
         """The mean deformation, shape (V, 3), if it was removed, otherwise None."""
         return self._mean
 
-    def truncated(self, n_components: int) -> DeformationBasis:
+    def truncate(self, n_components: int) -> DeformationBasis:
         """Return a basis of the first vectors.
 
         Parameters
@@ -309,13 +448,13 @@ class DeformationBasis(OrthonormalDeformations):
             raise ArgumentError(f"n_components={kept} exceeds the {len(self)} vectors of the basis")
         basis = type(self)(self.vectors[:kept], vertex_weights=self.vertex_weights)
         variance, ratio = self.explained_variance, self.explained_variance_ratio
-        return basis._described(
+        return basis._with_statistics(
             None if variance is None else variance[:kept],
             None if ratio is None else ratio[:kept],
             self.mean,
         )
 
-    def joined(self, deformations: np.ndarray) -> DeformationBasis:
+    def extend(self, deformations: np.ndarray) -> DeformationBasis:
         """Return this basis extended by more deformations.
 
         Parameters
@@ -341,11 +480,276 @@ class DeformationBasis(OrthonormalDeformations):
                 )
         return basis
 
-    def _described(
-        self, variance: onp.ndarray | None, ratio: onp.ndarray | None, mean: onp.ndarray | None
+    def _with_statistics(
+        self, variance: np.ndarray | None, ratio: np.ndarray | None, mean: np.ndarray | None
     ) -> DeformationBasis:
         """Set the statistics of the motions that the vectors come from."""
         self._explained_variance = None if variance is None else read_only(variance)
         self._explained_variance_ratio = None if ratio is None else read_only(ratio)
         self._mean = None if mean is None else read_only(mean)
         return self
+
+
+_REMEDY = "a basis weighs deformations by their lengths"
+
+
+def frames_apart(
+    motions: Iterable[Any], step: int = 10, *, progress: bool = False
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yield the frames m_{nτ} and m_{nτ+τ} of every motion m, for n = 0, 1, ….
+
+    Every frame that is read is checked. An array, a list or an iterator is read frame by frame. Of
+    any other motion that has a length and can be indexed, such as a data set on disk or a motion
+    computed on demand, only every τ-th frame is read.
+    """
+    step = whole_number(step, "step", minimum=1)
+    if isinstance(motions, np.ndarray) and motions.ndim == 3:
+        raise ArgumentError(
+            f"motions must hold several motions; found one, of shape {motions.shape}: give it "
+            "in a list, [motion]"
+        )
+    first: np.ndarray | None = None
+    n_motions = 0
+    listed = _iterate(motions, "motions")
+    if progress:
+        listed = _with_progress(listed, motions)
+    for index, motion in enumerate(listed):
+        name = f"motions[{index}]"
+        start = None
+        for frame in _every(motion, step, name):
+            if first is None:
+                first = frame
+            if len(frame) != len(first):
+                raise ArgumentError(
+                    f"{name} has {len(frame)} vertices; the motions before it have {len(first)}"
+                )
+            if start is None:
+                check_same_scale(frame, first, name, "the first motion", remedy=_REMEDY)
+            if start is not None:
+                yield start, frame
+            start = frame
+        n_motions += 1
+    if n_motions == 0:
+        raise ArgumentError("motions holds no motion; at least one is needed")
+
+
+def _every(motion: Any, step: int, name: str) -> Iterator[np.ndarray]:
+    """Yield every step-th frame of a motion, or raise an error if it is too short."""
+    if _is_indexed(motion):
+        n_frames = len(motion)
+        _check_length(n_frames, step, name)
+        for number in range(0, n_frames, step):
+            yield _frame(motion[number], number, name)
+        return
+    n_frames, n_vertices = 0, None
+    for run in _iterate(motion, name):
+        for found in _frames_of(run, n_frames, name):
+            frame = _frame(found, n_frames, name)
+            if n_vertices is not None and len(frame) != n_vertices:
+                raise ArgumentError(
+                    f"frame {n_frames} of {name} has {len(frame)} vertices; the frames before "
+                    f"it have {n_vertices}"
+                )
+            n_vertices = len(frame)
+            if n_frames % step == 0:
+                # A generator may reuse one array for all frames.
+                yield frame.copy()
+            n_frames += 1
+    _check_length(n_frames, step, name)
+
+
+def _is_indexed(motion: Any) -> bool:
+    return (
+        hasattr(motion, "__len__")
+        and hasattr(motion, "__getitem__")
+        and not isinstance(motion, (np.ndarray, list, tuple))
+    )
+
+
+def _iterate(items: Any, name: str) -> Iterator[Any]:
+    try:
+        return iter(items)
+    except TypeError as error:
+        raise ArgumentTypeError(
+            f"{name} must be an array or something to iterate over; found {items!r}"
+        ) from error
+
+
+def _with_progress(listed: Iterator[Any], motions: Any) -> Iterator[Any]:
+    n_motions = len(motions) if hasattr(motions, "__len__") else None
+    return iter(ProgressBar(listed, desc="Motions", total=n_motions, unit="motion"))
+
+
+def _frames_of(run: Any, number: int, name: str) -> np.ndarray:
+    """Return a frame or a block of frames as a block."""
+    label = f"frame {number} of {name}"
+    values = real_array(run, label, finite=False)
+    if values.ndim == 3:
+        return values
+    check_shape(values, label, ("n_vertices", 3), batched=False)
+    return values[np.newaxis]
+
+
+def _frame(values: Any, number: int, name: str) -> np.ndarray:
+    return real_array(values, f"frame {number} of {name}", ("n_vertices", 3), batched=False)
+
+
+def _check_length(n_frames: int, step: int, name: str) -> None:
+    if n_frames <= step:
+        raise ArgumentError(
+            f"{name} has {n_frames} frames; with step={step} a motion needs at least {step + 1}"
+        )
+
+
+# Rows are collected up to this size before they are merged.
+_BUFFER_BYTES = 2**28
+
+
+class PrincipalComponents(NamedTuple):
+    """Orthonormal components (K, n_features), the strongest first, with variances and rank."""
+
+    vectors: np.ndarray
+    variance: np.ndarray
+    variance_ratio: np.ndarray
+    mean: np.ndarray | None
+    rank: int
+    n_samples: int
+
+
+class StreamingPCA:
+    """Principal components of rows that arrive one by one, in bounded memory.
+
+    Rows are collected in a buffer. The rows A = U S Vᵀ of a full buffer are replaced by half as
+    many, the strongest rows of S Vᵀ. While all rows fit in the buffer, the result is that of one
+    singular value decomposition. Beyond, each merge lowers AᵀA, in the spectral norm, by the square
+    of the largest singular value that it drops, and keeps at least 1.5 K larger ones. Nothing is
+    lost if half the buffer holds at least as many rows as there are features.
+
+    With mean removal, the rows of each merge are centred on their own mean, and an additional row
+    represents the distance of this mean from the previous one [1]_.
+    """
+
+    def __init__(
+        self,
+        n_components: int,
+        n_features: int,
+        *,
+        remove_mean: bool = False,
+        max_rows: int | None = None,
+    ) -> None:
+        if max_rows is None:
+            fitting = _BUFFER_BYTES // (8 * n_features)
+            max_rows = max(3 * n_components, min(fitting, 2 * n_features))
+        self._n_components = n_components
+        self._max_rows = max_rows
+        self._remove_mean = remove_mean
+        # One row more for the shift of the mean.
+        self._rows = np.empty((max_rows + 1, n_features))
+        self._n_filled = 0
+        self._singular_values = np.empty(0)
+        self._mean = np.zeros(n_features)
+        self._n_samples = 0
+        self._sum_of_squares = 0.0
+
+    def add(self, row: np.ndarray) -> None:
+        """Add a row."""
+        if self._n_filled == self._max_rows:
+            self._merge()
+        self._rows[self._n_filled] = row
+        self._n_filled += 1
+
+    def components(self, *, rounding: float = 0.0) -> PrincipalComponents:
+        """Return the components of the rows so far."""
+        self._merge()
+        values, n_features = self._singular_values, self._rows.shape[1]
+        noise = rounding * (np.sqrt(self._n_samples) + np.sqrt(n_features))
+        resolution = max(self._n_samples, n_features) * np.finfo(np.float64).eps
+        rank = int(np.sum(values > resolution * values.max(initial=0.0) + noise))
+        n_components = min(self._n_components, rank)
+
+        values = values[:n_components]
+        vectors = self._rows[:n_components] / values[:, np.newaxis]
+        peaks = np.abs(vectors).argmax(axis=1)
+        vectors *= np.sign(vectors[np.arange(n_components), peaks])[:, np.newaxis]
+        freedom = self._n_samples - 1 if self._remove_mean else self._n_samples
+        return PrincipalComponents(
+            vectors,
+            values**2 / max(freedom, 1),
+            values**2 / (self._sum_of_squares or 1.0),
+            self._mean.copy() if self._remove_mean else None,
+            rank,
+            self._n_samples,
+        )
+
+    def _merge(self) -> None:
+        """Replace the rows of the buffer by the strongest rows of S Vᵀ."""
+        n_merged = len(self._singular_values)
+        if self._n_filled == n_merged:
+            return
+        n_new = self._n_filled - n_merged
+        if self._remove_mean:
+            self._centre(self._rows[n_merged : self._n_filled])
+        self._n_samples += n_new
+        self._sum_of_squares += float(np.sum(self._rows[n_merged : self._n_filled] ** 2))
+
+        rows = self._rows[: self._n_filled]
+        # With Aᵀ = Q R, A and Rᵀ have the same left singular vectors. Unlike A Aᵀ, R keeps small
+        # singular values to full precision.
+        triangle: Any = np.linalg.qr(rows.T, mode="r")
+        left, values, _ = np.linalg.svd(triangle.T, full_matrices=False)
+        kept = min(max(self._max_rows // 2, self._n_components), len(values))
+        self._rows[:kept] = left[:, :kept].T @ rows
+        self._singular_values = values[:kept]
+        self._n_filled = kept
+
+    def _centre(self, new: np.ndarray) -> None:
+        """Centre the new rows, add a row for the shift of their mean, and update the mean."""
+        n_old, n_new = self._n_samples, len(new)
+        mean = new.mean(axis=0)
+        new -= mean
+        shift = mean - self._mean
+        if n_old:
+            self._rows[self._n_filled] = shift * np.sqrt(n_old * n_new / (n_old + n_new))
+            self._n_filled += 1
+        self._mean += shift * (n_new / (n_old + n_new))
+
+
+def normalized_weights(weights: ArrayLike | None, n_vertices: int) -> np.ndarray | None:
+    """Return vertex weights scaled to mean 1."""
+    if weights is None:
+        return None
+    values = real_array(weights, "vertex_weights", (n_vertices,), batched=False)
+    if not (values > 0).all():
+        first = int((values <= 0).argmax())
+        raise ArgumentError(
+            f"vertex_weights[{first}] = {float(values[first])!r} is not positive; a vertex "
+            "without weight would make the inner product degenerate"
+        )
+    return read_only(values / values.mean())
+
+
+def weighted_rows(vectors: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
+    """Return vectors as rows whose dot products are the weighted inner products."""
+    if weights is not None:
+        vectors = vectors * np.sqrt(weights)[:, np.newaxis]
+    return vectors.reshape(len(vectors), -1)
+
+
+def vectors_of_rows(rows: np.ndarray, weights: np.ndarray | None) -> np.ndarray:
+    """Return vectors from rows, the inverse of `weighted_rows`."""
+    vectors = rows.reshape(len(rows), -1, 3)
+    return vectors if weights is None else vectors / np.sqrt(weights)[:, np.newaxis]
+
+
+def orthonormal_rows(rows: np.ndarray, name: str) -> np.ndarray:
+    """Orthonormalise rows by the Gram–Schmidt process."""
+    sizes = np.linalg.norm(rows, axis=1)
+    sizes[sizes == 0] = 1.0
+    columns, triangle = np.linalg.qr((rows / sizes[:, np.newaxis]).T)
+    values = np.linalg.svd(triangle, compute_uv=False)
+    rank = int(np.sum(values > max(rows.shape) * np.finfo(np.float64).eps * values.max()))
+    if rank < len(rows):
+        raise ArgumentError(
+            f"{name} must be linearly independent; the rank of these {len(rows)} is {rank}"
+        )
+    return np.ascontiguousarray((columns * np.sign(triangle.diagonal())).T)

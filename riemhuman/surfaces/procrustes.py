@@ -1,13 +1,14 @@
-"""Procrustes alignment: the rotation, translation and scale that bring surfaces together."""
+"""Alignment of surfaces: Procrustes analysis, and conversion to metres with y up."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy import ndarray
 from numpy.typing import ArrayLike
 
-from riemhuman.checks import real_array, real_number, whole_number
+from riemhuman.checks import one_of, real_array, real_number, whole_number
 from riemhuman.errors import ArgumentError, ConvergenceWarning, warn
-from riemhuman.units import check_same_scale
+from riemhuman.units import UNITS, check_same_scale
 
 # A rotation is undetermined if the spread of the points is within rounding of zero: relative to
 # the size of the surface, and to the coordinates from which the spread was computed.
@@ -37,7 +38,7 @@ def procrustes(
         `generalized_procrustes` with its default tolerance.
     scale : bool or None
         Whether surfaces are also scaled. With False, surfaces that are evidently in another unit
-        are refused; None accepts them unscaled.
+        raise an error; None accepts them unscaled.
     weights : array_like, shape (V,), optional
         Weights w of the vertices, for instance ``template.vertex_areas``; equal by default.
 
@@ -150,14 +151,14 @@ def generalized_procrustes(
     if scale is False:
         first = surfaces[(0,) * len(leading)]
         check_same_scale(surfaces, first, "points", "the first", remedy=_REMEDY)
-    size = np.sqrt(_squared_size(_centred(surfaces, shares), shares).mean())
+    size = np.sqrt(_squared_size(_center(surfaces, shares), shares).mean())
 
     first = mean = surfaces[(0,) * len(leading)]
     for _ in range(max_iter):
         previous, mean = mean, _align(surfaces, mean, shares, bool(scale)).mean(axis=leading)
         if scale:
-            mean = _resized(mean, shares, size)
-        if _squared_size(_centred(mean - previous, shares), shares) <= (tolerance * size) ** 2:
+            mean = _resize(mean, shares, size)
+        if _squared_size(_center(mean - previous, shares), shares) <= (tolerance * size) ** 2:
             break
     else:
         warn(
@@ -188,12 +189,12 @@ def _shares(weights: ArrayLike | None, n_vertices: int) -> np.ndarray:
 
 def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool) -> np.ndarray:
     """Move each surface onto the reference `to`."""
-    source, target = _centred(surfaces, shares), _centred(to, shares)
+    source, target = _center(surfaces, shares), _center(to, shares)
     left, spread, right = np.linalg.svd(target.T @ (shares[:, np.newaxis] * source))
     # Reversing the weakest axis turns a reflection into a rotation at the least cost.
-    turn = np.sign(np.linalg.det(left) * np.linalg.det(right))
-    spread[..., 2] *= turn
-    right[..., 2, :] *= turn[..., np.newaxis]
+    sign = np.sign(np.linalg.det(left) * np.linalg.det(right))
+    spread[..., 2] *= sign
+    right[..., 2, :] *= sign[..., np.newaxis]
 
     squared_size = _squared_size(source, shares)
     noise = _ROUNDING * np.abs(surfaces).max(axis=(-1, -2))
@@ -214,7 +215,7 @@ def _align(surfaces: np.ndarray, to: np.ndarray, shares: np.ndarray, scale: bool
     return source @ np.swapaxes(rotation, -1, -2) + shares @ to
 
 
-def _centred(surfaces: np.ndarray, shares: np.ndarray) -> np.ndarray:
+def _center(surfaces: np.ndarray, shares: np.ndarray) -> np.ndarray:
     """Move the weighted centre of each surface to the origin."""
     return surfaces - (shares @ surfaces)[..., np.newaxis, :]
 
@@ -224,7 +225,55 @@ def _squared_size(centred: np.ndarray, shares: np.ndarray) -> np.ndarray:
     return np.sum(centred**2, axis=-1) @ shares
 
 
-def _resized(surface: np.ndarray, shares: np.ndarray, size: float) -> np.ndarray:
+def _resize(surface: np.ndarray, shares: np.ndarray, size: float) -> np.ndarray:
     """Scale a surface about its centre to the given size."""
-    centred = _centred(surface, shares)
+    centred = _center(surface, shares)
     return surface + centred * (size / np.sqrt(_squared_size(centred, shares)) - 1.0)
+
+
+# Rotations to y up by the axis that points up, about the third axis.
+_ROTATIONS = {
+    "x": [[0, -1, 0], [1, 0, 0], [0, 0, 1]],
+    "y": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
+    "z": [[1, 0, 0], [0, 0, 1], [0, -1, 0]],
+    "-x": [[0, 1, 0], [-1, 0, 0], [0, 0, 1]],
+    "-y": [[-1, 0, 0], [0, -1, 0], [0, 0, 1]],
+    "-z": [[1, 0, 0], [0, 0, -1], [0, 1, 0]],
+}
+AXES = tuple(_ROTATIONS)
+"""Names of the axes that may point up."""
+
+
+def make_upright(points: ndarray, unit: str | None = None, up: str | None = None) -> ndarray:
+    """Return surfaces in metres, rotated so that y points up.
+
+    Parameters
+    ----------
+    points : array, shape (..., 3)
+        Surfaces.
+    unit : {"metres", "centimetres", "millimetres", "inches"}, optional
+        Unit of the coordinates; by default surfaces are not scaled.
+    up : {"x", "y", "z", "-x", "-y", "-z"}, optional
+        Axis that points up; by default surfaces are not rotated.
+
+    Returns
+    -------
+    array, shape (..., 3)
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such unit or axis.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> rh.surfaces.make_upright(np.array([[0.0, 0.0, 1700.0]]), "millimetres", up="z").tolist()
+    [[0.0, 1.7, 0.0]]
+    """
+    one_of(unit, "unit", (None, *UNITS))
+    one_of(up, "up", (None, *AXES))
+    if unit is not None:
+        points = points / UNITS[unit]
+    return points if up is None else points @ np.array(_ROTATIONS[up], dtype=float).T

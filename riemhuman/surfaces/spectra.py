@@ -1,4 +1,4 @@
-"""Spectra of the Laplace–Beltrami operator, which bending does not change."""
+"""Spectra of the Laplace–Beltrami operator, which bending does not change, and mesh harmonics."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import sparse
+from scipy import linalg, sparse
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 
 from riemhuman.checks import one_of, whole_number
 from riemhuman.errors import ArgumentError, DegenerateSurfaceError
 from riemhuman.io.mesh_arrays import check_mesh
+from riemhuman.kernels.laplacian import cotangent_laplacian
 from riemhuman.optional import import_optional
 from riemhuman.representation import Record
-from riemhuman.surfaces.laplacian import harmonics, lowest_eigenpairs
 from riemhuman.surfaces.template import Template
 
 LAPLACIANS = ("cotangent", "robust")
@@ -40,8 +41,8 @@ class Spectrum(Record):
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> found = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
-    >>> found.eigenvalues.shape, bool((found.eigenvalues > 0).all())
+    >>> spectrum = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
+    >>> spectrum.eigenvalues.shape, bool((spectrum.eigenvalues > 0).all())
     ((4,), True)
     """
 
@@ -122,8 +123,8 @@ def spectrum(
     --------
     >>> import riemhuman as rh
     >>> bodies = rh.datasets.load_open_bodies("coarse")
-    >>> found = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
-    >>> found.eigenvalues.shape, bool((found.eigenvalues > 0).all())
+    >>> spectrum = rh.surfaces.spectrum(bodies[0], bodies.template.faces, 4)
+    >>> spectrum.eigenvalues.shape, bool((spectrum.eigenvalues > 0).all())
     ((4,), True)
     """
     n_eigenvalues = whole_number(n_eigenvalues, "n_eigenvalues", minimum=1)
@@ -136,7 +137,7 @@ def spectrum(
             f"{str(error).replace('the template', 'the mesh').split(';')[0]}; the cotangent "
             'Laplacian needs triangles with area; laplacian="robust" does not'
         ) from error
-    _refuse_too_many(n_eigenvalues, mesh.faces, mesh.n_vertices)
+    _check_count(n_eigenvalues, mesh.faces, mesh.n_vertices)
     values, functions = harmonics(mesh, n_eigenvalues)
     constants = _constants(mesh.faces, mesh.vertex_areas)
     return Spectrum(values, functions, constants, mesh.vertex_areas)
@@ -147,7 +148,7 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
     used, compact = np.unique(faces, return_inverse=True)
     compact = compact.reshape(faces.shape)
-    n_components = _refuse_too_many(n_eigenvalues, faces, len(vertices))
+    n_components = _check_count(n_eigenvalues, faces, len(vertices))
     stiffness, mass = robust_laplacian.mesh_laplacian(vertices[used], compact)
     areas = np.zeros(len(vertices))
     areas[used] = mass.diagonal()
@@ -159,8 +160,8 @@ def _robust_spectrum(vertices: np.ndarray, faces: np.ndarray, n_eigenvalues: int
     return Spectrum(values[n_components:], functions, _constants(faces, areas), areas)
 
 
-def _refuse_too_many(n_eigenvalues: int, faces: np.ndarray, n_vertices: int) -> int:
-    """Return the number of connected components; refuse more eigenvalues than there are."""
+def _check_count(n_eigenvalues: int, faces: np.ndarray, n_vertices: int) -> int:
+    """Return the number of connected components; raise if there are too few eigenvalues."""
     n_used = len(np.unique(faces))
     n_components = int(_components(faces, n_vertices).max()) + 1 - (n_vertices - n_used)
     if n_eigenvalues > n_used - n_components:
@@ -182,3 +183,97 @@ def _constants(faces: np.ndarray, areas: np.ndarray) -> np.ndarray:
     components = _components(faces, len(areas))
     sizes = np.bincount(components, areas)
     return np.divide(1.0, sizes, where=sizes > 0, out=np.zeros_like(sizes))[components]
+
+
+# Shift of the spectrum, in units of the mean spacing 4π / area of Weyl's law, that makes the
+# singular operator positive definite.
+_SHIFT = 0.01
+
+
+def harmonics(template: Template, n_harmonics: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest eigenfunctions of the Laplacian with positive eigenvalues.
+
+    Solves L h = μ A h, with the vertex areas A as lumped masses. Functions that are constant on
+    every connected component have μ = 0 and are left out. Vertices that no triangle uses have the
+    value 0.
+    """
+    n_harmonics = whole_number(n_harmonics, "n_harmonics", minimum=1)
+    used = np.flatnonzero(template.vertex_areas)
+    n_constant = _n_components(template) - (template.n_vertices - len(used))
+    if n_harmonics > len(used) - n_constant:
+        raise ArgumentError(
+            f"n_harmonics={n_harmonics} exceeds the {len(used) - n_constant} harmonics of a mesh "
+            f"with {len(used)} vertices in {n_constant} connected components"
+        )
+    laplacian = cotangent_laplacian(template.vertices, template.faces)[used][:, used]
+    areas = template.vertex_areas[used]
+    values, vectors = lowest_eigenpairs(laplacian, areas, n_constant + n_harmonics)
+    functions = np.zeros((n_harmonics, template.n_vertices))
+    functions[:, used] = vectors[:, n_constant:].T
+    peaks = np.abs(functions).argmax(axis=1)
+    functions *= np.sign(functions[np.arange(n_harmonics), peaks])[:, np.newaxis]
+    return values[n_constant:], functions
+
+
+def _n_components(template: Template) -> int:
+    """Count connected components; a vertex that no triangle uses is one by itself."""
+    first, second = template.edges.T
+    graph = sparse.csr_array(
+        (np.ones(len(first)), (first, second)), shape=(template.n_vertices,) * 2
+    )
+    return int(sparse.csgraph.connected_components(graph, directed=False, return_labels=False))
+
+
+def lowest_eigenpairs(
+    laplacian: sparse.csr_array, areas: np.ndarray, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the lowest eigenvalues and eigenvectors of L h = μ A h."""
+    n_vertices = len(areas)
+    if 2 * count >= n_vertices:  # Lanczos iterations need room; a small mesh has none
+        return linalg.eigh(
+            laplacian.toarray(), np.diag(areas), subset_by_index=(0, count - 1), check_finite=False
+        )
+    shift = _SHIFT * 4 * np.pi / areas.sum()
+    roots = np.sqrt(areas)
+    factor = _factor(laplacian, areas, -shift)
+    start = np.random.default_rng(0).normal(size=n_vertices)
+
+    def more(n_more: int, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        def inverse(vector: np.ndarray) -> np.ndarray:
+            image = roots * factor.solve(roots * vector.ravel())
+            return image - known @ (known.T @ image)
+
+        operator = LinearOperator((n_vertices, n_vertices), matvec=inverse, dtype=np.float64)
+        # More Lanczos vectors need fewer restarts, but more orthogonalisation.
+        n_lanczos = min(n_vertices, max(20, 3 * n_more // 2))
+        inverses, vectors = eigsh(
+            operator, n_more, which="LA", v0=start - known @ (known.T @ start), ncv=n_lanczos
+        )
+        return 1 / inverses - shift, vectors
+
+    values, vectors = more(count, np.zeros((n_vertices, 0)))
+    # Lanczos iterations may miss copies of an eigenvalue that symmetry makes multiple.
+    limit = values.max() * (1 - 1e-8)
+    while (n_missing := _n_below(laplacian, areas, limit) - int(np.sum(values < limit))) > 0:
+        new_values, new_vectors = more(n_missing, vectors)
+        if new_values.min() >= limit:
+            break
+        values = np.concatenate([values, new_values])
+        vectors = np.concatenate([vectors, new_vectors], axis=1)
+    order = np.argsort(values)[:count]
+    return values[order], vectors[:, order] / roots[:, np.newaxis]
+
+
+def _n_below(laplacian: sparse.csr_array, areas: np.ndarray, limit: float) -> int:
+    """Count the eigenvalues below a limit by Sylvester's law of inertia."""
+    return int(np.sum(_factor(laplacian, areas, limit).U.diagonal() < 0))
+
+
+def _factor(laplacian: sparse.csr_array, areas: np.ndarray, shift: float) -> SuperLU:
+    """Factorise L - shift A without pivoting, so that the factors are symmetric."""
+    return splu(
+        sparse.csc_array(laplacian - shift * sparse.diags_array(areas)),
+        permc_spec="MMD_AT_PLUS_A",
+        diag_pivot_thresh=0.0,
+        options={"SymmetricMode": True},
+    )

@@ -20,9 +20,8 @@ from riemhuman.io.meshes import (
     to_pyvista,
     to_trimesh,
 )
-from riemhuman.surfaces.assembly import TriangleAssembler
-from riemhuman.surfaces.poisson import PoissonInterpolator
-from riemhuman.surfaces.triangle_heat import TriangleHeat
+from riemhuman.surfaces._poisson import PoissonInterpolator
+from riemhuman.surfaces._triangle_heat import TriangleHeat
 
 # A triangle is flat if its height is within rounding of zero: relative to its longest side, or to
 # the coordinates from which it was computed.
@@ -295,7 +294,7 @@ class Template:
         return points
 
     def check_faces(self, faces: ArrayLike, name: str = "faces") -> None:
-        """Refuse a triangulation other than the template's.
+        """Raise an error unless triangles are those of the template.
 
         Parameters
         ----------
@@ -323,7 +322,7 @@ class Template:
 
 
 def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return triangle areas and frame coefficients; refuse triangles without area."""
+    """Return triangle areas and frame coefficients; raise if a triangle has no area."""
     corners = vertices[faces]
     first_edge = corners[:, 1] - corners[:, 0]
     second_edge = corners[:, 2] - corners[:, 0]
@@ -347,3 +346,30 @@ def _areas_and_frames(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarr
     v3 = double_areas / u2
     frames = np.stack([1 / u2, 1 / v3, u3 / (v3 * u2)], axis=1)
     return read_only(double_areas / 2), read_only(frames)
+
+
+class TriangleAssembler:
+    """Sums 9 x 9 matrices of triangles into sparse (3V, 3V) matrices of one pattern."""
+
+    def __init__(self, faces: np.ndarray, n_vertices: int) -> None:
+        self._size = 3 * n_vertices
+        # Each pair of vertices that share a triangle has a block of 3 x 3 entries.
+        faces = faces.astype(np.int64)
+        pairs = faces[:, :, None] * n_vertices + faces[:, None, :]
+        keys, blocks = np.unique(pairs, return_inverse=True)
+        above, beside = np.divmod(keys, n_vertices)
+        counts = np.bincount(above, minlength=n_vertices)
+        starts = np.concatenate([[0], np.cumsum(counts)])[above]
+        first = 9 * starts + 3 * (np.arange(len(keys)) - starts)
+        i, j = np.arange(3)[:, None], np.arange(3)
+        entries = first[:, None, None] + 3 * i * counts[above, None, None] + j
+        self._columns = np.empty(entries.size, dtype=np.int32)
+        self._columns[entries] = 3 * beside[:, None, None] + j
+        self._row_ends = np.concatenate([[0], np.cumsum(np.repeat(3 * counts, 3))]).astype(np.int32)
+        self._positions = entries[blocks.reshape(pairs.shape)].swapaxes(2, 3).ravel()
+
+    def assemble(self, blocks: np.ndarray) -> sparse.csr_array:
+        """Return the sum of the matrices of all triangles."""
+        entries = np.bincount(self._positions, blocks.ravel(), minlength=len(self._columns))
+        shape = (self._size, self._size)
+        return sparse.csr_array((entries, self._columns, self._row_ends), shape=shape)

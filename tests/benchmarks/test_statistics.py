@@ -14,14 +14,14 @@ from self_intersections import count_self_intersections
 from riemhuman.datasets import load_open_bodies
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.retrieval import scores
+from riemhuman.solvers.path_comparison import Distortion, summarize
 from riemhuman.statistics import (
     GeodesicRegression,
     LearnedMetric,
     TangentPCA,
     inverted_triangles,
 )
-from riemhuman.surfaces import generalized_procrustes
-from riemhuman.surfaces.distortion import Distortion, edge_lengths, summarize, triangle_areas
+from riemhuman.surfaces import edge_lengths, generalized_procrustes, triangle_areas
 
 SETS = {"ten people in one pose": slice(0, 100, 10), "ten poses of one person": slice(0, 10)}
 each_set = pytest.mark.parametrize("name", SETS)

@@ -19,7 +19,7 @@ from riemhuman.errors import (
 )
 from riemhuman.io.meshes import save_mesh
 from riemhuman.surfaces import Template, procrustes
-from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.measures import triangle_areas
 
 LEVELS = ["", "registrations", "training/registrations", "MPI-FAUST/training/registrations"]
 FILES = ["b2.ply", "b10.obj", "b11.off", "b20.ply"]

@@ -17,7 +17,7 @@ from riemhuman.errors import ArgumentError, FileError
 from riemhuman.plots import ViewedBody, Viewer, page_scripts, view_bodies, view_path
 from riemhuman.plots._viewer_data import decimate, quantize
 from riemhuman.plots.rendering import View, render, window_around
-from riemhuman.surfaces.distortion import is_closed, signed_volume, triangle_areas
+from riemhuman.surfaces.measures import is_closed, signed_volume, triangle_areas
 
 TEMPLATE = sphere_template()
 PATH = surfaces(TEMPLATE, 4)

@@ -86,11 +86,11 @@ def test_arms_turn_the_way_that_costs_least(seed):
     metric = elastic((0, 0, 1))
     start, end = bodies.swung_arms(seed)
     interpolator = bodies.space().template.interpolator
-    shorter = interpolator.turns(start, end)
+    shorter = interpolator.rotations(start, end)
     solver = BasisPath(bodies.basis())
     reached = [
         solver.solve(metric, start, end, rotating_path(metric, start, end, 11, turns)).energy
-        for turns in (shorter, interpolator.mended(shorter))
+        for turns in (shorter, interpolator.unwrap(shorter))
     ]
     assert solver.solve(metric, start, end).energy <= min(reached)
 
@@ -208,7 +208,7 @@ class VertexDistance(RiemannianMetric):
 @pytest.mark.parametrize("metric_class", [VertexMetric, VertexDistance])
 def test_users_metrics_run_unchanged(metric_class):
     ends = bodies.body("resting"), bodies.body("arm raised")
-    few = bodies.basis().truncated(5)
+    few = bodies.basis().truncate(5)
     wave = few.combine(np.outer([0.1, 0.2, 0.1], np.ones(5)))
     bulge = LinearPath(5).solve(metric_class(bodies.space()), *ends).path
     straight_energy = float(np.sum((ends[1] - ends[0]) ** 2))
@@ -225,7 +225,7 @@ def test_tolerance_is_the_share_that_a_newton_step_would_gain(share, is_met):
     """Between flat points a bulge of the path costs its own energy, and one step takes it off."""
     metric = FlatMetric(bodies.space())
     start, end = bodies.body("resting"), bodies.body("arm raised")
-    few = bodies.basis().truncated(5)
+    few = bodies.basis().truncate(5)
     bulge = np.zeros((6, *start.shape))
     bulge[1:-1] = few.combine(np.random.default_rng(4).uniform(-0.2, 0.2, (4, 5)))
     path = LinearPath(6).solve(metric, start, end).path + bulge
@@ -282,7 +282,7 @@ class Counting(SegmentEnergy):
 def test_evaluations_are_counted_and_seen_by_the_callback():
     metric, energy, seen = VertexDistance(bodies.space()), Counting(), []
     ends = bodies.body("resting"), bodies.body("arm raised")
-    few = bodies.basis().truncated(3)
+    few = bodies.basis().truncate(3)
     bulge = LinearPath(4).solve(metric, *ends).path
     bulge[1:-1] += few.combine(np.random.default_rng(4).uniform(-0.2, 0.2, (2, 3)))
     solver = BasisPath(few, n_nodes=4, energy=energy, callback=lambda *s: seen.append(s))
@@ -303,7 +303,7 @@ def test_a_warm_start_on_which_a_triangle_has_vanished():
     path = PoissonPath(5).solve(metric, start, end).path.copy()
     first, second, _ = bodies.space().template.faces[100]
     path[1, first] = path[1, second]
-    solver = BasisPath(bodies.basis().truncated(20), n_nodes=5)
+    solver = BasisPath(bodies.basis().truncate(20), n_nodes=5)
     result = solver.solve(metric, start, end, initial_path=path)
     assert result.converged
     assert result.energy < metric.energy(path)

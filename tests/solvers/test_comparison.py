@@ -11,7 +11,12 @@ from riemhuman.errors import ArgumentError
 from riemhuman.geometry import ElasticMetric, SRNFMetric
 from riemhuman.solvers.basis_path import BasisPath
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath
-from riemhuman.solvers.path_comparison import compare_paths, measure_path
+from riemhuman.solvers.path_comparison import (
+    change_along_path,
+    compare_paths,
+    measure_path,
+    summarize,
+)
 from riemhuman.solvers.path_straightening import PathStraightening
 from riemhuman.solvers.paths import LinearPath
 
@@ -150,3 +155,27 @@ def test_bad_input():
     with pytest.raises(ArgumentError, match="metrics must be metrics on surfaces"):
         measure_path({"flat": flat.metric}, flat.points)
     assert compare_paths(metrics, *ends, {}) == []
+
+
+def test_change_along_path():
+    sizes = np.array([[1.0, 1.0, 1.0, 2.0, 3.0], [2.0, 3.0, 0.5, 1.5, 3.0], [2.0, 2.0, 2.0, 1, 3]])
+    np.testing.assert_allclose(change_along_path(sizes), [0.0, 0.5, 1.0, 0.0, 0.0])
+    np.testing.assert_allclose(change_along_path(sizes[::-1]), change_along_path(sizes))
+    np.testing.assert_allclose(change_along_path(7.0 * sizes), change_along_path(sizes))
+
+
+def test_growth_and_shrinkage_count_alike():
+    grown, shrunk = (change_along_path(np.array([1.0, size, 1.0])) for size in (4.0, 0.25))
+    assert grown == shrunk == 3.0
+
+
+def test_change_with_sizes_of_zero():
+    sizes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 1.0]])
+    np.testing.assert_array_equal(change_along_path(sizes), [np.inf, 0.0, np.inf, 0.0])
+
+
+def test_summary():
+    distortions = np.linspace(0.0, 1.0, 101)
+    weights = np.where(distortions < 0.5, 0.0, 1.0)
+    np.testing.assert_allclose(summarize(distortions, weights), (1.0, 0.99, 0.75))
+    assert summarize(distortions, weights).quantile_99 == pytest.approx(0.99)

@@ -223,7 +223,7 @@ def test_energy_along_bodies_is_conserved_to_second_order(elbow):
 def test_path_stays_in_the_basis_and_the_velocity(elbow):
     metric, start, velocity = elbow
     result = DiscreteExponential(bodies.basis(30), n_steps=5).solve(metric, 0.3 * velocity, start)
-    joined = bodies.basis(30).joined(velocity[None])
+    joined = bodies.basis(30).extend(velocity[None])
     difference = result.path - start
     np.testing.assert_allclose(joined.project(difference), difference, atol=1e-10)
     assert np.abs(bodies.basis(30).project(difference) - difference).max() > 1e-5
@@ -233,7 +233,7 @@ def test_extension_continues_what_solve_began(elbow):
     metric, start, velocity = elbow
     solver = DiscreteExponential(bodies.basis(30), n_steps=5)
     half = solver.solve(metric, 0.5 * velocity, start)
-    twice = DiscreteExponential(bodies.basis(30).joined(velocity[None]), n_steps=10)
+    twice = DiscreteExponential(bodies.basis(30).extend(velocity[None]), n_steps=10)
     whole = twice.extend(metric, half.path, 5)
     assert len(whole.path) == 11
     assert whole.n_steps == 5
@@ -247,7 +247,7 @@ def test_extension_stays_in_the_basis_and_the_last_segment():
     case = CASES["mixed sphere"]
     start, velocity = case.points[0], 0.3 * case.tangent_vecs[0]
     basis = DeformationBasis(deformations(sphere_template(), 4, rng=9), orthonormalize=True)
-    joined = basis.joined(velocity[None])
+    joined = basis.extend(velocity[None])
     assert len(joined) == 5
     half = DiscreteExponential(basis, n_steps=3).solve(case.metric, velocity, start)
     whole = DiscreteExponential(basis).extend(case.metric, half.path, 2)
@@ -359,15 +359,15 @@ def test_arguments_are_left_alone():
 def test_joined_basis():
     basis = bodies.basis(20)
     inside = 3.0 * basis.vectors[2] - basis.vectors[5]
-    assert basis.joined(inside[None]) is basis
-    joined = basis.joined((bodies.body("other build") - bodies.body("resting"))[None])
+    assert basis.extend(inside[None]) is basis
+    joined = basis.extend((bodies.body("other build") - bodies.body("resting"))[None])
     assert len(joined) == 21
-    assert basis.joined((np.zeros_like(inside))[None]) is basis
+    assert basis.extend((np.zeros_like(inside))[None]) is basis
     weighted = DeformationBasis(
         basis.vectors, orthonormalize=True, vertex_weights=bodies.model().template.vertex_areas
     )
     np.testing.assert_array_equal(
-        weighted.joined((inside + 1.0)[None]).vertex_weights, weighted.vertex_weights
+        weighted.extend((inside + 1.0)[None]).vertex_weights, weighted.vertex_weights
     )
 
 
@@ -440,7 +440,7 @@ def test_bad_input():
 def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     basis = bodies.basis(10)
     direction = bodies.body("other build") - bodies.body("resting")
-    joined, scaled = (basis.joined((factor * direction)[None]) for factor in (1.0, size))
+    joined, scaled = (basis.extend((factor * direction)[None]) for factor in (1.0, size))
     assert len(scaled.vectors) == len(joined.vectors) == len(basis.vectors) + 1
     np.testing.assert_allclose(scaled.project(direction), direction, atol=1e-9)
     np.testing.assert_allclose(joined.project(direction), direction, atol=1e-9)
@@ -448,8 +448,8 @@ def test_the_length_of_a_direction_does_not_matter_to_a_basis(size):
     inside = basis.project(direction)
     outside = direction - inside
     inside *= np.abs(outside).max() / np.abs(inside).max()
-    assert basis.joined((size * (inside + 0.9e-9 * outside))[None]) is basis
-    assert basis.joined((size * (inside + 1.5e-9 * outside))[None]) is not basis
+    assert basis.extend((size * (inside + 0.9e-9 * outside))[None]) is basis
+    assert basis.extend((size * (inside + 1.5e-9 * outside))[None]) is not basis
 
 
 TEMPLATE = sphere_template(0)

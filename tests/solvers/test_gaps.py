@@ -56,7 +56,7 @@ def test_in_all_vertices(weights):
 def test_other_methods_and_other_solvers_say_what_they_know():
     metric = ElasticMetric(bodies_in_motion.space(), 1.0, 1.0, 0.1)
     start, end = bodies_in_motion.swung_arms(2)
-    basis = bodies_in_motion.basis().truncated(20)
+    basis = bodies_in_motion.basis().truncate(20)
     assert np.isnan(LinearPath(4).solve(metric, start, end).gap)
     assert BasisPath(basis, n_nodes=2).solve(metric, start, end).gap == 0.0
     assert PathStraightening(n_nodes=4).solve(metric, start, start).gap == 0.0

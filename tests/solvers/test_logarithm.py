@@ -92,7 +92,7 @@ def test_inverse_of_the_exponential_on_bodies(weights, end):
     for n_steps in (5, 10):
         log = DiscreteLogarithm(basis, n_steps=n_steps).solve(metric, end, start)
         assert log.converged
-        joined = basis.joined(log.path[1:] - start)
+        joined = basis.extend(log.path[1:] - start)
         forward = DiscreteExponential(joined, n_steps=n_steps).solve(metric, log.tangent_vec, start)
         # A tenth of a millimetre, of displacements of decimetres.
         assert np.abs(forward.end - end).max() < 1e-4
@@ -127,7 +127,7 @@ def test_large_changes_of_pose(weights, change):
     assert found.converged
     assert found.energy <= 1.011 * BasisPath(basis).solve(metric, start, end).energy
     assert metric.norm(found.tangent_vec, start) == pytest.approx(np.sqrt(found.energy), rel=0.03)
-    joined = basis.joined(found.path[1:] - start)
+    joined = basis.extend(found.path[1:] - start)
     forward = DiscreteExponential(joined).solve(metric, found.tangent_vec, start)
     assert forward.converged
     # Millimetres, of half a metre.
@@ -178,7 +178,7 @@ def test_energy_is_the_squared_norm_to_second_order():
     errors = []
     for n_steps in (5, 10):
         straight = BasisPath(
-            bodies.basis(30).joined((end - start)[None]),
+            bodies.basis(30).extend((end - start)[None]),
             n_steps + 1,
             initial=LinearPath(n_steps + 1),
             tolerance=1e-11,
@@ -209,7 +209,7 @@ def test_path_stays_in_the_basis_and_the_difference():
     found = DiscreteLogarithm(basis, n_steps=4).solve(case.metric, end, start)
     assert found.converged
     assert len(found.path) == 5
-    joined = basis.joined((end - start)[None])
+    joined = basis.extend((end - start)[None])
     assert len(joined) == 5
     for deformation in (*(found.path - start), found.tangent_vec):
         np.testing.assert_allclose(joined.project(deformation), deformation, atol=1e-10)
@@ -315,7 +315,7 @@ def test_the_path_is_sought_from_what_the_basis_has_of_the_first(monkeypatch, co
     monkeypatch.setattr(logarithm, "BasisPath", Scripted)
     with pytest.warns(ConvergenceWarning, match="the velocity has norm"):
         DiscreteLogarithm(basis, n_steps=3).solve(case.metric, end, start)
-    joined = basis.joined((end - start)[None])
+    joined = basis.extend((end - start)[None])
     expected = straight if collapsing else start + joined.project(first - start)
     assert sought[0] is None
     np.testing.assert_allclose(sought[1], expected, atol=1e-12)

@@ -33,7 +33,7 @@ def points():
 
 @pytest.mark.parametrize("n_jobs", [None, 2])
 def test_same_paths_as_one_by_one(metric, points, n_jobs):
-    basis = bodies_in_motion.basis().truncated(20)
+    basis = bodies_in_motion.basis().truncate(20)
     pairs = PairsOfPoints(points)
     for solver in (BasisPath(basis, n_nodes=4), PoissonPath(4), LinearPath(4)):
         found = solver.solve_many(metric, pairs, n_jobs=n_jobs)
@@ -66,9 +66,7 @@ def test_wrong_pairs_are_named(metric, points):
 
 
 def test_what_has_not_converged_is_said_once(metric, points):
-    solver = BasisPath(
-        bodies_in_motion.basis().truncated(20), n_nodes=4, max_iter=1, tolerance=1e-9
-    )
+    solver = BasisPath(bodies_in_motion.basis().truncate(20), n_nodes=4, max_iter=1, tolerance=1e-9)
     pairs = [points[[0, 1]], points[[0, 0]], points[[0, 2]]]
     with pytest.warns(ConvergenceWarning, match="2 of 3 pairs") as caught:
         found = solver.solve_many(metric, pairs)

@@ -190,7 +190,7 @@ def test_path_and_vector_join_the_basis(ladder):
     start, vector = case.points[0], case.tangent_vecs[0]
     path = np.stack([start, 0.8 * start + 0.2 * case.points[1]])
     basis = DeformationBasis(deformations(case.space.template, 4, rng=9), orthonormalize=True)
-    joined = basis.joined(np.stack([path[1] - path[0], vector]))
+    joined = basis.extend(np.stack([path[1] - path[0], vector]))
     assert len(joined) == 6
     found, expected = (
         ladder(basis=each, tolerance=1e-9).solve(case.metric, vector, start, path=path).tangent_vec

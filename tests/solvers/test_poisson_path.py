@@ -29,10 +29,10 @@ def test_arms_that_turn_by_more_than_half_a_turn(bodies):
     metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.0)
     start, end = pose_pair(bodies, "arms_up", "bent_elbows")
     interpolator = bodies.template.interpolator
-    turns = interpolator.turns(start, end)
-    assert interpolator.is_torn(turns)
+    turns = interpolator.rotations(start, end)
+    assert interpolator.has_jumps(turns)
     energies = []
-    for way in (turns, interpolator.mended(turns)):
+    for way in (turns, interpolator.unwrap(turns)):
         path = np.stack([start] * 7)
         path[-1] = end
         path[1:-1] = interpolator.interpolate(start, end, np.linspace(0, 1, 7)[1:-1], way)
@@ -59,8 +59,8 @@ def test_the_best_turned_path_and_its_rivals(seed):
     found = rotating_paths(metric, SegmentEnergy(), start, end, 11)
     energies = [energy for _, energy in found]
     interpolator = metric.space.template.interpolator
-    shorter = interpolator.turns(start, end)
-    alike = interpolator.mended(shorter)
+    shorter = interpolator.rotations(start, end)
+    alike = interpolator.unwrap(shorter)
     for turns in (shorter, alike):
         assert energies[0] <= metric.energy(rotating_path(metric, start, end, 11, turns))
     largest = interpolator.parts(np.linalg.norm(alike - shorter, axis=1) > np.pi)[0]
@@ -127,7 +127,7 @@ def test_turned_paths_are_at_equal_times(bodies):
     metric = ElasticMetric(AlignedSurfaces(bodies.template), 1.0, 1.0, 0.0)
     interpolator = bodies.template.interpolator
     start, end = pose_pair(bodies, "squat", "hands_on_hips")
-    turns = interpolator.turns(start, end)
+    turns = interpolator.rotations(start, end)
     path = rotating_path(metric, start, end, 4, turns)
     inner = interpolator.interpolate(start, end, np.array([1 / 3, 2 / 3]), turns)
     np.testing.assert_allclose(path, np.stack([start, *inner, end]), atol=1e-12)

@@ -23,7 +23,7 @@ from riemhuman.geometry import (
 from riemhuman.solvers import BasisMean, DiscreteExponential, DiscreteLogarithm
 from riemhuman.statistics import TangentPCA, inverted_triangles
 from riemhuman.surfaces import DeformationBasis, generalized_procrustes
-from riemhuman.surfaces.distortion import triangle_areas
+from riemhuman.surfaces.measures import triangle_areas
 
 FIELDS = {
     "normals": NormalFields(sphere_template()),

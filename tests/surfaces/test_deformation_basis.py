@@ -1,15 +1,23 @@
-"""Deformation bases: from vectors, motions and meshes; their algebra; files; refusals."""
+"""Deformation bases: orthonormal vectors, streamed principal components, frames of motions."""
 
 import autograd.numpy as anp
 import numpy as np
 import pytest
 import trimesh
 from autograd.test_util import check_grads
+from sklearn.decomposition import PCA
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, FileError, FileFormatError
-from riemhuman.surfaces import streaming_pca
-from riemhuman.surfaces.deformation_basis import DeformationBasis
-from riemhuman.surfaces.laplacian import harmonics
+from riemhuman.surfaces import deformation_basis
+from riemhuman.surfaces.deformation_basis import (
+    DeformationBasis,
+    StreamingPCA,
+    frames_apart,
+    normalized_weights,
+    orthonormal_rows,
+    weighted_rows,
+)
+from riemhuman.surfaces.spectra import harmonics
 from riemhuman.surfaces.template import Template
 
 MESH = trimesh.creation.icosphere(subdivisions=2)
@@ -99,7 +107,7 @@ class TestFromMotions:
         np.testing.assert_array_equal(streamed.vectors, basis.vectors)
 
     def test_motions_beyond_the_buffer_come_close(self, basis, monkeypatch):
-        monkeypatch.setattr(streaming_pca, "_BUFFER_BYTES", 1)
+        monkeypatch.setattr(deformation_basis, "_BUFFER_BYTES", 1)
         squeezed = DeformationBasis.from_motions((motion for motion in motions(40)), 12)
         exact = oracle(motions(40))
         np.testing.assert_allclose(squeezed.explained_variance, exact[0][:12], rtol=0.05)
@@ -108,7 +116,7 @@ class TestFromMotions:
 
     @pytest.mark.parametrize("buffer_bytes", [2**28, 1])
     def test_low_rank_motion_is_reproduced(self, buffer_bytes, monkeypatch):
-        monkeypatch.setattr(streaming_pca, "_BUFFER_BYTES", buffer_bytes)
+        monkeypatch.setattr(deformation_basis, "_BUFFER_BYTES", buffer_bytes)
         found = motions(30, rank=7)
         basis = DeformationBasis.from_motions(found, 7)
         seen = deformations(found, step=3)  # others than those it was made of
@@ -175,7 +183,7 @@ class TestFromLaplacian:
         _, functions = harmonics(TEMPLATE, 10)
         for count in range(1, 11):
             deformation = np.stack([functions[count - 1]] * 3, axis=-1)
-            first = basis.truncated(3 * count)
+            first = basis.truncate(3 * count)
             np.testing.assert_allclose(first.project(deformation), deformation, atol=1e-9)
 
     def test_area_weights_leave_eigenfunctions_as_they_are(self):
@@ -303,7 +311,7 @@ class TestAlgebra:
 
     def test_truncated(self):
         full = DeformationBasis.from_motions(motions(), 12, remove_mean=True, vertex_weights=UNEVEN)
-        first = full.truncated(5)
+        first = full.truncate(5)
         np.testing.assert_array_equal(first.vectors, full.vectors[:5])
         np.testing.assert_array_equal(first.explained_variance, full.explained_variance[:5])
         np.testing.assert_array_equal(
@@ -311,11 +319,11 @@ class TestAlgebra:
         )
         np.testing.assert_array_equal(first.mean, full.mean)
         np.testing.assert_allclose(first.vertex_weights, full.vertex_weights, rtol=1e-15)
-        assert DeformationBasis(full.vectors, vertex_weights=UNEVEN).truncated(1).mean is None
+        assert DeformationBasis(full.vectors, vertex_weights=UNEVEN).truncate(1).mean is None
         with pytest.raises(ArgumentError, match="n_components=13 exceeds the 12 vectors"):
-            full.truncated(13)
+            full.truncate(13)
         with pytest.raises(ArgumentError, match="n_components"):
-            full.truncated(0)
+            full.truncate(0)
 
     def test_check_fits(self, basis):
         basis.check_fits(TEMPLATE)
@@ -366,3 +374,243 @@ class TestFiles:
             np.savez(file, **fields)
             with pytest.raises(FileFormatError, match=message):
                 DeformationBasis.load(file)
+
+
+def rows_with_decay(n_rows, n_features, decay, seed=0, shift=0.0):
+    """Return rows whose singular values fall off by the factor `decay` from one to the next."""
+    rng = np.random.default_rng(seed)
+    rank = min(n_rows, n_features)
+    left = np.linalg.qr(rng.normal(size=(n_rows, rank)))[0]
+    right = np.linalg.qr(rng.normal(size=(n_features, rank)))[0]
+    return (left * decay ** np.arange(rank)) @ right.T + shift
+
+
+def streamed(rows, n_components, **options):
+    pca = StreamingPCA(n_components, rows.shape[1], **options)
+    for row in rows:
+        pca.add(row)
+    return pca.components()
+
+
+def assert_same_up_to_sign(found, expected, tolerance):
+    cosines = np.abs(np.sum(found * expected, axis=1))
+    np.testing.assert_allclose(cosines, 1.0, atol=tolerance)
+
+
+def test_rows_in_the_buffer_give_the_full_decomposition():
+    rows = rows_with_decay(60, 90, 0.8)
+    found = streamed(rows, 20)
+    _, values, right = np.linalg.svd(rows, full_matrices=False)
+    np.testing.assert_allclose(found.variance, values[:20] ** 2 / 60, rtol=1e-12)
+    np.testing.assert_allclose(
+        found.variance_ratio, values[:20] ** 2 / np.sum(values**2), rtol=1e-12
+    )
+    assert_same_up_to_sign(found.vectors, right[:20], 1e-12)
+    # Falling by 0.8 each, the singular values stay above rounding up to the last one.
+    assert (found.rank, found.n_samples, found.mean) == (60, 60, None)
+
+
+def test_small_singular_values_survive():
+    rows = rows_with_decay(12, 50, 0.1)  # down to 1e-11, whose square is beyond double precision
+    found = streamed(rows, 12)
+    np.testing.assert_allclose(np.sqrt(found.variance * 12), 0.1 ** np.arange(12.0), rtol=1e-4)
+
+
+@pytest.mark.parametrize("remove_mean", [False, True])
+def test_low_rank_is_merged_without_loss(remove_mean):
+    rng = np.random.default_rng(3)
+    rows = rng.normal(size=(300, 6)) @ rng.normal(size=(6, 80)) + 2.0
+    found = streamed(rows, 6, remove_mean=remove_mean, max_rows=18)
+    reference = rows - rows.mean(axis=0) if remove_mean else rows
+    _, values, right = np.linalg.svd(reference, full_matrices=False)
+    divisor = 299 if remove_mean else 300
+    np.testing.assert_allclose(found.variance, values[:6] ** 2 / divisor, rtol=1e-11)
+    assert_same_up_to_sign(found.vectors, right[:6], 1e-11)
+    assert found.rank == (6 if remove_mean else 7)
+
+
+def test_merges_cost_no_more_than_what_they_drop():
+    rows = rows_with_decay(400, 200, 0.97, seed=1)
+    found = streamed(rows, 10, max_rows=30)
+    exact = np.linalg.svd(rows, compute_uv=False)[:10] ** 2 / 400
+    # Truncation only ever lowers variance, and hardly so for the strong components.
+    assert (found.variance <= exact * (1 + 1e-12)).all()
+    assert (found.variance > 0.8 * exact).all()
+    finer = streamed(rows, 10, max_rows=120)
+    assert np.abs(finer.variance - exact).max() < 0.1 * np.abs(found.variance - exact).max()
+
+
+def test_total_variance_is_exact_despite_truncation():
+    rows = rows_with_decay(400, 200, 0.97, seed=1)
+    found = streamed(rows, 10, max_rows=30)
+    np.testing.assert_allclose(
+        found.variance / found.variance_ratio, np.sum(rows**2) / 400, rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("max_rows", [None, 40])
+def test_mean_removal_agrees_with_scikit_learn(max_rows):
+    rows = rows_with_decay(130, 70, 0.5, seed=2, shift=3.0)
+    found = streamed(rows, 8, remove_mean=True, max_rows=max_rows)
+    expected = PCA(8, svd_solver="full").fit(rows)
+    np.testing.assert_allclose(found.mean, expected.mean_, rtol=1e-12)
+    np.testing.assert_allclose(found.variance, expected.explained_variance_, rtol=1e-9)
+    np.testing.assert_allclose(found.variance_ratio, expected.explained_variance_ratio_, rtol=1e-9)
+    assert_same_up_to_sign(found.vectors, expected.components_, 1e-9)
+
+
+def test_largest_entry_of_every_component_is_positive():
+    found = streamed(-rows_with_decay(30, 40, 0.8), 10)
+    peaks = np.abs(found.vectors).argmax(axis=1)
+    assert (found.vectors[np.arange(10), peaks] > 0).all()
+
+
+def test_nothing_but_zeros_has_rank_zero():
+    found = streamed(np.zeros((5, 9)), 2)
+    assert found.rank == 0
+    assert found.vectors.shape == (0, 9)
+
+
+def test_rounding_does_not_count_as_rank():
+    rng = np.random.default_rng(5)
+    rows = rng.normal(size=(20, 2)) @ rng.normal(size=(2, 30)) * 1e-6
+    noisy = rows + 1e-16 * rng.normal(size=rows.shape)
+    pca = StreamingPCA(20, 30)
+    for row in noisy:
+        pca.add(row)
+    assert pca.components().rank > 2
+    assert pca.components(rounding=3e-16).rank == 2
+
+
+MOTION = np.random.default_rng(0).normal(size=(24, 5, 3))
+
+
+class Indexed:
+    """A motion whose frames are computed when asked for."""
+
+    def __init__(self, frames):
+        self.frames = frames
+        self.asked = []
+
+    def __len__(self):
+        return len(self.frames)
+
+    def __getitem__(self, number):
+        self.asked.append(number)
+        return self.frames[number]
+
+
+def reusing_one_array():
+    frame = np.empty((5, 3))
+    for values in MOTION:
+        frame[:] = values
+        yield frame
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: MOTION,
+        lambda: list(MOTION),
+        lambda: iter(MOTION),
+        lambda: [MOTION[:7], MOTION[7:8], MOTION[8], MOTION[9:]],
+        lambda: (run for run in np.split(MOTION, 4)),
+        reusing_one_array,
+        lambda: Indexed(MOTION),
+        lambda: MOTION.tolist(),
+    ],
+    ids=["array", "list", "iterator", "mixed", "runs", "reusing", "indexed", "nested lists"],
+)
+def test_every_kind_of_motion_gives_the_same_pairs(make):
+    pairs = list(frames_apart([make(), make()], step=5))
+    assert len(pairs) == 8
+    for n, (start, end) in enumerate(pairs):
+        np.testing.assert_array_equal(start, MOTION[n % 4 * 5])
+        np.testing.assert_array_equal(end, MOTION[n % 4 * 5 + 5])
+
+
+def test_motions_may_be_one_array_or_a_generator():
+    stacked = np.stack([MOTION, MOTION + 1.0])
+    for motions in (stacked, (motion for motion in stacked)):
+        ends = [end for _, end in frames_apart(motions, step=23)]
+        np.testing.assert_array_equal(ends, stacked[:, 23])
+
+
+def test_indexed_motion_is_asked_for_the_frames_needed_alone():
+    motion = Indexed(MOTION)
+    list(frames_apart([motion], step=10))
+    assert motion.asked == [0, 10, 20]
+
+
+def with_bad_entry(number):
+    motion = MOTION.copy()
+    motion[number, 2, 1] = np.nan
+    return motion
+
+
+@pytest.mark.parametrize(
+    ("motions", "error", "message"),
+    [
+        ([], ArgumentError, "motions holds no motion"),
+        ([MOTION, MOTION[:10]], ArgumentError, r"motions\[1\] has 10 frames; with step=10 .* 11"),
+        ([Indexed(MOTION[:4])], ArgumentError, r"motions\[0\] has 4 frames"),
+        ([iter(())], ArgumentError, r"motions\[0\] has 0 frames"),
+        (
+            [MOTION, MOTION, MOTION[:, :4]],
+            ArgumentError,
+            r"motions\[2\] has 4 vertices; the motions before it have 5",
+        ),
+        (
+            [[*MOTION[:3], MOTION[3, :4]]],
+            ArgumentError,
+            r"frame 3 of motions\[0\] has 4 vertices; .* 5",
+        ),
+        ([MOTION, with_bad_entry(10)], ArgumentError, r"frame 10 of motions\[1\] holds 1 NaN"),
+        ([MOTION, with_bad_entry(7)], ArgumentError, r"frame 7 of motions\[1\] holds 1 NaN"),
+        ([[with_bad_entry(7)]], ArgumentError, r"frame 7 of motions\[0\] holds 1 NaN"),
+        ([Indexed(with_bad_entry(20))], ArgumentError, r"frame 20 of motions\[0\] holds 1 NaN"),
+        (MOTION, ArgumentError, r"found one, of shape \(24, 5, 3\)"),
+        ([MOTION[:, :, :2]], ArgumentError, r"frame 0 of motions\[0\] must have shape"),
+        ([3.0], ArgumentTypeError, r"motions\[0\] must be an array"),
+        (None, ArgumentTypeError, "motions must be an array"),
+        (
+            ["walking on the spot"],
+            ArgumentTypeError,
+            r"frame 0 of motions\[0\] must be an array of real",
+        ),
+    ],
+)
+def test_refusals_say_which(motions, error, message):
+    with pytest.raises(error, match=message):
+        list(frames_apart(motions, step=10))
+
+
+RNG = np.random.default_rng(0)
+VECTORS = RNG.normal(size=(4, 7, 3))
+WEIGHTS = normalized_weights(RNG.uniform(0.5, 2.0, 7), 7)
+
+
+def test_orthonormal_rows_are_those_of_gram_and_schmidt():
+    rows = weighted_rows(VECTORS, None) * np.array([1e-9, 1.0, 1e9, 1.0])[:, np.newaxis]
+    found = orthonormal_rows(rows, "rows")
+    done = []
+    for row in rows:
+        for other in done:
+            row = row - (other @ row) * other
+        done.append(row / np.linalg.norm(row))
+    np.testing.assert_allclose(found, done, atol=1e-14)
+    assert found.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("rows", "rank"),
+    [
+        ([[1.0, 2.0, 3.0], [2.0, 4.0, 6.0]], 1),
+        ([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]], 1),
+        ([[1.0, 0.0], [0.0, 1.0], [1.0, 1.0]], 2),
+        ([[0.0, 0.0]], 0),
+    ],
+)
+def test_dependent_rows_are_refused_with_their_rank(rows, rank):
+    with pytest.raises(ArgumentError, match=rf"rank of these {len(rows)} is {rank}"):
+        orthonormal_rows(np.array(rows), "rows")

@@ -91,11 +91,11 @@ def test_neighbours_turn_alike_beyond_half_a_turn(turn):
     template = tube()
     interpolator = template.interpolator
     end = twisted(template, turn)
-    turns = interpolator.turns(template.vertices, end)
-    assert interpolator.is_torn(turns) == (turn > np.pi)
+    turns = interpolator.rotations(template.vertices, end)
+    assert interpolator.has_jumps(turns) == (turn > np.pi)
     assert np.linalg.norm(turns, axis=1).max() <= np.pi
-    mended = interpolator.mended(turns)
-    assert not interpolator.is_torn(mended)
+    mended = interpolator.unwrap(turns)
+    assert not interpolator.has_jumps(mended)
     np.testing.assert_allclose(
         Rotation.from_rotvec(mended).as_matrix(), Rotation.from_rotvec(turns).as_matrix(), atol=1e-9
     )
@@ -107,17 +107,17 @@ def test_neighbours_turn_alike_beyond_half_a_turn(turn):
 
 def test_turns_without_tears_are_left_alone():
     template = sphere_template()
-    turns = template.interpolator.turns(*surfaces(template, 2, rng=1))
-    assert not template.interpolator.is_torn(turns)
-    np.testing.assert_array_equal(template.interpolator.mended(turns), turns)
+    turns = template.interpolator.rotations(*surfaces(template, 2, rng=1))
+    assert not template.interpolator.has_jumps(turns)
+    np.testing.assert_array_equal(template.interpolator.unwrap(turns), turns)
 
 
 def test_triangles_that_touch_nothing():
     vertices = np.random.default_rng(2).standard_normal((6, 3))
     template = Template(vertices, [[0, 1, 2], [3, 4, 5]])
     turns = np.array([[3.0, 0.0, 0.0], [0.0, -3.0, 0.0]])
-    assert not template.interpolator.is_torn(turns)
-    np.testing.assert_array_equal(template.interpolator.mended(turns), turns)
+    assert not template.interpolator.has_jumps(turns)
+    np.testing.assert_array_equal(template.interpolator.unwrap(turns), turns)
 
 
 @pytest.mark.parametrize("template", TEMPLATES.values(), ids=TEMPLATES)

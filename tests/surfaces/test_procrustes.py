@@ -1,4 +1,4 @@
-"""Procrustes alignment against SciPy's solvers, its own optimality, and what it refuses."""
+"""Alignment: rotations, translations, scales, units and axes."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from scipy.spatial import procrustes as scipy_procrustes
 from scipy.spatial.transform import Rotation
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, ConvergenceWarning
-from riemhuman.surfaces.procrustes import generalized_procrustes, procrustes
+from riemhuman.surfaces.procrustes import AXES, generalized_procrustes, make_upright, procrustes
 
 N_SURFACES, N_VERTICES = 6, 60
 
@@ -234,3 +234,22 @@ def test_bad_settings_are_refused_by_name(reference):
         generalized_procrustes(reference[np.newaxis], tolerance=-1)
     with pytest.raises(ArgumentError, match="max_iter"):
         generalized_procrustes(reference[np.newaxis], max_iter=0)
+
+
+@pytest.mark.parametrize("up", AXES)
+def test_what_is_up_comes_to_y_by_a_rotation(up):
+    turned = make_upright(np.eye(3), up=up)
+    direction = (-1 if up.startswith("-") else 1) * np.eye(3)["xyz".index(up[-1])]
+    np.testing.assert_array_equal(make_upright(direction, up=up), [0, 1, 0])
+    np.testing.assert_array_equal(turned @ turned.T, np.eye(3))
+    assert np.linalg.det(turned) == pytest.approx(1)
+
+
+def test_units():
+    np.testing.assert_allclose(make_upright(np.array([1800.0, 0, 0]), "millimetres"), [1.8, 0, 0])
+    points = np.ones((2, 4, 3))
+    assert make_upright(points) is points
+    with pytest.raises(ArgumentError, match="unit must be one of"):
+        make_upright(points, "feet")
+    with pytest.raises(ArgumentError, match="up must be one of"):
+        make_upright(points, up="w")

@@ -1,14 +1,15 @@
-"""The template: frames, areas and operators against their definitions; what it refuses."""
+"""The template: frames, areas, checks and files."""
 
 import pickle
 
 import numpy as np
 import pytest
 import trimesh
+from cases import sphere_template
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError, DegenerateSurfaceError
 from riemhuman.io.meshes import save_mesh
-from riemhuman.surfaces.template import Template
+from riemhuman.surfaces.template import Template, TriangleAssembler
 
 
 def bumpy_sphere(seed=0):
@@ -213,3 +214,21 @@ def test_a_template_can_be_sent_to_another_process(template):
     np.testing.assert_array_equal(copy.faces, template.faces)
     np.testing.assert_array_equal(copy.vertex_areas, template.vertex_areas)
     assert (copy.differential_operator != template.differential_operator).nnz == 0
+
+
+def test_sum_equals_a_loop():
+    template = sphere_template()
+    blocks = np.random.default_rng(0).normal(size=(template.n_faces, 9, 9))
+    dense = np.zeros((3 * template.n_vertices,) * 2)
+    for face, block in zip(template.faces, blocks, strict=True):
+        where = (3 * face[:, None] + np.arange(3)).ravel()
+        dense[np.ix_(where, where)] += block
+    assembled = TriangleAssembler(template.faces, template.n_vertices).assemble(blocks)
+    np.testing.assert_allclose(assembled.toarray(), dense, atol=1e-13)
+
+
+def test_unused_vertices_have_empty_rows():
+    matrix = TriangleAssembler(np.array([[0, 1, 3]]), 5).assemble(np.ones((1, 9, 9)))
+    assert matrix.shape == (15, 15)
+    assert matrix.nnz == 81
+    assert not matrix.toarray()[6:9].any()

@@ -6,7 +6,7 @@ import trimesh
 from cases import TEMPLATES
 
 from riemhuman.surfaces import Template
-from riemhuman.surfaces.triangle_heat import adjacent_triangles
+from riemhuman.surfaces.measures import adjacent_triangles
 
 
 @pytest.fixture(params=TEMPLATES)

@@ -25,7 +25,7 @@ from riemhuman.datasets import joint_rotations, load_open_model, pose_vectors
 from riemhuman.errors import FileError
 from riemhuman.measurements import Girth, Measurements, MeasurementSet
 from riemhuman.measurements.measurement_set import DATA
-from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.nearest_points import nearest_points
 
 _FRAME = ("pelvis", "neck", "right_hip", "left_hip")
 _UP, _FORWARD, _RIGHT = np.eye(3)[1], np.eye(3)[2], -np.eye(3)[0]
@@ -81,7 +81,7 @@ def build(
     MeasurementSet
     """
     surface = model(pose=standard_pose(model))
-    places, _ = nearest_places(np.array(list(points.values())), surface, model.faces)
+    places, _ = nearest_points(np.array(list(points.values())), surface, model.faces)
     landmarks = {
         name: (model.faces[face], weights.round(6))
         for name, face, weights in zip(points, *places, strict=True)
@@ -192,7 +192,7 @@ class _Body:
     def level_girth(self, height: float) -> float:
         """Return the length of the hull of a level section of the trunk."""
         back = self.hits(np.array([0.0, height, 0.0]), -_FORWARD)
-        places, _ = nearest_places(np.array(back), self._surface, self._set.faces)
+        places, _ = nearest_points(np.array(back), self._surface, self._set.faces)
         landmark = self._set.faces[places.triangles[0]], places.barycentric[0]
         return self.girth("back", "up", TRUNK, back=landmark)
 

@@ -26,7 +26,7 @@ import riemhuman
 from riemhuman.bodies import BodyModel
 from riemhuman.errors import FileError, FileFormatError
 from riemhuman.optional import import_optional
-from riemhuman.surfaces.distortion import is_closed
+from riemhuman.surfaces.measures import is_closed
 
 _DATA = Path(riemhuman.__file__).parent / "datasets/data"
 

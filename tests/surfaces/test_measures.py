@@ -1,4 +1,4 @@
-"""Measures of surfaces along paths."""
+"""Areas, lengths and volumes against trimesh; adjacency of triangles."""
 
 import numpy as np
 import pytest
@@ -6,12 +6,11 @@ import trimesh
 from cases import open_template, sphere_template, surfaces
 
 from riemhuman.errors import ArgumentError
-from riemhuman.surfaces.distortion import (
-    change_along_path,
+from riemhuman.surfaces.measures import (
+    adjacent_triangles,
     edge_lengths,
     is_closed,
     signed_volume,
-    summarize,
     triangle_areas,
 )
 
@@ -51,30 +50,6 @@ def test_closed_meshes_are_told():
     assert np.isnan(signed_volume(open_template().vertices, open_template().faces))
 
 
-def test_change_along_path():
-    sizes = np.array([[1.0, 1.0, 1.0, 2.0, 3.0], [2.0, 3.0, 0.5, 1.5, 3.0], [2.0, 2.0, 2.0, 1, 3]])
-    np.testing.assert_allclose(change_along_path(sizes), [0.0, 0.5, 1.0, 0.0, 0.0])
-    np.testing.assert_allclose(change_along_path(sizes[::-1]), change_along_path(sizes))
-    np.testing.assert_allclose(change_along_path(7.0 * sizes), change_along_path(sizes))
-
-
-def test_growth_and_shrinkage_count_alike():
-    grown, shrunk = (change_along_path(np.array([1.0, size, 1.0])) for size in (4.0, 0.25))
-    assert grown == shrunk == 3.0
-
-
-def test_change_with_sizes_of_zero():
-    sizes = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [1.0, 0.0, 0.0, 1.0]])
-    np.testing.assert_array_equal(change_along_path(sizes), [np.inf, 0.0, np.inf, 0.0])
-
-
-def test_summary():
-    distortions = np.linspace(0.0, 1.0, 101)
-    weights = np.where(distortions < 0.5, 0.0, 1.0)
-    np.testing.assert_allclose(summarize(distortions, weights), (1.0, 0.99, 0.75))
-    assert summarize(distortions, weights).quantile_99 == pytest.approx(0.99)
-
-
 def test_bad_points_are_refused():
     faces = sphere_template().faces
     for measure in (triangle_areas, signed_volume, edge_lengths):
@@ -82,3 +57,11 @@ def test_bad_points_are_refused():
             measure(np.zeros((42, 2)), faces)
         with pytest.raises(ArgumentError, match="points holds 126 NaN"):
             measure(np.full((42, 3), np.nan), faces)
+
+
+def test_adjacent_triangles_share_their_edge():
+    faces = sphere_template().faces
+    pairs, edges = adjacent_triangles(faces)
+    assert len(pairs) == 3 * len(faces) // 2
+    for pair, edge in zip(pairs, edges, strict=True):
+        assert all(set(edge) <= set(faces[triangle]) for triangle in pair)

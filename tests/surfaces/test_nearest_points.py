@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from riemhuman.datasets import load_open_bodies
-from riemhuman.surfaces.nearest_places import nearest_places
+from riemhuman.surfaces.nearest_points import nearest_points
 
 
 def every_triangle(queries, points, faces):
@@ -37,7 +37,7 @@ def test_nearest_of_all_triangles(scale):
     for points, faces in (uneven_mesh(rng), (bodies[3], bodies.template.faces)):
         near = points[rng.integers(len(points), size=60)]
         queries = near + scale * rng.standard_normal((60, 3))
-        places, distances = nearest_places(queries, points, faces)
+        places, distances = nearest_points(queries, points, faces)
         np.testing.assert_allclose(distances, every_triangle(queries, points, faces), atol=1e-12)
         assert places.barycentric.min() >= 0.0
         np.testing.assert_allclose(places.barycentric.sum(axis=1), 1.0, atol=1e-12)
@@ -51,7 +51,7 @@ def test_points_of_a_surface_are_found():
     triangles = rng.integers(len(faces), size=100)
     barycentric = rng.dirichlet(np.ones(3), size=100)
     queries = np.einsum("nk,nkx->nx", barycentric, bodies[5][faces[triangles]])
-    places, distances = nearest_places(queries, bodies[5], faces)
+    places, distances = nearest_points(queries, bodies[5], faces)
     np.testing.assert_allclose(distances, 0.0, atol=1e-9)
     np.testing.assert_array_equal(places.triangles, triangles)
     np.testing.assert_allclose(places.barycentric, barycentric, atol=1e-6)
@@ -59,6 +59,6 @@ def test_points_of_a_surface_are_found():
 
 def test_no_points_have_no_places():
     bodies = load_open_bodies("coarse")
-    places, distances = nearest_places(np.empty((0, 3)), bodies[0], bodies.template.faces)
+    places, distances = nearest_points(np.empty((0, 3)), bodies[0], bodies.template.faces)
     assert places.barycentric.shape == (0, 3)
     assert distances.shape == (0,)

@@ -1,6 +1,6 @@
 r"""Interpolation of deformation gradients, joined to surfaces by a Poisson equation.
 
-Every triangle turns from f₀ to f₁ by a rotation R and stretches. Interpolating both,
+From f₀ to f₁, every triangle rotates by R and stretches. Interpolating both,
 
 .. math:: J(t) = R^t \left((1-t) J_0 + t R^T J_1\right),
 
@@ -20,23 +20,11 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from riemhuman.kernels.threads import single_threaded_libraries
-from riemhuman.surfaces.triangle_heat import adjacent_triangles
+from riemhuman.surfaces.measures import adjacent_triangles
 
 
 class PoissonInterpolator:
-    """Interpolates surfaces over one mesh, whose matrix is factorised once.
-
-    Parameters
-    ----------
-    faces : array of int, shape (F, 3)
-        Triangles.
-    frame_coefficients : array, shape (F, 3)
-        Template frames: 1/u₂, 1/v₃, u₃/(v₃u₂).
-    differential_operator : csr_array, shape (2F, V)
-        Maps vertices to f_u of every triangle, then f_v.
-    face_areas : array, shape (F,)
-        Areas of the template's triangles.
-    """
+    """Interpolates surfaces over one mesh, whose matrix is factorised once."""
 
     def __init__(
         self,
@@ -73,92 +61,48 @@ class PoissonInterpolator:
         laplacian = (self._divergence @ self._operator).tocsc()
         self._factor = splu(laplacian[self._free][:, self._free])
 
-    def weighted(self, weights: ndarray) -> PoissonInterpolator:
-        """Return an interpolator with other weights of the triangles.
+    def with_weights(self, weights: ndarray) -> PoissonInterpolator:
+        """Return an interpolator with other weights of the triangles."""
+        interpolator = copy(self)
+        interpolator._weigh(self._areas * weights)
+        return interpolator
 
-        Parameters
-        ----------
-        weights : array, shape (F,)
-            Positive weight of every triangle, which multiplies its area.
-        """
-        other = copy(self)
-        other._weigh(self._areas * weights)
-        return other
-
-    def turns(self, start: ndarray, end: ndarray) -> ndarray:
-        """Return the shortest rotation of every triangle between two surfaces.
-
-        Parameters
-        ----------
-        start, end : array, shape (V, 3)
-            Surfaces with triangles of positive area.
-
-        Returns
-        -------
-        array, shape (F, 3)
-            Rotation vectors, unit axes times angles in [0, π].
-        """
+    def rotations(self, start: ndarray, end: ndarray) -> ndarray:
+        """Return the shortest rotations of the triangles between two surfaces, shape (F, 3)."""
         # Imported here because loading numba takes long.
         from riemhuman.kernels.turns import triangle_turns
 
         return triangle_turns(start, end, self._faces)
 
-    def is_torn(self, turns: ndarray) -> bool:
-        """Tell whether rotation vectors of some neighbouring triangles differ by more than π.
-
-        Parameters
-        ----------
-        turns : array, shape (F, 3)
-            Rotation vectors.
-        """
-        one, other = self._neighbours.T
-        gaps = turns[one] - turns[other]
+    def has_jumps(self, rotations: ndarray) -> bool:
+        """Return whether rotation vectors of some neighbouring triangles differ by more than π."""
+        first, second = self._neighbours.T
+        gaps = rotations[first] - rotations[second]
         return bool(np.any(np.sum(gaps * gaps, axis=1) > np.pi**2))
 
-    def mended(self, turns: ndarray) -> ndarray:
-        """Return the same rotations with full turns added so that neighbours turn alike.
+    def unwrap(self, rotations: ndarray) -> ndarray:
+        """Return the same rotations plus multiples of 2π, so that neighbours rotate alike.
 
-        From the triangle that turns least, across the edges where rotations differ least, each
-        triangle gets the rotation vector closest to its neighbour's. Limbs may then turn by up to
-        a full turn.
-
-        Parameters
-        ----------
-        turns : array, shape (F, 3)
-            Rotation vectors.
-
-        Returns
-        -------
-        array, shape (F, 3)
-            Rotation vectors.
+        From the triangle that rotates least, across the edges where rotations differ least, each
+        triangle gets the rotation vector closest to its neighbour's. Limbs may then rotate by up
+        to 2π.
         """
         from riemhuman.kernels.turns import unwrap_turns
 
-        angles = np.linalg.norm(turns, axis=1)
+        angles = np.linalg.norm(rotations, axis=1)
         # sin(angle / 2) / angle, also where the angle is 0.
         shares = 0.5 * np.sinc(angles / (2.0 * np.pi))
-        quaternions = np.column_stack([np.cos(0.5 * angles), shares[:, None] * turns])
-        mended = turns.copy()
+        quaternions = np.column_stack([np.cos(0.5 * angles), shares[:, None] * rotations])
+        unwrapped = rotations.copy()
         roots = np.argsort(angles, kind="stable")
-        unwrap_turns(mended, quaternions, roots, self._neighbour_ends, self._neighbours_of)
-        return mended
+        unwrap_turns(unwrapped, quaternions, roots, self._neighbour_ends, self._neighbours_of)
+        return unwrapped
 
     def parts(self, chosen: ndarray) -> list[ndarray]:
-        """Return the connected parts of a set of triangles, the largest first.
-
-        Parameters
-        ----------
-        chosen : array of bool, shape (F,)
-            Triangles.
-
-        Returns
-        -------
-        list of array of int
-            Triangles of each part; chosen triangles that share an edge belong to the same part.
-        """
-        one, other = self._neighbours[chosen[self._neighbours].all(axis=1)].T
+        """Return the connected parts of a set of triangles, the largest first."""
+        first, second = self._neighbours[chosen[self._neighbours].all(axis=1)].T
         shape = (len(chosen), len(chosen))
-        links = sparse.coo_array((np.ones(len(one)), (one, other)), shape=shape)
+        links = sparse.coo_array((np.ones(len(first)), (first, second)), shape=shape)
         _, labels = connected_components(links, directed=False)
         triangles = np.flatnonzero(chosen)
         _, part, sizes = np.unique(labels[triangles], return_inverse=True, return_counts=True)
@@ -166,48 +110,24 @@ class PoissonInterpolator:
         return [triangles[part == k] for k in np.argsort(-areas, kind="stable")]
 
     def interpolate(
-        self, start: ndarray, end: ndarray, times: ndarray, turns: ndarray | None = None
+        self, start: ndarray, end: ndarray, times: ndarray, rotations: ndarray | None = None
     ) -> ndarray:
-        """Return the surfaces between two surfaces at some times.
-
-        Parameters
-        ----------
-        start, end : array, shape (V, 3)
-            Surfaces f₀ and f₁, with triangles of positive area.
-        times : array, shape (n_times,)
-            Times in [0, 1].
-        turns : array, shape (F, 3), optional
-            Rotation vectors of the triangles, by default the shortest.
-
-        Returns
-        -------
-        array, shape (n_times, V, 3)
-            Each connected component has the centroid of the straight path.
-        """
+        """Return the surfaces (n, V, 3) between two surfaces at some times (n,) in [0, 1]."""
         if len(times) == 0:
             return np.empty((0, *start.shape))
         from riemhuman.kernels.turns import turned_sources
 
-        turns = self.turns(start, end) if turns is None else turns
-        source = turned_sources(start, end, turns, times, self._faces, self._frames, self._areas)
+        if rotations is None:
+            rotations = self.rotations(start, end)
+        source = turned_sources(
+            start, end, rotations, times, self._faces, self._frames, self._areas
+        )
         first, last = (self._average @ f for f in (start, end))
         weights = times[:, None]
         return self._solve(source, (1.0 - weights) * first[:, None] + weights * last[:, None])
 
     def surface_of(self, derivatives: ndarray, placed_as: ndarray) -> ndarray:
-        """Return the surface whose first derivatives are closest to given ones.
-
-        Parameters
-        ----------
-        derivatives : array, shape (2F, 3)
-            f_u of all triangles, then f_v; they need not be those of a surface.
-        placed_as : array, shape (V, 3)
-            Surface from which each connected component takes its centroid.
-
-        Returns
-        -------
-        array, shape (V, 3)
-        """
+        """Return the surface whose first derivatives are closest to given ones."""
         source = self._divergence @ derivatives
         return self._solve(source[:, None], (self._average @ placed_as)[:, None])[0]
 

@@ -18,7 +18,7 @@ _N_VERTICES = 3
 _BLOCK = 8192
 
 
-class SurfacePlaces(NamedTuple):
+class SurfacePoints(NamedTuple):
     """Points of a surface.
 
     Attributes
@@ -27,15 +27,23 @@ class SurfacePlaces(NamedTuple):
         The triangle of each point.
     barycentric : array, shape (N, 3)
         Its barycentric coordinates in the triangle.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> points, _ = rh.surfaces.nearest_points(bodies[0][:3], bodies[0], bodies.template.faces)
+    >>> points.triangles.shape, points.barycentric.shape
+    ((3,), (3, 3))
     """
 
     triangles: np.ndarray
     barycentric: np.ndarray
 
 
-def nearest_places(
+def nearest_points(
     queries: np.ndarray, points: np.ndarray, faces: np.ndarray
-) -> tuple[SurfacePlaces, np.ndarray]:
+) -> tuple[SurfacePoints, np.ndarray]:
     """Return the nearest points of a surface.
 
     A triangle with edges no longer than l has a corner within l/√3 of each of its points. So if a
@@ -53,9 +61,18 @@ def nearest_places(
 
     Returns
     -------
-    places : SurfacePlaces
+    places : SurfacePoints
     distances : array, shape (N,)
         Metres.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> faces = bodies.template.faces
+    >>> points, distances = rh.surfaces.nearest_points(bodies[0] + 0.01, bodies[0], faces)
+    >>> bool((distances < 0.02).all())
+    True
     """
     queries, points, faces = map(of_one_kind, (queries, points, faces))
     corners, corner = points[faces], faces.ravel()
@@ -86,7 +103,7 @@ def nearest_places(
             vertices = members[np.fromiter(chain.from_iterable(around), np.int64, ends[-1])]
             _try_vertices(of_one_kind(queries[part]), vertices, ends, *surface, *few)
     triangles, barycentric, squares = found
-    return SurfacePlaces(triangles, barycentric), np.sqrt(squares)
+    return SurfacePoints(triangles, barycentric), np.sqrt(squares)
 
 
 @compiled

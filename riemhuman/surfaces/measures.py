@@ -1,0 +1,149 @@
+"""Triangle areas, edge lengths and volumes of surfaces, and adjacency of triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.checks import real_array
+
+
+def triangle_areas(points: ndarray, faces: ndarray) -> ndarray:
+    """Return the areas of triangles.
+
+    Parameters
+    ----------
+    points : array, shape (..., V, 3)
+        Surfaces, metres.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    array, shape (..., F)
+        Square metres.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> float(rh.surfaces.triangle_areas(bodies[0], bodies.template.faces).sum().round(2))
+    1.87
+    """
+    points = real_array(points, "points", ("n_vertices", 3))
+    first, second, third = (points[..., corner, :] for corner in faces.T)
+    return 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=-1)
+
+
+def edge_lengths(points: ndarray, edges: ndarray) -> ndarray:
+    """Return the lengths of edges.
+
+    Parameters
+    ----------
+    points : array, shape (..., V, 3)
+        Surfaces, metres.
+    edges : array of int, shape (E, 2)
+        Edges, such as `Template.edges`.
+
+    Returns
+    -------
+    array, shape (..., E)
+        Metres.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.surfaces.edge_lengths(bodies[0], bodies.template.edges).shape
+    (3600,)
+    """
+    points = real_array(points, "points", ("n_vertices", 3))
+    return np.linalg.norm(points[..., edges[:, 1], :] - points[..., edges[:, 0], :], axis=-1)
+
+
+def signed_volume(points: ndarray, faces: ndarray) -> ndarray:
+    """Return the volumes that closed surfaces enclose, Σ_t det(q₁, q₂, q₃)/6.
+
+    Parameters
+    ----------
+    points : array, shape (..., V, 3)
+        Surfaces, metres.
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    array, shape (...)
+        Cubic metres, positive if normals point outward; NaN if the mesh is not closed.
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> float(rh.surfaces.signed_volume(bodies[0], bodies.template.faces).round(3))
+    0.064
+    """
+    points = real_array(points, "points", ("n_vertices", 3))
+    if not is_closed(faces):
+        return np.full(points.shape[:-2], np.nan)
+    # Relative to the first vertex, to keep precision for bodies far from the origin.
+    points = points - points[..., :1, :]
+    first, second, third = (points[..., corner, :] for corner in faces.T)
+    return np.sum(first * np.cross(second, third), axis=(-2, -1)) / 6.0
+
+
+def is_closed(faces: ndarray) -> bool:
+    """Return whether every edge belongs to two triangles, which pass it in opposite directions.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    bool
+
+    Examples
+    --------
+    >>> import riemhuman as rh
+    >>> bodies = rh.datasets.load_open_bodies("coarse")
+    >>> rh.surfaces.is_closed(bodies.template.faces)
+    True
+    """
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    n_vertices = int(faces.max()) + 1
+    keys = sides[:, 0] * n_vertices + sides[:, 1]
+    reversed_keys = sides[:, 1] * n_vertices + sides[:, 0]
+    return bool(len(np.unique(keys)) == len(keys) and np.isin(reversed_keys, keys).all())
+
+
+def adjacent_triangles(faces: ndarray) -> tuple[ndarray, ndarray]:
+    """Return pairs of triangles that share an edge; more than two at an edge form a chain.
+
+    Parameters
+    ----------
+    faces : array of int, shape (F, 3)
+        Triangles.
+
+    Returns
+    -------
+    pairs : array of int, shape (P, 2)
+        Triangles.
+    edges : array of int, shape (P, 2)
+        The vertices of the edge they share.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import riemhuman as rh
+    >>> pairs, edges = rh.surfaces.adjacent_triangles(np.array([[0, 1, 2], [2, 1, 3]]))
+    >>> pairs.tolist(), edges.tolist()
+    ([[1, 0]], [[1, 2]])
+    """
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    owners = np.tile(np.arange(len(faces)), 3)
+    order = np.lexsort(edges.T)
+    owners, edges = owners[order], edges[order]
+    same = np.all(edges[1:] == edges[:-1], axis=1)
+    return np.stack([owners[:-1][same], owners[1:][same]], axis=1), edges[1:][same]
