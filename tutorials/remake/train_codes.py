@@ -43,8 +43,8 @@ from riemhuman.learned._weight_files import save_weights
 from riemhuman.learned.intrinsic_extrinsic_codes import surface_points
 from riemhuman.progress import ProgressBar
 from riemhuman.surfaces import Template
-from riemhuman.surfaces.spectra import spectrum
 from riemhuman.surfaces.measures import adjacent_triangles
+from riemhuman.surfaces.spectra import spectrum
 
 # Shape and pose codes: bodies that parts are found from, vertices in the loss of a step, the error
 # of a vertex with loss one, in metres, and the weight of self-consistency.
