@@ -97,6 +97,10 @@ def _measure(options: argparse.Namespace) -> Answer:
         "pose": "as is" if options.as_is else "standard",
         "units": units,
         "bodies": {file: dict(zip(names, values, strict=True)) for file, *values in rows},
+        "missing": [
+            {"file": files[number], "measurement": name, "why": reason}
+            for (number, name), reason in measured.why_missing.items()
+        ],
         "output": options.output,
     }
     return Answer(_measured_table(files, measured, options.output, options.picture), record)
@@ -111,6 +115,8 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: P
     for number, (name, unit) in enumerate(zip(measured.names, measured.units, strict=True)):
         values = zip(measured.values[: len(shown), number], columns, strict=True)
         said.append(f"{name:{width}}  {' '.join(f'{v:{w}.4f}' for v, w in values)} {unit}")
+    for (number, name), reason in measured.why_missing.items():
+        said.append(f"no {name} of {files[number].name}: {reason}")
     if len(files) > len(shown):
         said.append(f"and {len(files) - len(shown)} more bodies; -o CSV writes all")
     return "\n".join([*said, *(f"written to  {file}" for file in written if file is not None)])
@@ -120,8 +126,8 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: P
     "compare",
     "changes of one person between two visits",
     "Brings two registered meshes of one person to the standard pose and prints how their\n"
-    "measurements changed. A change is marked if it exceeds two standard deviations of a\n"
-    "difference over poses of one person.",
+    "measurements changed. A change is marked if it exceeds its threshold: two standard deviations\n"
+    "of a difference over poses of one person.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     mesh("before", "BEFORE", "the first visit"),
@@ -138,33 +144,36 @@ def _compare(options: argparse.Namespace) -> Answer:
         result = rh.measurements.compare_visits(measurements, *points)
     columns = (
         *(result.names, result.units, result.before, result.after),
-        *(result.changes, result.noise, result.is_significant),
+        *(result.changes, result.thresholds, result.is_significant),
     )
     rows = list(zip(*columns, strict=True))
     if options.output is not None:
-        titles = ["measurement", "unit", "before", "after", "change", "noise", "seen"]
+        titles = ["measurement", "unit", "before", "after", "change", "threshold", "exceeds threshold"]
         _write_table(options.output, [titles, *([*row[:-1], bool(row[-1])] for row in rows)])
     outward = 1000.0 * result.displacements
     record = {
         "before": options.before,
         "after": options.after,
         "changes": result.changes,
-        "noise": result.noise,
-        "seen": result.is_significant,
+        "thresholds": result.thresholds,
+        "exceeds_threshold": result.is_significant,
+        "expected_beyond_threshold_by_chance": result.expected_by_chance,
         "names": result.names,
         "units": result.units,
         "outward_millimetres": {"least": outward.min(), "most": outward.max()},
-        "areas_seen": float(result.areas_significant.mean()),
+        "share_of_triangles_changed": float(result.areas_significant.mean()),
         "output": options.output,
     }
     width = max(map(len, result.names))
-    said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'noise':>9}"]
-    for name, unit, before, after, change, noise, seen in rows:
-        mark = "  changed" if seen else ""
+    said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
+    for name, unit, before, after, change, threshold, is_significant in rows:
+        mark = "  changed" if is_significant else ""
         said.append(
-            f"{name:{width}}  {before:9.4f} {after:9.4f} {change:+9.4f} {noise:9.4f} {unit}{mark}"
+            f"{name:{width}}  {before:9.4f} {after:9.4f} {change:+9.4f} {threshold:9.4f} {unit}{mark}"
         )
     said += [
+        f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of measurements that "
+        f"did not change, chance marks about {result.expected_by_chance:.1f} of {len(rows)}",
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]

@@ -8,7 +8,7 @@ import pytest
 
 from riemhuman.datasets import load_open_model
 from riemhuman.io import save_mesh
-from riemhuman.measurements import Measurements, compare_visits
+from riemhuman.measurements import Girth, Measurements, compare_visits
 
 
 @pytest.fixture(scope="module")
@@ -58,14 +58,30 @@ def test_definitions_of_ones_own(run, scans, own, tmp_path):
     assert len(finished.out.splitlines()) == 2
 
 
+def test_reasons_for_missing_values(run, scans, own, tmp_path):
+    hips = Girth(name="hips of a leg", at="right_buttock", parts=["right leg"])
+    own.definitions.with_measurements(["stature", hips]).save(tmp_path / "own.json")
+    own.definitions.template.save(tmp_path / "model.npz")
+    options = ("--model", tmp_path / "model.npz", "--definitions", tmp_path / "own.json")
+    arguments = ("measure", scans / "body_0.ply", "--as-is", *options, "-q")
+    assert "no hips of a leg of body_0.ply: its line leaves right leg" in run(*arguments).out
+    (missing,) = json.loads(run(*arguments, "--json").out)["missing"]
+    assert missing["measurement"] == "hips of a leg"
+    assert missing["file"].endswith("body_0.ply")
+    assert missing["why"].startswith("its line leaves right leg")
+
+
 def test_two_visits(run, scans, bodies, own, tmp_path):
     files = (scans / "body_0.ply", scans / "body_2.ply")
     record = json.loads(run("compare", *files, "--json").out)
     expected = compare_visits(own, bodies.points[0], bodies.points[2])
     np.testing.assert_allclose(record["changes"], expected.changes, atol=1e-5)
-    assert record["seen"] == expected.is_significant.tolist()
+    assert record["exceeds_threshold"] == expected.is_significant.tolist()
+    np.testing.assert_allclose(record["thresholds"], expected.thresholds)
+    assert record["expected_beyond_threshold_by_chance"] == pytest.approx(0.0455 * 32, rel=1e-3)
     finished = run("compare", *files, "-o", tmp_path / "changes.csv", "--only", "stature")
     assert "surface moved outward by" in finished.out
+    assert "of 1 exceed their thresholds; of measurements that did not change" in finished.out
     with open(tmp_path / "changes.csv", encoding="utf-8", newline="") as file:
         assert [row["measurement"] for row in csv.DictReader(file)] == ["stature"]
 
