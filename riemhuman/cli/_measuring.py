@@ -126,8 +126,8 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: P
     "compare",
     "changes of one person between two visits",
     "Brings two registered meshes of one person to the standard pose and prints how their\n"
-    "measurements changed. A change is marked if it exceeds its threshold: two standard deviations\n"
-    "of a difference over poses of one person.",
+    "measurements changed. A change is marked if it exceeds its threshold: two standard\n"
+    "deviations of a difference over poses of one person.",
     "  riemhuman compare visit1.ply visit2.ply\n"
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     mesh("before", "BEFORE", "the first visit"),
@@ -148,7 +148,8 @@ def _compare(options: argparse.Namespace) -> Answer:
     )
     rows = list(zip(*columns, strict=True))
     if options.output is not None:
-        titles = ["measurement", "unit", "before", "after", "change", "threshold", "exceeds threshold"]
+        titles = ["measurement", "unit", "before", "after", "change", "threshold"]
+        titles.append("exceeds threshold")
         _write_table(options.output, [titles, *([*row[:-1], bool(row[-1])] for row in rows)])
     outward = 1000.0 * result.displacements
     record = {
@@ -168,12 +169,13 @@ def _compare(options: argparse.Namespace) -> Answer:
     said = [f"{'':{width}}  {'before':>9} {'after':>9} {'change':>9} {'threshold':>9}"]
     for name, unit, before, after, change, threshold, is_significant in rows:
         mark = "  changed" if is_significant else ""
-        said.append(
-            f"{name:{width}}  {before:9.4f} {after:9.4f} {change:+9.4f} {threshold:9.4f} {unit}{mark}"
-        )
+        numbers = f"{before:9.4f} {after:9.4f} {change:+9.4f} {threshold:9.4f}"
+        said.append(f"{name:{width}}  {numbers} {unit}{mark}")
+    said.append(
+        f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of measurements "
+        f"that did not change, chance marks about {result.expected_by_chance:.1f} of {len(rows)}"
+    )
     said += [
-        f"{result.is_significant.sum()} of {len(rows)} exceed their thresholds; of measurements that "
-        f"did not change, chance marks about {result.expected_by_chance:.1f} of {len(rows)}",
         f"surface moved outward by {outward.min():.1f} to {outward.max():.1f} mm",
         f"triangles whose area changed: {100 * result.areas_significant.mean():.1f} %",
     ]
