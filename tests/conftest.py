@@ -59,7 +59,7 @@ def nine_bodies():
 def undrawn(monkeypatch):
     """Leave figures of a report empty, which take most of its time."""
     monkeypatch.setattr(
-        "riemhuman.report.materials.figure_files",
+        "riemhuman.report._page.figure_files",
         lambda figure: ('<svg viewBox="0 0 4 3"></svg>', b""),
     )
 

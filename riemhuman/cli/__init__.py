@@ -68,29 +68,7 @@ interrupted; 141 closed output pipe
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Parameters
-    ----------
-    arguments : sequence of str, optional
-        Command line arguments, by default those of the process.
-
-    Returns
-    -------
-    int
-        Exit code: 0 if the command is done; 1 if it is done, but something in it is not trusted; 2
-        if it is not done; 130 if interrupted; 141 if the output pipe was closed.
-
-    Raises
-    ------
-    SystemExit
-        After ``--help`` and ``--version``, with code 0, and after wrong usage, with code 2.
-
-    Examples
-    --------
-    >>> from riemhuman.cli import main
-    >>> main(["dist", "anna.ply", "ben.ply"])  # doctest: +SKIP
-    """
+    """Run the command line."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     tolerate_ascii()
     try:

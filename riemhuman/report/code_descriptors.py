@@ -104,19 +104,7 @@ class CodeDescriptor(Descriptor):
 
 
 def shipped_descriptors(template: Template) -> dict[str, CodeDescriptor]:
-    """Return the codes of the networks that ship, for tables.
-
-    Parameters
-    ----------
-    template : Template
-        Template of the bodies.
-
-    Returns
-    -------
-    dict of str to CodeDescriptor
-        Codes by their names in tables; shape and pose codes only for templates in correspondence
-        with the open one.
-    """
+    """Return the codes of the networks that ship, for tables."""
     clouds = IntrinsicExtrinsicCodes.load_pretrained(template)
     found = {
         f"{which} code{LEARNED}": CodeDescriptor(clouds, which)

@@ -2,36 +2,71 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import platform
 from collections.abc import Mapping
 from contextlib import nullcontext
+from dataclasses import asdict
+from datetime import UTC, datetime
+from functools import cache
+from html import escape
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from riemhuman.datasets import load_open_bodies
 from riemhuman.errors import ArgumentError
-from riemhuman.geometry import AlignedSurfaces
 from riemhuman.io.files import write_text
 from riemhuman.optional import import_optional
-from riemhuman.plots._figures import figure_style
-from riemhuman.registration.folders import read_records
-from riemhuman.report import provenance
-from riemhuman.report._folder import check_folder, opened_folder, write_provenance
-from riemhuman.report._result_store import Progress, ResultStore, fingerprint
-from riemhuman.report.content import facts_of, lead_of, sections
-from riemhuman.report.materials import Materials
-from riemhuman.report.page import Section, page
-from riemhuman.report.plan import QUICK, Plan
+from riemhuman.plots import figure_style
+from riemhuman.registration import read_records
+from riemhuman.report._body_sections import (
+    Materials,
+    map_section,
+    measurement_section,
+    retrieval_section,
+    sweep_section,
+)
+from riemhuman.report._experiments import QUICK, Experiments, Plan, readable
+from riemhuman.report._page import Column, Output, Section, Table, page, paragraph
+from riemhuman.report._path_sections import (
+    comparison_section,
+    difference_section,
+    geodesic_section,
+    mean_section,
+)
+from riemhuman.report._storage import (
+    Progress,
+    ResultStore,
+    check_folder,
+    fingerprint,
+    open_folder,
+    write_provenance,
+)
 from riemhuman.report.registered_scans import scan_section
 from riemhuman.report.representations import available, of_extensions
-from riemhuman.report.results import compute_results
 from riemhuman.report.retrieval_benchmark import table_metrics
 
 if TYPE_CHECKING:
     from riemhuman.datasets import Bodies
-    from riemhuman.surfaces.deformation_basis import DeformationBasis
+    from riemhuman.surfaces import DeformationBasis
 
 _TITLE = "Human bodies, measured by their surfaces"
+_PACKAGES = ("numpy", "scipy", "autograd", "numba", "trimesh", "matplotlib", "scikit-learn")
+_FEWEST_BODIES = 3
+
+# In the order of the paper; each returns None if the labels do not allow it.
+_SECTIONS = (
+    retrieval_section,
+    map_section,
+    difference_section,
+    geodesic_section,
+    comparison_section,
+    mean_section,
+    measurement_section,
+    sweep_section,
+)
 
 
 def make_report(
@@ -97,56 +132,142 @@ def make_report(
     check_folder(output)
     import_optional("matplotlib", "report")
     import_optional("sklearn.manifold", "report")
-    begun = provenance.now()
+    started = _now()
     watch: Progress = progress or (lambda name: nullcontext())
     if bodies is None:
         with watch("Loading the bodies"):
             bodies = load_open_bodies("coarse" if quick else "full")
-    if len(bodies) < 3:
-        raise ArgumentError(f"bodies must be at least 3; found {len(bodies)}")
+    if len(bodies) < _FEWEST_BODIES:
+        raise ArgumentError(f"bodies must be at least {_FEWEST_BODIES}; found {len(bodies)}")
     if basis is not None:
         basis.check_fits(bodies.template)
-    shown = [] if scans is None else [scan_section(read_records(scans))]
-    with opened_folder(output) as folder:
-        return _make(folder, bodies, basis, quick, representations, shown, watch, bars, begun)
-
-
-def _make(
-    folder: Path,
-    bodies: Bodies,
-    basis: DeformationBasis | None,
-    quick: bool,
-    representations: Mapping[str, Any] | None,
-    shown: list[Section],
-    watch: Progress,
-    bars: bool,
-    begun: str,
-) -> Path:
-    plan = QUICK if quick else Plan()
-    space = AlignedSurfaces(bodies.template, equip=False)
-    digest = fingerprint(
-        [bodies.points, bodies.template.vertices, bodies.template.faces]
-        + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
-    )
-    identity = provenance.identity()
-    store = ResultStore(folder / "results", identity, watch)
-    figures = ResultStore(folder / "results" / "figures", identity)
     if representations is None:
         representations = of_extensions(bodies) if quick else available(bodies)
-    compared = {**table_metrics(bodies), **representations}
-    results = compute_results(store, digest, bodies, space, plan, basis, compared, bars=bars)
-
-    with watch("Page and figures"), figure_style():
-        materials = Materials(folder, bodies, results, plan, store, figures, digest)
-        text = page(
-            _TITLE,
-            lead_of(bodies, quick=quick),
-            facts_of(bodies),
-            [*shown, *sections(materials)],
-            f"Made with riemhuman {provenance.versions()['riemhuman']}, {provenance.now()}. "
-            "Bodies in 3-D are drawn by three.js (MIT licence).",
+    scan_sections = [] if scans is None else [scan_section(read_records(scans))]
+    with open_folder(output) as folder:
+        identity = _identity()
+        digest = fingerprint(
+            [bodies.points, bodies.template.vertices, bodies.template.faces]
+            + [bodies.subject, bodies.pose, bodies.subject_names, bodies.pose_names]
         )
-        write_text(folder / "index.html", text)
-    described = provenance.describe(bodies, digest, plan, results.basis, store.steps, begun)
-    write_provenance(folder, {"status": "finished", **described})
-    return folder / "index.html"
+        store = ResultStore(folder / "results", identity, watch)
+        experiments = Experiments(store, digest, bodies, QUICK if quick else Plan())
+        compared = {**table_metrics(bodies), **representations}
+        results = experiments.run(compared, basis, bars=bars)
+        with watch("Page and figures"), figure_style():
+            figures = ResultStore(folder / "results" / "figures", identity)
+            materials = Materials(experiments, results, Output(folder, figures, digest))
+            made = [make(materials) for make in _SECTIONS]
+            sections = [section for section in made if section is not None]
+            text = page(
+                _TITLE,
+                _lead(bodies, quick=quick),
+                _facts(bodies),
+                [*scan_sections, *sections, _making_section(materials)],
+                f"Made with riemhuman {_versions()['riemhuman']}, {_now()}. "
+                "Bodies in 3-D are drawn by three.js (MIT licence).",
+            )
+            write_text(folder / "index.html", text)
+        write_provenance(
+            folder,
+            {
+                "status": "finished",
+                "started": started,
+                "finished": _now(),
+                "versions": _versions(),
+                "machine": {"system": platform.system(), "processor": platform.machine()},
+                "bodies": _sizes(bodies) | {"fingerprint": digest},
+                "basis": results.basis,
+                "parameters": asdict(experiments.plan),
+                "seeds": {"t-sne": experiments.plan.seed},
+                "steps": [
+                    {
+                        "name": step.name,
+                        "seconds": step.seconds,
+                        "reused": step.is_reused,
+                        "fingerprint": step.fingerprint,
+                    }
+                    for step in store.steps
+                ],
+            },
+        )
+        return folder / "index.html"
+
+
+def _sizes(bodies: Bodies) -> dict[str, int]:
+    return {
+        "number": len(bodies),
+        "people": len(set(bodies.subject.tolist())),
+        "poses": len(set(bodies.pose.tolist())),
+        "vertices": bodies.template.n_vertices,
+        "triangles": bodies.template.n_faces,
+    }
+
+
+def _facts(bodies: Bodies) -> list[tuple[str, str]]:
+    """Return the sizes of the data, with their names on the page."""
+    sizes = _sizes(bodies)
+    names = {"number": "bodies", "people": "people", "poses": "poses", "vertices": "vertices each"}
+    facts = [(f"{sizes[key]:,}", name) for key, name in names.items()]
+    return [*facts, (f"{len(bodies) * (len(bodies) - 1) // 2:,}", "pairs")]
+
+
+def _lead(bodies: Bodies, *, quick: bool) -> str:
+    """Return the introduction as HTML."""
+    names = ", ".join(escape(readable(name)) for name in bodies.pose_names[:3])
+    text = (
+        "The experiments of Pierson, Daoudi and Tumpach, <cite>A Riemannian Framework for Analysis "
+        "of Human Body Surface</cite> (WACV 2022), on bodies registered to one template: "
+        f"retrieval of people and of poses ({names} …), and shortest paths between bodies."
+    )
+    if quick:
+        text += " This is a quick run, with fewer surfaces per path and fewer deformations."
+    return text
+
+
+def _making_section(materials: Materials) -> Section:
+    rows = [
+        {"title": step.title, "step": step.name, "seconds": step.seconds}
+        for step in materials.experiments.store.steps
+    ]
+    columns = (
+        Column("title", "Step"),
+        Column("step", "step", is_shown=False),
+        Column("seconds", "Seconds", ".2f"),
+    )
+    table = Table("steps", "Wall time of every step when it was computed.", columns, rows)
+    parts = [
+        paragraph(
+            'Versions, seeds, parameters and fingerprints are in <a href="provenance.json">'
+            "provenance.json</a>; matrices, paths and maps are NumPy archives in the folder "
+            "<code>results</code>. A new run of the report computes only what has changed."
+        ),
+        materials.output.table(table),
+    ]
+    return Section("making", "How this was made", "Making", parts)
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """Return the versions of Python, of this library and of its dependencies."""
+    versions = {"python": platform.python_version()}
+    for package in ("riemhuman", *_PACKAGES):
+        try:
+            versions[package] = metadata.version(package)
+        except metadata.PackageNotFoundError:
+            versions[package] = "from its source folder"
+    return versions
+
+
+@cache
+def _identity() -> dict[str, Any]:
+    """Return versions and a digest of the source code, on which all results depend."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for file in sorted(root.rglob("*.py")):
+        digest.update(file.relative_to(root).as_posix().encode() + file.read_bytes())
+    return {"versions": _versions(), "source": digest.hexdigest()}

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import os
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -13,16 +11,15 @@ from numpy import ndarray
 from scipy.spatial.transform import Rotation
 
 from riemhuman.io.files import write_text
-from riemhuman.plots._colors import VALUE_COLORS, value_colors
-from riemhuman.plots.rendering import png_bytes
-from riemhuman.registration.folders import ScanRecord, read_records
-from riemhuman.report.page import Section, page, paragraph, web_file
-from riemhuman.report.scan_pictures import body_picture, points_picture, shared_window
+from riemhuman.plots.colors import VALUE_COLORS, value_colors
+from riemhuman.plots.rendering import View, image_source, points_picture, render, window_around
+from riemhuman.registration import ScanRecord, read_records
+from riemhuman.report._page import Image, Section, fill, page, paragraph, web_file
 
-# Distance of the last colour, also used for larger distances.
-LARGEST_METRES = 0.02
-_HEIGHT = 300
-_UNSEEN, _SEEN = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
+_LARGEST_METRES = 0.02  # distance of the last colour, also used for larger distances
+_HEIGHT = 300  # pixels
+# Colours of parts of a body without and with a counterpart in its scan.
+_UNMATCHED, _MATCHED = (0.62, 0.68, 0.76), (0.83, 0.78, 0.73)
 
 
 def scan_page(folder: str | os.PathLike[str]) -> Path:
@@ -65,51 +62,33 @@ def scan_page(folder: str | os.PathLike[str]) -> Path:
 
 
 def scan_section(records: Sequence[ScanRecord]) -> Section:
-    """Return the section of a page that shows registered scans.
-
-    Parameters
-    ----------
-    records : sequence of ScanRecord
-        Records of the scans, in the order in which they are shown.
-
-    Returns
-    -------
-    Section
-    """
-    doubtful = [record for record in records if not record.trusted]
+    """Return the section of a page that shows registered scans in the order of their records."""
+    n_trusted = sum(record.trusted for record in records)
     lead = (
-        f"{len(records) - len(doubtful)} of {len(records)} scans are registered and trusted. "
+        f"{n_trusted} of {len(records)} scans are registered and trusted. "
         "From left to right: the scan, the body, and the scan coloured by its distance from the "
         "body. Parts of the body without a counterpart in the scan are blue-grey."
     )
-    cards = "".join(_card(record) for record in records)
-    return Section(
-        "scans",
-        "Scans and their bodies",
-        "Scans",
-        [
-            f"<style>{web_file('scans.css')}</style>",
-            paragraph(lead),
-            _colour_scale(),
-            f'<div class="scans">{cards}</div>',
-        ],
+    scale = (
+        '<p class="colour-bar">Distance: 0 '
+        f'<i style="background: linear-gradient(to right, {", ".join(VALUE_COLORS)})"></i> '
+        f"{1000 * _LARGEST_METRES:.0f} mm and more</p>"
     )
+    cards = "".join(_card(record) for record in records)
+    styles = f"<style>{web_file('scans.css')}</style>"
+    parts = [styles, paragraph(lead), scale, f'<div class="scans">{cards}</div>']
+    return Section("scans", "Scans and their bodies", "Scans", parts)
 
 
 def _card(record: ScanRecord) -> str:
-    mark = "" if record.trusted else ' <strong class="doubt">not trusted</strong>'
     facts = ""
     if record.arrays:
         facts = (
-            f"<p>{1000 * record.median_distance:.1f} mm from the scan in the median, "
-            f"{100 * record.matched_share:.0f} % of the vertices matched</p>"
+            f"{1000 * record.median_distance:.1f} mm from the scan in the median, "
+            f"{100 * record.matched_share:.0f} % of the vertices matched"
         )
-    reason = f"<p>{escape(_sentence(record.message))}</p>" if record.message else ""
-    kind = "scan" if record.trusted else "scan doubtful"
-    return (
-        f'<figure class="{kind}"><figcaption><h3>{escape(record.name)}{mark}</h3>{facts}{reason}'
-        f"</figcaption>{_pictures(record)}</figure>"
-    )
+    reason = _sentence(record.message) if record.message else ""
+    return fill("scan", record, facts, reason, _pictures(record) if record.arrays else [])
 
 
 def _sentence(message: str) -> str:
@@ -119,47 +98,28 @@ def _sentence(message: str) -> str:
     return message if message.endswith(".") else f"{message}."
 
 
-def _colour_scale() -> str:
-    """Return the bar of the colours of distances, between its ends."""
-    return (
-        '<p class="colour-bar">Distance: 0 '
-        f'<i style="background: linear-gradient(to right, {", ".join(VALUE_COLORS)})"></i> '
-        f"{1000 * LARGEST_METRES:.0f} mm and more</p>"
-    )
-
-
-def _pictures(record: ScanRecord) -> str:
-    if not record.arrays:
-        return ""
-    body, scan = (
-        _facing(record, record.arrays[name].astype(float)) for name in ("points", "shown")
-    )
-    faces, distances = record.arrays["faces"], record.arrays["shown_distances"]
-    window = shared_window(body, scan)
-    seen = record.arrays["matched"][faces].any(axis=1)
-    colors = np.where(seen[:, np.newaxis], _SEEN, _UNSEEN)
-    errors = value_colors(distances, LARGEST_METRES)
-    pictures = (
-        (points_picture(scan, window, _HEIGHT), f"points of the scan {record.name}"),
-        (
-            body_picture(body, faces, window, _HEIGHT, colors),
-            f"body registered to the scan {record.name}",
+def _pictures(record: ScanRecord) -> list[Image]:
+    """Return pictures of the scan, the body and the distances, at one scale and in one light."""
+    body, scan = (_facing(record, record.arrays[n].astype(float)) for n in ("points", "shown"))
+    faces = record.arrays["faces"]
+    view = View()
+    window = window_around(np.concatenate([body, scan]), view)
+    is_matched = record.arrays["matched"][faces].any(axis=1)
+    colors = np.where(is_matched[:, np.newaxis], _MATCHED, _UNMATCHED)
+    errors = value_colors(record.arrays["shown_distances"], _LARGEST_METRES)
+    pictures = {
+        f"points of the scan {record.name}": points_picture(scan, window, _HEIGHT),
+        f"body registered to the scan {record.name}": render(
+            body, faces, height=_HEIGHT, view=view, window=window, color=colors
         ),
-        (
-            points_picture(scan, window, _HEIGHT, errors),
-            f"distances of the scan {record.name} from its body",
+        f"distances of the scan {record.name} from its body": points_picture(
+            scan, window, _HEIGHT, errors
         ),
-    )
-    return "".join(_image(picture, what) for picture, what in pictures)
-
-
-def _image(picture: ndarray, what: str) -> str:
-    data = base64.b64encode(png_bytes(picture)).decode("ascii")
-    height, width = picture.shape[:2]
-    return (
-        f'<img alt="{escape(what, quote=True)}" src="data:image/png;base64,{data}" '
-        f'width="{width}" height="{height}" loading="lazy" decoding="async">'
-    )
+    }
+    return [
+        Image(alt, image_source(picture), picture.shape[1], picture.shape[0])
+        for alt, picture in pictures.items()
+    ]
 
 
 def _facing(record: ScanRecord, points: ndarray) -> ndarray:
@@ -177,5 +137,5 @@ def _upright(points: ndarray, up: ndarray) -> ndarray:
     """Return points with y up."""
     axis = int(np.argmax(np.abs(up)))
     # Cyclic exchanges of axes are rotations; if the axis points down, half a turn follows.
-    turned = np.roll(points, 1 - axis, axis=-1)
-    return turned * [1.0, -1.0, -1.0] if up[axis] < 0 else turned
+    rotated = np.roll(points, 1 - axis, axis=-1)
+    return rotated * [1.0, -1.0, -1.0] if up[axis] < 0 else rotated

@@ -16,8 +16,7 @@ from riemhuman.descriptors import (
 from riemhuman.extensions import extensions
 from riemhuman.geometry import AlignedSurfaces, GaugeInvariantMetric, SobolevMetric, SRNFMetric
 from riemhuman.report.code_descriptors import LEARNED, shipped_descriptors
-from riemhuman.report.paper import PAPER_TABLES
-from riemhuman.report.retrieval_benchmark import BenchmarkRecord, table_metrics
+from riemhuman.report.retrieval_benchmark import PAPER_TABLES, BenchmarkRecord, table_metrics
 from riemhuman.solvers.paths import LinearPath
 from riemhuman.terms.normal_projection import mixed_edges
 

@@ -47,6 +47,24 @@ _COLUMNS = {
 }
 _LABELS = {"shape": "subject", "pose": "pose"}
 
+# The tables of the paper, on the registrations of FAUST: nearest neighbour, first and second tier.
+PAPER_TABLES: dict[str, tuple[tuple[str, float, float, float], ...]] = {
+    "shape": (
+        ("GDVAE intrinsic", 27.0, 24.8, 46.2),
+        ("Zhou et al., shape", 42.0, 24.8, 42.8),
+        ("SMPL shape vector", 98.0, 72.4, 86.7),
+        ("APT", 96.0, 86.5, 96.2),
+        ("metric (1, 0.0001, 0)", 100.0, 94.8, 97.1),
+    ),
+    "pose": (
+        ("GDVAE extrinsic", 60.0, 38.0, 54.2),
+        ("Zhou et al., pose", 82.0, 69.2, 83.4),
+        ("SMPL pose vector", 80.0, 84.4, 95.2),
+        ("SRNF", 73.0, 77.7, 94.4),
+        ("metric (0, 0, 1)", 85.0, 88.3, 97.6),
+    ),
+}
+
 
 @dataclass(frozen=True)
 class BenchmarkRecord:
@@ -163,25 +181,7 @@ def benchmark(
 
 
 def table_metrics(bodies: Any) -> dict[str, Any]:
-    """Return the metrics of retrieval tables by name.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        Registered surfaces.
-
-    Returns
-    -------
-    dict of str to RiemannianMetric
-        The paper's shape metric and pose metric, the metrics of square root normal fields and of
-        diffused rotations, and the general elastic metric. Metrics without a closed-form distance
-        are in `riemhuman.report.representations.available`.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the surfaces are not registered to a template.
-    """
+    """Return the metrics of retrieval tables by name."""
     if not hasattr(bodies, "points") or not hasattr(bodies, "template"):
         raise ArgumentTypeError(
             "bodies must be registered surfaces, with points and a template, to be compared by "
@@ -206,17 +206,6 @@ def learned_distances(bodies: Any) -> dict[str, np.ndarray]:
 
     For poses, the metric is learned from normals, for people from metric fields, see
     `rh.LearnedMetric`.
-
-    Parameters
-    ----------
-    bodies : Bodies
-        Registered surfaces with the labels ``subject`` and ``pose``.
-
-    Returns
-    -------
-    dict of str to array, shape (n, n)
-        Distances for "shape" and "pose"; a task is left out without its labels, and both without
-        five people.
     """
     subject, pose = getattr(bodies, "subject", None), getattr(bodies, "pose", None)
     if subject is None or len(np.unique(subject)) < 5:
@@ -262,24 +251,7 @@ def _labels(bodies: Any) -> dict[str, list[Any]]:
 def described_together(
     representations: Mapping[str, Any], bodies: Any, *, progress: bool = False
 ) -> dict[str, Described]:
-    """Compute the vectors of descriptors that share a costly step, such as spectra.
-
-    Parameters
-    ----------
-    representations : mapping of str to object
-        Metrics and descriptors by name; descriptors with the same static method
-        ``describe_together`` are computed together.
-    bodies : Bodies or LabelledMeshes
-        Surfaces.
-    progress : bool
-        Whether to show a progress bar.
-
-    Returns
-    -------
-    dict of str to (array, float)
-        Vectors of the bodies by one descriptor, and the seconds that it would take alone. Left out
-        are descriptors that share nothing, and those that raise an error.
-    """
+    """Compute the vectors of descriptors that share a costly step, such as spectra."""
     kinds: dict[Any, dict[str, Any]] = {}
     for name, each in representations.items():
         if hasattr(each, "describe_together"):
@@ -299,32 +271,7 @@ def described_together(
 def timed_distances(
     representation: Any, bodies: Any, n_jobs: int | None, described: Described | None = None
 ) -> tuple[np.ndarray, float, float]:
-    """Return all distances within a set of bodies, and the time that they took.
-
-    Parameters
-    ----------
-    representation : object
-        A metric or a descriptor.
-    bodies : Bodies or LabelledMeshes
-        Surfaces.
-    n_jobs : int, optional
-        Number of threads, -1 for one per core; by default one.
-    described : (array, float), optional
-        Vectors of the bodies and the seconds that they took, see `described_together`.
-
-    Returns
-    -------
-    distances : array, shape (n, n)
-    seconds_per_body : float
-        Wall-clock time to describe a body; 0 for a metric.
-    seconds_per_pair : float
-        Wall-clock time of a distance.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the representation is a metric and the surfaces are not registered.
-    """
+    """Return all distances within a set of bodies, and the time that they took."""
     n_bodies = len(bodies)
     n_pairs = n_bodies * (n_bodies - 1) // 2
     if hasattr(representation, "dist_pairwise"):

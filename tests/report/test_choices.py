@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from riemhuman.report.choices import group_of, pair_across, pair_within
+from riemhuman.report._experiments import group_within, pair_across, pair_within
 
 SUBJECT = np.repeat([0, 1, 2], 3)
 POSE = np.tile([0, 1, 2], 3)
@@ -32,7 +32,7 @@ def test_nothing_to_choose():
 
 
 def test_groups_hold_one_of_each():
-    np.testing.assert_array_equal(group_of(POSE, SUBJECT, 5), [0, 3, 6])
-    np.testing.assert_array_equal(group_of(POSE, SUBJECT, 2), [0, 6])
+    np.testing.assert_array_equal(group_within(POSE, SUBJECT, 5), [0, 3, 6])
+    np.testing.assert_array_equal(group_within(POSE, SUBJECT, 2), [0, 6])
     uneven = np.array([0, 1, 1, 1, 0])
-    np.testing.assert_array_equal(group_of(uneven, np.array([0, 0, 1, 1, 1]), 5), [0, 4])
+    np.testing.assert_array_equal(group_within(uneven, np.array([0, 0, 1, 1, 1]), 5), [0, 4])

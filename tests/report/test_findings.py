@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from riemhuman.report import findings
+from riemhuman.report import _body_sections as sections
+from riemhuman.report._path_sections import normal_shares
 from riemhuman.retrieval import scores
 
 RNG = np.random.default_rng(0)
@@ -22,10 +23,10 @@ def far_from_one_another():
 
 def test_below_chance_is_said_where_it_is_so():
     distances = far_from_one_another()
-    assert "more than the 0.0 % of the pose" in findings.below_chance(
+    assert "more than the 0.0 % of the pose" in sections.below_chance(
         rows_of(distances, LABELS), "pose", LABELS
     )
-    assert findings.below_chance(rows_of(3 - distances, LABELS), "pose", LABELS) == ""
+    assert sections.below_chance(rows_of(3 - distances, LABELS), "pose", LABELS) == ""
 
 
 def test_chance_is_what_random_orders_give():
@@ -36,7 +37,7 @@ def test_chance_is_what_random_orders_give():
         distances = distances + distances.T
         np.fill_diagonal(distances, 0)
         found.append(scores(distances, labels).first_tier)
-    assert np.mean(found) == pytest.approx(findings.chance_of_tier(labels), abs=1.5)
+    assert np.mean(found) == pytest.approx(sections.chance_of_tier(labels), abs=1.5)
 
 
 def test_best_weights_are_those_of_the_rows():
@@ -48,20 +49,20 @@ def test_best_weights_are_those_of_the_rows():
             strict=True,
         )
     ]  # fmt: skip
-    said = findings.best_weights(rows)
+    said = sections.best_weights(rows)
     assert "people with a = 1, λ = 0.0001, c = 1: mAP 70.0 %" in said
     assert "poses with a = 1, λ = 0.0001, c = 0 (and 1 other choice): mAP 50.0 %" in said
     alone = [{key: row[key] for key in row if "pose" not in key} for row in rows]
-    assert "poses" not in findings.best_weights(alone)
+    assert "poses" not in sections.best_weights(alone)
 
 
 def test_neighbours_of_a_map():
     positions = np.stack([LABELS, 0.01 * np.arange(20)], axis=1).astype(float)
-    assert findings.neighbours_kept(positions, LABELS) == 100
-    assert findings.neighbours_kept(positions, np.arange(20) % 2) < 100
+    assert sections.kept_neighbours(positions, LABELS) == 100
+    assert sections.kept_neighbours(positions, np.arange(20) % 2) < 100
 
 
 def test_shares_are_those_of_the_rows():
     rows = [{"pair": "one person", "normal_part": 3.0, "squared_distance": 4.0}]
-    assert findings.shares(rows) == "The normal part is 75 % for one person."
-    assert findings.shares([rows[0] | {"squared_distance": 0.0}]) == ""
+    assert normal_shares(rows) == "The normal part is 75 % for one person."
+    assert normal_shares([rows[0] | {"squared_distance": 0.0}]) == ""

@@ -6,18 +6,22 @@ import os
 import pytest
 
 from riemhuman.errors import ArgumentTypeError, FileError
-from riemhuman.report._folder import (
-    MARKER,
-    SUBFOLDERS,
+from riemhuman.report._storage import (
+    _MARKER as MARKER,
+)
+from riemhuman.report._storage import (
+    _SUBFOLDERS as SUBFOLDERS,
+)
+from riemhuman.report._storage import (
     check_folder,
-    opened_folder,
+    open_folder,
     write_provenance,
 )
 
 
 def enter(path):
     """Open a folder, and close it again."""
-    with opened_folder(path):
+    with open_folder(path):
         pass
 
 
@@ -26,17 +30,17 @@ def test_new_and_empty_folders_are_taken(tmp_path, there):
     folder = tmp_path / "a" / "b"
     if there:
         folder.mkdir(parents=True)
-    with opened_folder(folder) as opened:
+    with open_folder(folder) as opened:
         assert opened == folder
     assert {entry.name for entry in folder.iterdir()} == {MARKER, *SUBFOLDERS[:3]}
 
 
 def test_an_earlier_report_is_taken_and_keeps_its_files(tmp_path):
-    with opened_folder(tmp_path / "report"):
+    with open_folder(tmp_path / "report"):
         pass
     write_provenance(tmp_path / "report", {"status": "finished"})
     (tmp_path / "report" / "results" / "one.npz").write_bytes(b"1")
-    with opened_folder(tmp_path / "report"):
+    with open_folder(tmp_path / "report"):
         pass
     assert (tmp_path / "report" / "results" / "one.npz").read_bytes() == b"1"
     assert json.loads((tmp_path / "report" / MARKER).read_text())["status"] == "begun"

@@ -14,8 +14,10 @@ from riemhuman.datasets import Bodies
 from riemhuman.errors import ArgumentError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric
 from riemhuman.report import benchmark, make_report
-from riemhuman.report.findings import chance_of_tier
-from riemhuman.report.plan import POSE, SHAPE
+from riemhuman.report._body_sections import chance_of_tier
+from riemhuman.report._storage import ResultStore
+from riemhuman.report.retrieval_benchmark import POSE_METRIC as POSE
+from riemhuman.report.retrieval_benchmark import SHAPE_METRIC as SHAPE
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 
@@ -66,7 +68,7 @@ def rows_of(folder, table):
 def test_the_folder_is_whole(folder):
     names = {file.name for file in (folder / "figures").iterdir()}
     expected = {
-        *("comparison", "differences", "mean", "sweep", "tapes"),
+        *("comparison", "differences", "mean", "sweep", "measurement-lines"),
         *(f"{kind}-{task}" for kind in ("confusion", "precision-recall") for task in TASKS),
         *(f"map-{task}-{method}" for task in TASKS for method in ("t-sne", "mds")),
         *("geodesic-pose-change", "geodesic-shape-change"),
@@ -215,7 +217,7 @@ def test_run_again_nothing_is_computed(folder, nine_bodies):
 
 
 def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch, nine_bodies):
-    from riemhuman.report import path_experiments, results
+    from riemhuman.report import _experiments
 
     basis = DeformationBasis.from_laplacian(nine_bodies.template, 6)
 
@@ -223,7 +225,7 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(path_experiments.BasisPath, "solve", interrupt)
+        patch.setattr(_experiments.BasisPath, "solve", interrupt)
         with pytest.raises(KeyboardInterrupt):
             make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True)
     assert not (tmp_path / "r" / "index.html").exists()
@@ -236,22 +238,24 @@ def test_stopped_from_the_keyboard_it_goes_on_where_it_was(tmp_path, monkeypatch
     def stop(self, *arguments):
         raise RuntimeError("far enough")
 
-    monkeypatch.setattr(results.PathExperiments, "geodesic", stop)
-    monkeypatch.setattr(results, "distance_steps", watched := Watched(results.distance_steps))
+    monkeypatch.setattr(_experiments.Experiments, "_geodesic", stop)
+    stores = []
+    monkeypatch.setattr(ResultStore, "__init__", remember(stores, ResultStore.__init__))
     with pytest.raises(RuntimeError, match="far enough"):
         make_report(tmp_path / "r", bodies=nine_bodies, basis=basis, quick=True)
-    assert all(step.reused for step in watched.result.values())
+    steps = [step for step in stores[0].steps if step.name.startswith("distances-")]
+    assert len(steps) == 5
+    assert all(step.is_reused for step in steps)
 
 
-class Watched:
-    """A function whose last result is kept."""
+def remember(stores, initialize):
+    """Return an initializer that also appends its objects to a list."""
 
-    def __init__(self, function):
-        self.function = function
+    def initialize_and_remember(self, *arguments):
+        initialize(self, *arguments)
+        stores.append(self)
 
-    def __call__(self, *arguments, **named):
-        self.result = self.function(*arguments, **named)
-        return self.result
+    return initialize_and_remember
 
 
 @pytest.mark.sampled(3, "reports without figures")
@@ -330,8 +334,8 @@ def test_refusals_leave_nothing_behind(tmp_path, nine_bodies, monkeypatch):
 
 
 def test_a_representation_that_refuses_is_named(tmp_path, nine_bodies):
-    from riemhuman.report._result_store import ResultStore
-    from riemhuman.report.experiments import distance_steps
+    from riemhuman.report._experiments import Experiments, Plan
 
-    steps = distance_steps(ResultStore(tmp_path, {}), "", nine_bodies, {"picky": Refusing()})
+    experiments = Experiments(ResultStore(tmp_path, {}), "", nine_bodies, Plan())
+    steps = experiments._distances({"picky": Refusing()}, bars=False)
     assert steps["picky"].record == {"problem": "ArgumentError: never content"}

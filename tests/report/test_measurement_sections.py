@@ -8,7 +8,7 @@ import pytest
 
 from riemhuman.measurements import Measurements
 from riemhuman.plots.body_plots import plot_measurement_lines
-from riemhuman.report.measurement_sections import measurement_section
+from riemhuman.report._body_sections import measurement_section
 from riemhuman.surfaces.template import Template
 
 

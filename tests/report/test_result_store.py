@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from riemhuman.errors import FileError
-from riemhuman.report._result_store import ResultStore, fingerprint
+from riemhuman.report._storage import ResultStore, fingerprint
 
 
 class Counted:
@@ -26,7 +26,7 @@ def test_computed_once_and_read_after(tmp_path):
     first = ResultStore(tmp_path, {}).step("one", {"x": 1}, compute)
     again = ResultStore(tmp_path, {}).step("one", {"x": 1}, compute)
     assert compute.n_runs == 1
-    assert (first.reused, again.reused) == (False, True)
+    assert (first.is_reused, again.is_reused) == (False, True)
     np.testing.assert_array_equal(first.arrays["array"], again.arrays["array"])
     assert first.record == again.record == {"value": 1.0, "name": "λ"}
     assert first.seconds == again.seconds

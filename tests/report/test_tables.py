@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 
-from riemhuman.report.tables import Column, Table, written
+from riemhuman.report._page import Column, Table, written
 
 ROWS = [
     {"name": "a < b", "score": 99.0 + 1 / 3, "time": 0.25, "count": 3, "note": "x"},
@@ -22,7 +22,7 @@ TABLE = Table(
         Column("score", "Score", ".1f", "highest"),
         Column("time", "Time", ".2f", "lowest"),
         Column("count", "Count", "d"),
-        Column("note", "Note", shown=False),
+        Column("note", "Note", is_shown=False),
     ),
     ROWS,
 )

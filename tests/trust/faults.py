@@ -109,24 +109,24 @@ def neighbors(inputs, outputs):
 
 
 def report(inputs, outputs):
-    from riemhuman.report import materials
+    from riemhuman.report import _page
 
-    picture = materials.Materials.picture
+    figure = _page.Output.figure
 
-    def undrawn(self, name, alt, draw, *arguments):
+    def undrawn(self, name, alt, caption, draw, *arguments, wide=False):
         def draw_nothing(*arguments):
             return draw.__name__
 
         draw_nothing.__name__ = draw.__name__
-        return picture(self, name, alt, draw_nothing, *arguments)
+        return figure(self, name, alt, caption, draw_nothing, *arguments, wide=wide)
 
     def undrawn_picture(name):
         return f'<svg viewBox="0 0 4 3">{name}</svg>', name.encode()
 
     # Drawing takes nearly all of the time, and is part of `picture`.
     with (
-        mock.patch.object(materials.Materials, "picture", undrawn),
-        mock.patch.object(materials, "figure_files", undrawn_picture),
+        mock.patch.object(_page.Output, "figure", undrawn),
+        mock.patch.object(_page, "figure_files", undrawn_picture),
     ):
         return cli(
             "report", "--quick", "--bodies", inputs / "scans", "-o", outputs / "report", "-q"

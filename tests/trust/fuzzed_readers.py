@@ -28,7 +28,7 @@ from riemhuman.errors import DamagedFileWarning
 from riemhuman.io.arrays import load_arrays
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
-from riemhuman.report._result_store import ResultStore
+from riemhuman.report._storage import ResultStore
 from riemhuman.retrieval.neighbors import NearestNeighbors
 from riemhuman.retrieval.pairwise_jobs import pairwise_job
 

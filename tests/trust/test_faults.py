@@ -21,7 +21,7 @@ import pytest
 from lengths import FULL, sample
 from trust.faults import Server
 
-from riemhuman.report._folder import opened_folder
+from riemhuman.report._storage import open_folder
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="processes fork, and the sizes of files are limited"
@@ -315,12 +315,12 @@ def test_two_at_once_may_both_write_a_file(server, undisturbed, tmp_path):
 
 
 def test_a_report_has_its_folder_to_itself(server, tmp_path):
-    with opened_folder(tmp_path / "report"):
+    with open_folder(tmp_path / "report"):
         before = content(tmp_path)
         refused = server.run("report", tmp_path)
         assert_refused(refused, tmp_path, "report is in use: another process")
         assert content(tmp_path) == before
-    with opened_folder(tmp_path / "report"):
+    with open_folder(tmp_path / "report"):
         pass
 
 

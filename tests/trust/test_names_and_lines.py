@@ -15,7 +15,7 @@ from riemhuman.errors import FileError, FileFormatError
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
-from riemhuman.report._folder import check_folder
+from riemhuman.report._storage import check_folder
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 MESH = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 1, 2], [1, 2, 3]])

@@ -17,7 +17,7 @@ from riemhuman.descriptors.latent_vectors import LatentVectors
 from riemhuman.errors import FileFormatError, RiemhumanError
 from riemhuman.io.arrays import load_array, load_arrays, save_arrays
 from riemhuman.io.pickles import load_pickled_arrays
-from riemhuman.report._result_store import ResultStore
+from riemhuman.report._storage import ResultStore
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 EDGES = [-(2**63), -(2**31) - 1, -2, -1, 2**31, 2**32, 2**62, 2**63 - 1]
@@ -261,7 +261,7 @@ def test_a_record_of_a_report_is_no_tower_of_lists(tmp_path):
     with bounded(2**27):
         step = store.step("step", {}, lambda: ({}, {"computed": True}))
     assert step.record == {"computed": True}
-    assert not step.reused
+    assert not step.is_reused
 
 
 @pytest.mark.parametrize("name", ["vectors", "vertex_weights", "explained_variance", "mean"])

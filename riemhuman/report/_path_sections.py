@@ -1,0 +1,363 @@
+"""The sections of the report on single bodies: differences, geodesics, comparison and mean."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from riemhuman.plots import (
+    ViewedBody,
+    Viewer,
+    new_figure,
+    per_area,
+    plot_body,
+    plot_energy,
+    plot_path,
+)
+from riemhuman.plots.colors import MEAN, SKIN
+from riemhuman.report._body_sections import Materials
+from riemhuman.report._experiments import (
+    LINEAR,
+    MODEL,
+    OURS,
+    SOBOLEV,
+    SRNF_PATH,
+    name_of,
+)
+from riemhuman.report._page import Column, Section, Table, heading, paragraph, viewer_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from riemhuman.datasets import Bodies
+    from riemhuman.report._storage import Step
+
+_PATH_TITLES = {
+    LINEAR: "linear",
+    SRNF_PATH: "SRNF",
+    SOBOLEV: "Sobolev, a2 = 0.001",
+    MODEL: "body model",
+    OURS: "ours (1, 1, 0)",
+}
+_COUNTS = {4: "Four", 5: "Five"}
+
+
+def difference_section(materials: Materials) -> Section | None:
+    """Return the section that shows where two bodies differ."""
+    step = materials.results.differences
+    if step is None:
+        return None
+    bodies, template = materials.bodies, materials.bodies.template
+    figure = materials.output.figure(
+        "differences",
+        "Bodies coloured by the contribution of each triangle to their distance.",
+        "The same as a figure, with colour scales.",
+        _draw_differences,
+        bodies,
+        step,
+        wide=True,
+    )
+    choices = {}
+    for name, (first, second) in step.record["pairs"].items():
+        choices[name] = [ViewedBody(name_of(bodies, first), bodies.points[[first]])]
+        for part in ("metric", "normal"):
+            values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
+            label = f"{name_of(bodies, second)}: {part} part"
+            body = ViewedBody(label, bodies.points[[second]], values=values, value_label="per m²")
+            choices[name].append(body)
+    viewer = Viewer(template.faces, choices, "Pair", "Where two bodies differ")
+    columns = (
+        Column("pair", "Pair"),
+        Column("metric_part", "Metric part", ".4f"),
+        Column("normal_part", "Normal part", ".4f"),
+        Column("squared_distance", "d²", ".4f"),
+    )
+    caption = "The two parts of the squared distance under (1, 1, 1), summed over all triangles."
+    rows = step.record["rows"]
+    parts = [
+        paragraph(
+            "The squared distance is a sum over triangles of a metric part (stretching and "
+            "shearing) and a normal part (rotation). Pale triangles contribute nothing, dark red "
+            f"ones the most. {normal_shares(rows)}"
+        ),
+        viewer_figure(
+            viewer.fragment("differences-view"),
+            "Turn the bodies. 1 % of the triangles exceed the end of each colour scale.",
+        ),
+        figure,
+        materials.output.table(Table("differences", caption, columns, rows)),
+    ]
+    return Section("differences", "Where do two bodies differ?", "Differences", parts)
+
+
+def normal_shares(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Return a sentence on the share of the normal part in squared distances."""
+    shares = [
+        f"{100 * row['normal_part'] / row['squared_distance']:.0f} % for {row['pair']}"
+        for row in rows
+        if row["squared_distance"] > 0
+    ]
+    return f"The normal part is {' and '.join(shares)}." if shares else ""
+
+
+def geodesic_section(materials: Materials) -> Section | None:
+    """Return the section with the geodesics."""
+    bodies, results, output = materials.bodies, materials.results, materials.output
+    steps = {**results.geodesics, **results.viewed}
+    if not steps:
+        return None
+    link = output.file(_energy_table(steps))
+    parts = [
+        paragraph(
+            "A geodesic is a path of least energy. The metric (1, 1, 0) measures how triangles "
+            "stretch and shear along the path; the normal part alone, (0, 0, 1), measures how they "
+            f"rotate. Basis: {results.basis}."
+        )
+    ]
+    for (name, step), letter in zip(results.geodesics.items(), "ab", strict=False):
+        start, end = (name_of(bodies, number) for number in step.record["pair"])
+        caption = (
+            f"As figure 4 ({letter}) of the paper, {name}: from {escape(start)} to "
+            f"{escape(end)} under {_weights(step)}. Right: the energy after each iteration, "
+            "from the straight path, as in the paper, and from the path that rotates each "
+            f"triangle; d² is a lower bound. {link}"
+        )
+        alt = (
+            f"Film strip of the geodesic from {start} to {end}, with its energy at each iteration."
+        )
+        figure = output.figure(step.name, alt, caption, _draw_geodesic, bodies, step, wide=True)
+        parts.append(figure)
+    if results.viewed:
+        choices = {
+            name: [ViewedBody("", step.arrays["path"])] for name, step in results.viewed.items()
+        }
+        pair = next(iter(results.viewed.values())).record["pair"]
+        start, end = (escape(name_of(bodies, number)) for number in pair)
+        viewer = Viewer(bodies.template.faces, choices, "Metric", "Geodesic under three metrics")
+        caption = (
+            f"From {start} to {end}. Switch the metric at the middle of the path to see the "
+            "differences."
+        )
+        parts += [
+            heading("One pair, three metrics"),
+            viewer_figure(viewer.fragment("geodesics-view"), caption),
+        ]
+    parts.append(output.table(_geodesic_table(bodies, steps)))
+    return Section("geodesics", "Geodesics", "Geodesics", parts)
+
+
+def _weights(step: Step) -> str:
+    return f"({', '.join(f'{weight:g}' for weight in step.record['weights'])})"
+
+
+def _geodesic_table(bodies: Bodies, steps: Mapping[str, Step]) -> Table:
+    rows = [
+        step.record
+        | {
+            "geodesic": name,
+            "from": name_of(bodies, step.record["pair"][0]),
+            "to": name_of(bodies, step.record["pair"][1]),
+            "metric": _weights(step),
+        }
+        for name, step in steps.items()
+    ]
+    columns = (
+        Column("geodesic", "Geodesic"),
+        Column("from", "From"),
+        Column("to", "To"),
+        Column("metric", "(a, λ, c)", is_whole=True),
+        Column("straight_energy", "Straight path", ".4f"),
+        Column("energy_from_straight", "Found from it", ".4f"),
+        Column("energy", "Geodesic", ".4f"),
+        Column("squared_distance", "d²", ".4f"),
+        Column("n_iterations", "Iterations", "d"),
+        Column("seconds", "Seconds", ".2f"),
+        Column("converged", "Converged", is_shown=False),
+    )
+    caption = (
+        "Energy of the straight path, of the path that the search finds from it, as in the paper, "
+        "and of the one found from the path that rotates every triangle. The squared closed-form "
+        "distance d² bounds all of them from below."
+    )
+    return Table("geodesics", caption, columns, rows)
+
+
+def _energy_table(steps: Mapping[str, Step]) -> Table:
+    starts = {"straight path": "energies_from_straight", "rotating path": "energies"}
+    rows = [
+        {"geodesic": name, "start": start, "iteration": iteration, "energy": float(energy)}
+        for name, step in steps.items()
+        for start, key in starts.items()
+        for iteration, energy in enumerate(step.arrays[key])
+    ]
+    columns = (
+        Column("geodesic", "Geodesic"),
+        Column("start", "start"),
+        Column("iteration", "iteration", "d"),
+        Column("energy", "energy", ".4f"),
+    )
+    return Table("energies", "Energy after every iteration.", columns, rows)
+
+
+def comparison_section(materials: Materials) -> Section | None:
+    """Return the section that compares the paths of several methods."""
+    step = materials.results.comparison
+    if step is None:
+        return None
+    bodies, table = materials.bodies, _comparison_table(step)
+    names = [row["name"] for row in step.record["rows"]]
+    figure = materials.output.figure(
+        "comparison",
+        f"Film strips of the paths {', '.join(names)} between the same two bodies.",
+        "The same as film strips.",
+        _draw_comparison,
+        bodies,
+        step,
+        wide=True,
+    )
+    shown = [ViewedBody(_PATH_TITLES.get(name, name), step.arrays[name]) for name in names]
+    title = f"{len(names)} paths between the same two bodies"
+    viewer = Viewer(bodies.template.faces, {title: shown}, "Paths", title)
+    start, end = (escape(name_of(bodies, number)) for number in step.record["pair"])
+    ours = table.number(names.index(OURS), "area_change_mean")
+    linear = table.number(names.index(LINEAR), "area_change_mean")
+    parts = [
+        paragraph(
+            f"From {start} to {end}, as in figure 5 of the "
+            "paper. Beyond the change between the ends, the areas of triangles change "
+            f"by {linear} on average along the straight path, and by {ours} along ours."
+        ),
+        viewer_figure(
+            viewer.fragment("comparison-view"),
+            "All paths at the same time; compare the limbs in the middle.",
+        ),
+        figure,
+        materials.output.table(table),
+    ]
+    count = _COUNTS[len(names)]
+    title = f"{count} paths from one pose to another"
+    return Section("comparison", title, f"{count} paths", parts)
+
+
+def _comparison_table(step: Step) -> Table:
+    columns = [
+        Column("name", "Path"),
+        Column("energy_ours", "Energy (1, 1, 0)", ".4f", "lowest"),
+        Column("area_change_mean", "Areas, mean", ".1%", "lowest"),
+        Column("area_change_quantile_99", "Areas, 99 %", ".1%", "lowest"),
+        Column("edge_change_mean", "Lengths, mean", ".1%", "lowest"),
+        Column("volume_change", "Volume", ".2%", "lowest"),
+        Column("mean_deviation", "mm from the model", ".1f"),
+        Column("n_iterations", "Iterations", "d"),
+        Column("seconds", "Seconds", ".2f"),
+    ]
+    keys = {column.key for column in columns}
+    rows = step.record["rows"]
+    columns += [Column(key, key, is_shown=False) for key in rows[0] if key not in keys]
+    caption = (
+        "Changes of the triangles' areas, the edges' lengths and the volume along the path, beyond "
+        "the change between the ends."
+    )
+    return Table("comparison", caption, columns, rows)
+
+
+def mean_section(materials: Materials) -> Section | None:
+    """Return the section with the Karcher mean."""
+    step = materials.results.mean
+    if step is None:
+        return None
+    bodies, group = materials.bodies, step.record["group"]
+    figure = materials.output.figure(
+        "mean",
+        f"{len(group)} people in one pose and, last and in yellow, their Karcher mean.",
+        "People, and their mean in yellow.",
+        _draw_mean,
+        bodies,
+        step,
+        wide=True,
+    )
+    shown = [ViewedBody(name_of(bodies, index), bodies.points[[index]]) for index in group]
+    shown.append(ViewedBody("Karcher mean", step.arrays["mean"][None], MEAN))
+    title = "Bodies and their Karcher mean"
+    viewer = Viewer(bodies.template.faces, {title: shown}, "Bodies", title)
+    rows = [
+        {"body": name_of(bodies, index), "distance": distance, "squared_distance": distance**2}
+        for index, distance in zip(group, step.record["distances"], strict=True)
+    ]
+    columns = (
+        Column("body", "Body"),
+        Column("distance", "Distance from the mean", ".4f"),
+        Column("squared_distance", "Squared", ".4f"),
+    )
+    caption = "Distances of the bodies from their Karcher mean."
+    parts = [
+        paragraph(
+            f"The body with the least mean squared distance from {len(group)} people in one pose, "
+            "under the normal part alone, (0, 0, 1), as in figure 6 of the paper."
+        ),
+        figure,
+        viewer_figure(viewer.fragment("mean-view"), "Turn the bodies; the mean is yellow."),
+        materials.output.table(Table("mean", caption, columns, rows)),
+    ]
+    return Section("mean", "The mean of several people", "Mean", parts)
+
+
+def _draw_differences(bodies: Bodies, step: Step) -> Figure:
+    template, pairs = bodies.template, step.record["pairs"]
+    figure = new_figure(9.6, 3.4 * len(pairs))
+    rows = figure.subplots(len(pairs), 3, squeeze=False)
+    for (name, (first, second)), axes in zip(pairs.items(), rows, strict=True):
+        plot_body(bodies.points[first], template.faces, ax=axes[0])
+        axes[0].set_title(name_of(bodies, first))
+        for ax, part in zip(axes[1:], ("metric", "normal"), strict=True):
+            values = per_area(step.arrays[f"{name} {part}"], template.vertices, template.faces)
+            label = f"{part} part, per unit of area"
+            plot_body(bodies.points[second], template.faces, values, label=label, ax=ax)
+            ax.set_title(name_of(bodies, second))
+    return figure
+
+
+def _draw_geodesic(bodies: Bodies, step: Step) -> Figure:
+    """Draw a geodesic as a film strip, with its energy beside it (figure 4 of the paper)."""
+    figure = new_figure(10.0, 2.1)
+    strip, curve = figure.subplots(1, 2, width_ratios=[0.77, 0.23])
+    plot_path(step.arrays["path"], bodies.template.faces, n_shown=6, ax=strip)
+    strip.set_anchor("W")
+    lines = {
+        "straight path": step.record["straight_energy"],
+        "d² of the ends": step.record["squared_distance"],
+    }
+    curves = {
+        "from the straight path": step.arrays["energies_from_straight"],
+        "from the rotating path": step.arrays["energies"],
+    }
+    plot_energy(curves, lines=lines, ax=curve)
+    return figure
+
+
+def _draw_comparison(bodies: Bodies, step: Step) -> Figure:
+    """Draw several paths between two bodies below each other (figure 5 of the paper)."""
+    names = [row["name"] for row in step.record["rows"]]
+    figure = new_figure(8.0, 1.75 * len(names))
+    axes = figure.subplots(len(names), 1, squeeze=False)[:, 0]
+    for name, ax in zip(names, axes, strict=True):
+        plot_path(step.arrays[name], bodies.template.faces, n_shown=7, ax=ax)
+        ax.set_anchor("W")
+        ax.annotate(
+            _PATH_TITLES.get(name, name), (0.0, 0.5), xycoords="axes fraction", xytext=(-6, 0),
+            textcoords="offset points", ha="right", va="center",
+        )  # fmt: skip
+    return figure
+
+
+def _draw_mean(bodies: Bodies, step: Step) -> Figure:
+    """Draw bodies and, last and in yellow, their Karcher mean (figure 6 of the paper)."""
+    group = step.record["group"]
+    figure = new_figure(8.0, 2.6)
+    shown = np.concatenate([bodies.points[group], step.arrays["mean"][None]])
+    colors = [SKIN] * len(group) + [MEAN]
+    plot_path(shown, bodies.template.faces, colors=colors, ax=figure.subplots())
+    return figure

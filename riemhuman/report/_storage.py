@@ -1,0 +1,178 @@
+"""The folder of a report, and the results of its steps, kept between runs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy import ndarray
+
+from riemhuman.errors import FileError, FileFormatError
+from riemhuman.io.arrays import load_arrays, save_arrays
+from riemhuman.io.files import file_path, lock_file, write_text
+
+_MARKER = "provenance.json"
+_LOCK = ".report.lock"
+_BEFORE_MARKER = ".provenance."
+_MADE_BY = "riemhuman report"
+_SUBFOLDERS = ("figures", "tables", "results", "results/figures")
+_LONGEST_RECORD = 2**23  # characters
+
+Progress = Callable[[str], AbstractContextManager[Any]]
+Computed = tuple[Mapping[str, ndarray], Mapping[str, Any]]
+
+
+def check_folder(path: str | os.PathLike[str]) -> Path:
+    """Return the folder of a report; raise an error if it holds anything else. Write nothing."""
+    folder = file_path(path, "output", "folder")
+    if folder.exists() and not folder.is_dir():
+        raise FileError(f"{folder} is a file; the report needs a folder of its own")
+    if folder.is_dir() and not _is_new(folder) and not _is_report(folder):
+        raise FileError(
+            f"{folder} holds other files; the report needs a new or empty folder, or one with "
+            "an earlier report"
+        )
+    return folder
+
+
+@contextmanager
+def open_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Make or reuse the folder of a report with its subfolders, locked against other processes."""
+    folder = check_folder(path)
+    with ExitStack() as stack:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            busy = f"{folder} is in use: another process makes a report in it"
+            stack.enter_context(lock_file(folder / _LOCK, busy))
+            check_folder(folder)
+            # The marker comes first: after a kill, a folder without it would be refused.
+            write_provenance(folder, {"status": "begun"})
+            for name in _SUBFOLDERS:
+                (folder / name).mkdir(exist_ok=True)
+        except OSError as error:
+            if isinstance(error, FileError):
+                raise
+            raise FileError(f"{folder} cannot be written: {error.strerror}") from error
+        yield folder
+
+
+def write_provenance(folder: Path, provenance: dict[str, Any]) -> None:
+    """Write the provenance of the report, a file that also marks the folder as a report."""
+    text = json.dumps({"made_by": _MADE_BY, **provenance}, indent=2, ensure_ascii=False)
+    write_text(folder / _MARKER, text + "\n")
+
+
+def _is_new(folder: Path) -> bool:
+    """Return whether a folder holds only what is written before the marker."""
+    try:
+        names = [entry.name for entry in folder.iterdir()]
+    except OSError as error:
+        raise FileError(f"{folder} cannot be read: {error.strerror}") from error
+    return all(name == _LOCK or name.startswith(_BEFORE_MARKER) for name in names)
+
+
+def _is_report(folder: Path) -> bool:
+    try:
+        record = json.loads((folder / _MARKER).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return isinstance(record, dict) and record.get("made_by") == _MADE_BY
+
+
+@dataclass(frozen=True)
+class Step:
+    """The result of a step: arrays, and a record that JSON can hold."""
+
+    name: str
+    arrays: dict[str, ndarray]
+    record: dict[str, Any]
+    fingerprint: str
+    seconds: float  # of the computation, in this run or an earlier one
+    is_reused: bool
+    title: str = ""
+
+
+class ResultStore:
+    """Keeps the result of each step in a file, and reads it back while the inputs are the same.
+
+    All results depend on `common`: the versions and the source code of the library.
+    """
+
+    def __init__(
+        self, folder: Path, common: Mapping[str, Any], progress: Progress | None = None
+    ) -> None:
+        self.steps: list[Step] = []
+        self._folder = folder
+        self._common = dict(common)
+        self._progress = progress or (lambda name: nullcontext())
+
+    def step(
+        self,
+        name: str,
+        inputs: Mapping[str, Any],
+        compute: Callable[[], Computed],
+        title: str | None = None,
+    ) -> Step:
+        """Return the result of a step, computed unless its file holds one from the same inputs."""
+        key = fingerprint({"step": name, "common": self._common, "inputs": dict(inputs)})
+        file = self._folder / f"{name}.npz"
+        step = _read(file, name, key)
+        if step is None:
+            with self._progress(title or name):
+                start = time.perf_counter()
+                arrays, record = compute()
+                seconds = time.perf_counter() - start
+            header = {
+                "fingerprint": key,
+                "seconds": seconds,
+                "record": dict(record),
+                "arrays": sorted(arrays),
+            }
+            save_arrays(file, {**arrays, "about": np.array(json.dumps(header))}, compressed=True)
+            step = Step(name, dict(arrays), dict(record), key, seconds, is_reused=False)
+        step = replace(step, title=title or name)
+        self.steps.append(step)
+        return step
+
+
+def fingerprint(value: Any) -> str:
+    """Return a fingerprint of a value made of what JSON can hold, arrays and steps."""
+    text = json.dumps(value, sort_keys=True, default=_plain)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Step):
+        return value.fingerprint
+    array = np.ascontiguousarray(value)
+    if array.dtype.hasobject:
+        raise TypeError(f"{type(value).__name__} has no fingerprint")
+    return [array.dtype.str, array.shape, hashlib.sha256(array.tobytes()).hexdigest()]
+
+
+def _read(file: Path, name: str, key: str) -> Step | None:
+    """Return the step in a file, or None if the file holds no step with this fingerprint."""
+    if not file.is_file():
+        return None
+    try:
+        arrays = load_arrays(file, ["about"])
+        about = str(arrays.pop("about"))
+        # Parsed JSON takes far more memory than its text, which itself was compressed.
+        if len(about) > _LONGEST_RECORD:
+            return None
+        header = json.loads(about)
+        stored, seconds, record = (header[field] for field in ("fingerprint", "seconds", "record"))
+        is_complete = sorted(arrays) == header["arrays"]
+    except (FileError, FileFormatError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+    if stored != key or not is_complete:
+        return None
+    return Step(name, arrays, record, stored, seconds, is_reused=True)
