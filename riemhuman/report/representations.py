@@ -72,7 +72,7 @@ def _straight_metrics(space: AlignedSurfaces) -> dict[str, Any]:
     straight = LinearPath(n_nodes=2)
     found: dict[str, Any] = {SOBOLEV: SobolevMetric(space, d1=1.0, geodesic_solver=straight)}
     if len(mixed_edges(space.template.faces)) == 0:
-        found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), straight)
+        found[GAUGE_INVARIANT] = GaugeInvariantMetric(SRNFMetric(space), geodesic_solver=straight)
     return found
 
 

@@ -25,7 +25,8 @@ def test_people_have_their_measurements(report_page, nine_bodies):
 def test_other_templates_have_no_section():
     vertices = np.random.default_rng(0).normal(size=(4, 3))
     template = Template(vertices, [[0, 1, 2], [0, 2, 3]])
-    materials = SimpleNamespace(bodies=SimpleNamespace(template=template))
+    bodies = SimpleNamespace(template=template)
+    materials = SimpleNamespace(bodies=bodies, output=None)
     assert measurement_section(materials) is None
 
 
