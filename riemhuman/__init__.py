@@ -67,7 +67,6 @@ _ROOMS = (
     "measurements",
     "motions",
     "plots",
-    "protocols",
     "registration",
     "report",
     "retrieval",
@@ -75,6 +74,7 @@ _ROOMS = (
     "statistics",
     "surfaces",
     "terms",
+    "testing",
 )
 
 __all__ = [*_ROOM_OF_NAME, *_ROOMS]

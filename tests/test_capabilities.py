@@ -1,4 +1,4 @@
-"""Solvers ask protocols what a metric or a space can do, and never look for names."""
+"""Solvers ask properties what a metric or a space can do, and never look for names."""
 
 import ast
 from pathlib import Path

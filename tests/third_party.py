@@ -16,7 +16,7 @@ class VertexOffsets(rh.RiemannianMetric):
 
 
 class Extents:
-    """Width, height and depth: what `riemhuman.protocols.Descriptor` asks for, and no more."""
+    """Width, height and depth: a descriptor by its methods alone."""
 
     def describe(self, vertices, faces):
         """Return the size of the box around a surface."""
@@ -28,7 +28,7 @@ class Extents:
 
 
 class Crowd:
-    """Surfaces with labels: what `riemhuman.protocols.Dataset` asks for, and no more."""
+    """Surfaces with labels: a data set by its attributes alone."""
 
     def __init__(self, bodies):
         self.points, self.template = bodies.points, bodies.template

@@ -97,7 +97,7 @@ def reference() -> str:
     for room in sorted(name for name in rh.__all__ if is_module(rh, name)):
         module = getattr(rh, room)
         names = getattr(module, "__all__", None)
-        if names is None and room in ("errors", "extensions", "protocols"):
+        if names is None and room in ("errors", "extensions"):
             names = [name for name in vars(module) if defined_in(module, name)]
         names = [n for n in names or [] if n not in rh.__all__ and not is_module(module, n)]
         if names:

@@ -119,7 +119,7 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     elif options.reader is not None:
         name, place = options.reader
         bodies = rh.extensions.extension("readers", name)(place)
-        report = rh.datasets.check_dataset(bodies)
+        report = rh.testing.check_dataset(bodies)
         if not report.passed:
             raise ArgumentError(f"--reader {name} returns unusable bodies. {report}")
     else:

@@ -2,7 +2,6 @@
 
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies
-from riemhuman.datasets.dataset_checks import check_dataset
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.motions import Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
@@ -23,7 +22,6 @@ __all__ = [
     "Motion",
     "Motions",
     "RegisteredMeshes",
-    "check_dataset",
     "find_meshes",
     "joint_rotations",
     "load_amass",

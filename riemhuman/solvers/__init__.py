@@ -6,9 +6,7 @@ from riemhuman.solvers.geodesic_regression import GeodesicRegression
 from riemhuman.solvers.interpolated_paths import ModelParameters, ModelPath, PoissonPath
 from riemhuman.solvers.inverted_triangles import inverted_triangles
 from riemhuman.solvers.logarithm import DiscreteLogarithm, LogarithmResult
-from riemhuman.solvers.manifold_checks import check_manifold
 from riemhuman.solvers.means import BasisMean, GradientDescentMean, StreamingMean, StreamingMedian
-from riemhuman.solvers.metric_checks import check_metric
 from riemhuman.solvers.nearest_surface import NearestSurface
 from riemhuman.solvers.parallel_transport import PoleLadder, SchildLadder, TransportResult
 from riemhuman.solvers.path_comparison import (
@@ -26,9 +24,7 @@ from riemhuman.solvers.paths import (
     LinearPath,
     SegmentEnergy,
 )
-from riemhuman.solvers.property_checks import PropertyCheck, PropertyReport
 from riemhuman.solvers.results import Interrupted, MeanResult, PathResult, Result, Status
-from riemhuman.solvers.solver_checks import check_solver
 from riemhuman.solvers.tangent_pca import TangentPCA
 from riemhuman.solvers.transfer import (
     Disentangling,
@@ -64,8 +60,6 @@ __all__ = [
     "PathStraightening",
     "PoissonPath",
     "PoleLadder",
-    "PropertyCheck",
-    "PropertyReport",
     "Result",
     "SchildLadder",
     "SegmentEnergy",
@@ -75,9 +69,6 @@ __all__ = [
     "StreamingMedian",
     "TangentPCA",
     "TransportResult",
-    "check_manifold",
-    "check_metric",
-    "check_solver",
     "compare_paths",
     "inverted_triangles",
     "measure_path",

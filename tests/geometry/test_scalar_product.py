@@ -6,7 +6,8 @@ from cases import CASES, name_of
 
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.geometry.metric import ScalarProductMetric
-from riemhuman.solvers import PathStraightening, check_metric
+from riemhuman.solvers import PathStraightening
+from riemhuman.testing import check_metric
 
 every_case = pytest.mark.parametrize("case", CASES.values(), ids=name_of)
 

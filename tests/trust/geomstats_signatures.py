@@ -33,8 +33,8 @@ PAIRS = {
     "learning.geodesic_regression.GeodesicRegression": "GeodesicRegression",
     "learning.kmedoids.RiemannianKMedoids": "statistics.KMedoids",
     "numerics.geodesic.PathStraightening": "solvers.PathStraightening",
-    "numerics.geodesic.ExpSolver": "protocols.ExpSolver",
-    "numerics.geodesic.LogSolver": "protocols.LogSolver",
+    "numerics.geodesic.ExpSolver": "geometry.strategies.ExpSolver",
+    "numerics.geodesic.LogSolver": "geometry.strategies.LogSolver",
     "numerics.path.UniformlySampledPathEnergy": "solvers.FiniteDifferenceEnergy",
 }
 """Their classes, and ours for the same idea."""

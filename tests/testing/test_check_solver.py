@@ -19,8 +19,8 @@ from riemhuman.solvers import (
     PathStraightening,
     PoleLadder,
     SchildLadder,
-    check_solver,
 )
+from riemhuman.testing import check_solver
 
 EBIN, NORMALS = CASES["ebin 1 sphere"], CASES["normals triangle"]
 SURFACES = CASES["mixed triangle"]

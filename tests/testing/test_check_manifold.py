@@ -5,7 +5,7 @@ import pytest
 from cases import CASES, HalfPlane, sphere_template
 
 from riemhuman.geometry import NormalFields
-from riemhuman.solvers import check_manifold
+from riemhuman.testing import check_manifold
 
 SPACES = {type(case.space).__name__: case.space for case in CASES.values()}
 

@@ -8,7 +8,7 @@ from cases import CASES, HalfPlane, HyperbolicDistance, HyperbolicInnerProduct, 
 from riemhuman.checks import values_of
 from riemhuman.errors import ArgumentError
 from riemhuman.geometry import FlatMetric, NormalFieldMetric, RiemannianMetric, VectorSpace
-from riemhuman.solvers.metric_checks import PropertyCheck, PropertyReport, check_metric
+from riemhuman.testing import PropertyCheck, PropertyReport, check_metric
 
 POINTS = HalfPlane().random_point(4, rng=3)
 PLANE_POINTS = np.random.default_rng(4).uniform(-1.0, 1.0, (4, 2))
