@@ -29,8 +29,8 @@ from riemhuman.errors import ArgumentError, ArgumentTypeError
 
 KINDS = {
     "metrics": "called with an `AlignedSurfaces`, returns a metric on it",
-    "descriptors": "called without arguments, returns an object like `riemhuman.descriptors.Descriptor`",
-    "readers": "called with a folder or file, returns what `riemhuman.testing.check_dataset` accepts",
+    "descriptors": "called without arguments, returns one like `riemhuman.descriptors.Descriptor`",
+    "readers": "called with a folder or file, returns what `testing.check_dataset` accepts",
     "measurements": "called without arguments, returns a `riemhuman.measurements.Measurement`",
 }
 """Kinds of extensions, and how each is called."""

@@ -20,7 +20,7 @@ from riemhuman.geometry import (
     VectorSpace,
     pairwise,
 )
-from riemhuman.geometry.pairwise import features_in_threads, squared_dist_rectangle
+from riemhuman.geometry.pairwise import squared_dist_rectangle
 
 WEIGHTS = [(1.0, 1e-4, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 0.1, 0.1), "srnf"]
 each_metric = pytest.mark.parametrize("weights", WEIGHTS, ids=str)
@@ -514,12 +514,12 @@ def test_features_are_computed_in_as_many_threads(monkeypatch, n_jobs, n_threads
     threads, barrier = set(), threading.Barrier(n_threads)
     features = type(case.metric).features
 
-    def watched(self, points, *arguments):
+    def watched(self, points, *arguments, **options):
         if len(points) > 1:
             # Nobody goes on before all are here.
             barrier.wait(timeout=20)
             threads.add(threading.get_ident())
-        return features(self, points, *arguments)
+        return features(self, points, *arguments, **options)
 
     expected = case.metric.dist_pairwise(case.points)
     monkeypatch.setattr(type(case.metric), "features", watched)
@@ -532,16 +532,16 @@ def test_features_in_threads(monkeypatch):
     together, threads = threading.Barrier(3, timeout=30), set()
     features = SRNFMetric.features
 
-    def watched(metric, some, *options):
+    def watched(metric, some, *arguments, **options):
         if len(some) < len(points):
             together.wait()
             threads.add(threading.get_ident())
-        return features(metric, some, *options)
+        return features(metric, some, *arguments, **options)
 
     monkeypatch.setattr(SRNFMetric, "features", watched)
-    alone = features_in_threads(metric, points, "single", 1)
+    alone = metric.features(points, "single", 1)
     assert threads == set()
-    for one, other in zip(alone, features_in_threads(metric, points, "single", 3), strict=True):
+    for one, other in zip(alone, metric.features(points, "single", 3), strict=True):
         np.testing.assert_array_equal(one, other)
     assert len(threads) == 3
 
@@ -551,7 +551,7 @@ def test_features_in_threads_count_from_the_first_point():
     metric, points = metric_of(template, WEIGHTS[1]), surfaces(template, 7, rng=5)
     points[5] = 0.0
     with pytest.raises(DegenerateSurfaceError, match=r"item \(5,\)"):
-        features_in_threads(metric, points, "single", 3)
+        metric.features(points, "single", 3)
 
 
 @pytest.mark.parametrize("name", ["edges", "ebin 1 sphere", "sobolev all sphere", "mixed sphere"])
