@@ -2,6 +2,7 @@
 
 from riemhuman.datasets.amass import load_amass
 from riemhuman.datasets.bodies import Bodies
+from riemhuman.datasets.bvh import SkeletonMotion, load_bvh
 from riemhuman.datasets.dfaust import load_dfaust
 from riemhuman.datasets.motions import Motion, Motions, load_mesh_motions
 from riemhuman.datasets.open_bodies import load_open_bodies, load_open_model
@@ -22,10 +23,12 @@ __all__ = [
     "Motion",
     "Motions",
     "RegisteredMeshes",
+    "SkeletonMotion",
     "find_meshes",
     "joint_rotations",
     "load_amass",
     "load_bodies",
+    "load_bvh",
     "load_dfaust",
     "load_faust",
     "load_mesh_motions",

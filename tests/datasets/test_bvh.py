@@ -1,0 +1,125 @@
+"""Motion capture in BVH files: rotations, positions, any layout, and damaged files by their lines.
+
+recordings/cmu_01_01.bvh is of the CMU Graphics Lab Motion Capture Database, see its README.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from riemhuman.datasets import load_bvh
+from riemhuman.errors import FileError, FileFormatError
+
+RECORDING = Path(__file__).parent / "recordings" / "cmu_01_01.bvh"
+
+ARM = """HIERARCHY
+ROOT Hips Of Ann {
+  OFFSET 0 1 0
+  CHANNELS 6 Yrotation Xposition Zrotation Yposition Xrotation Zposition
+  JOINT mixamorig:Arm
+  {
+    CHANNELS 2 Xrotation Zrotation
+    OFFSET 2 0 0
+    End Site { OFFSET 0 3 0 }
+    End Site
+    {
+      OFFSET 0 0 4
+    }
+    JOINT Fixed { OFFSET 0 0 1 }
+  }
+}
+MOTION
+Frames: 2
+Frame Time: 0.04
+90 5 0 6 0 7 0 90
+30 0 40 0 50 0 60 70
+"""
+
+
+def write(folder, text):
+    (folder / "arm.bvh").write_bytes(text.encode())
+    return folder / "arm.bvh"
+
+
+def test_channels_in_any_order(tmp_path):
+    motion = load_bvh(write(tmp_path, "\ufeff" + ARM.replace("\n", "\r\n")))
+    assert motion.joint_names == ("Hips Of Ann", "mixamorig:Arm", "Fixed")
+    assert motion.parents.tolist() == [-1, 0, 1]
+    assert motion.frames_per_second == pytest.approx(25.0)
+    assert len(motion) == 2
+    angles = [[90, 0, 0], [30, 40, 50]]
+    expected = Rotation.from_euler("YZX", angles, degrees=True).as_matrix()
+    np.testing.assert_allclose(motion.rotations[:, 0], expected, atol=1e-15)
+    expected = Rotation.from_euler("XZ", [[0, 90], [60, 70]], degrees=True).as_matrix()
+    np.testing.assert_allclose(motion.rotations[:, 1], expected, atol=1e-15)
+    np.testing.assert_array_equal(motion.rotations[:, 2], np.tile(np.eye(3), (2, 1, 1)))
+    # Positions replace the offset of the root. About y by 90°, x becomes −z; the arm's own rotation
+    # about z then takes its y to −x, which is z in space.
+    np.testing.assert_allclose(motion.positions[0], [[5, 6, 7], [5, 6, 5], [6, 6, 5]], atol=1e-12)
+    np.testing.assert_allclose(motion.end_positions[0], [[5, 6, 8], [9, 6, 5]], atol=1e-12)
+
+
+def test_a_recording():
+    motion = load_bvh(RECORDING)
+    assert motion.rotations.shape == (60, 31, 3, 3)
+    assert motion.frames_per_second == pytest.approx(30.0, rel=1e-4)
+    bones = np.flatnonzero(motion.parents >= 0)
+    steps = motion.positions[:, bones] - motion.positions[:, motion.parents[bones]]
+    lengths = np.linalg.norm(motion.offsets[bones], axis=1)
+    np.testing.assert_allclose(np.linalg.norm(steps, axis=-1), np.tile(lengths, (60, 1)))
+    # The unit of this database is an inch over 0.45: from toes to head some 1.4 metres.
+    heights = np.ptp(motion.positions[..., 1], axis=1) * 0.0254 / 0.45
+    assert 1.3 < heights.max() < 1.6
+    names = dict(zip(motion.joint_names, motion.positions[0], strict=True))
+    assert names["Head"][1] > names["Hips"][1] > names["LeftFoot"][1]
+
+
+def test_two_roots_and_no_end_sites(tmp_path):
+    text = "HIERARCHY\nROOT a {\nOFFSET 0 0 0\n}\nroot b\n{ offset 1 2 3\nchannels 1 XROTATION }\n"
+    motion = load_bvh(write(tmp_path, text + "motion\nframes:1\nframe  time:1\n180\n"))
+    assert motion.parents.tolist() == [-1, -1]
+    assert motion.end_positions.shape == (1, 0, 3)
+    np.testing.assert_allclose(motion.rotations[0, 1], np.diag([1, -1, -1]), atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("HIERARCHY", "HIERACHY", "line 1: HIERARCHY expected; found 'HIERACHY'"),
+        ("ROOT Hips Of Ann {", "ROOT {", "line 2: the joint has no name"),
+        ("ROOT Hips Of Ann {", "ROOT Hips", "line 3: { expected"),
+        ("OFFSET 0 1 0", "OFFSET 0 1", "line 3: OFFSET must have 3 numbers; found 2"),
+        ("OFFSET 0 1 0", "OFFSET 0 one 0", "line 3: 'one' is not a number"),
+        ("OFFSET 0 1 0", "OFFSET 0 nan 0", "line 3: every number must be finite"),
+        ("OFFSET 2 0 0", "", "line 15: joint mixamorig:Arm has no OFFSET"),
+        ("CHANNELS 2", "CHANNELS 3", "line 7: the number of channels must be 2; found '3'"),
+        ("Zrotation\n    OFF", "Wrotation\n    OFF", "line 7: channels are Xposition, .*'Wrota"),
+        ("Yposition", "Xposition", "line 4: a position channel is repeated"),
+        ("JOINT mixamorig", "BONE mixamorig", "line 5: OFFSET, CHANNELS, JOINT, End Site"),
+        ("{ OFFSET 0 3 0 }", "{ POSITION 0 3 0 }", "line 9: OFFSET expected"),
+        ("MOTION", "MOTIONS", "line 17: ROOT or MOTION expected"),
+        ("}\nMOTION", "MOTION", "line 16: OFFSET, CHANNELS"),
+        ("Frames: 2", "Frame: 2", "line 18: Frames: expected; found 'Frame: 2'"),
+        ("Frames: 2", "Frames: 2.5", "line 18: Frames must be a whole number above 0"),
+        ("Frames: 2", "Frames: 1e9", "line 21: the file ends after 2 of 1000000000 frames"),
+        ("Frames: 2", "Frames: 1", "line 21: a frame after the last of 1"),
+        ("Time: 0.04", "Time: 0", "line 19: Frame Time must be above 0"),
+        ("Time: 0.04", "Time:", "line 19: Frame Time: must have one number; found 0"),
+        ("90 5 0 6 0 7 0 90", "90 5 0 6 0 7 0", "line 20: 8 numbers expected; found 7"),
+        ("50 0 60 70", "50 0 60 7O", "line 21: '7O' is not a number"),
+    ],
+)
+def test_damaged_files(tmp_path, old, new, message):
+    assert ARM.count(old) == 1
+    with pytest.raises(FileFormatError, match=message):
+        load_bvh(write(tmp_path, ARM.replace(old, new)))
+
+
+def test_files_that_end_early(tmp_path):
+    for length in range(0, len(ARM) - 4, 7):
+        with pytest.raises(FileFormatError, match=r"arm\.bvh, line \d+: "):
+            load_bvh(write(tmp_path, ARM[:length]))
+    with pytest.raises(FileError):
+        load_bvh(tmp_path / "missing.bvh")
