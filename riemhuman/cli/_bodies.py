@@ -17,6 +17,7 @@ from riemhuman.cli._commands import (
     UNIT,
     Answer,
     command,
+    flag,
     mesh,
     option,
     output,
@@ -54,20 +55,20 @@ _ALIGNED_PAGE = "aligned.html"
     "  riemhuman transfer run_*.obj --onto ben.ply --axes body -o run_of_ben.npz\n"
     "  riemhuman transfer hands_on_head/ --onto ben.ply --transfer pose -o ben_too/\n",
     FILES,
-    path_option("--onto", required=True, metavar="MESH", help="body to move"),
+    path_option("--onto", "MESH", "body to move", required=True),
     FOLDER_OR_FILE,
     option(
         "--axes",
+        "axes about which triangles rotate: those of the world, or those of the body, for a body "
+        "in another pose than the first mesh",
         choices=("world", "body"),
         default="world",
-        help="axes about which triangles rotate: those of the world, or those of the body, for a "
-        "body in another pose than the first mesh (default: world)",
     ),
     option(
         "--transfer",
+        "replay the changes since the first mesh, or the poses themselves",
         choices=("change", "pose"),
         default="change",
-        help="replay the changes since the first mesh, or the poses themselves (default: change)",
     ),
     JSON,
     UNIT,
@@ -107,16 +108,15 @@ def _transfer(options: argparse.Namespace) -> Answer:
     output("MESH"),
     option(
         "--pose-weight",
-        type=float,
+        "weight of the squared pose distance relative to the shape distance",
         default=1000.0,
         metavar="W",
-        help="weight of the squared pose distance relative to the shape distance (default: 1000)",
     ),
     path_option(
         "--basis",
-        metavar="NPZ",
-        help="deformations by which the body may differ from SHAPE, see riemhuman basis "
-        "(default: all vertices are free)",
+        "NPZ",
+        "deformations by which the body may differ from SHAPE, see riemhuman basis (default: all "
+        "vertices are free)",
     ),
     template("SHAPE"),
     PICTURE,
@@ -297,33 +297,23 @@ def _fitted_model(options: argparse.Namespace, n_vertices: int, first: Path) -> 
     "  riemhuman basis registrations_m.hdf5 --sequences punching knees -o basis.npz\n"
     "  riemhuman basis walk/ jump/ -o basis.npz --step 5 --n-components 40\n"
     "  riemhuman basis --open --resolution coarse -o basis.npz\n",
-    path_option("motions", metavar="MOTIONS", nargs="*", help="HDF5 files or folders"),
-    option("--open", action="store_true", help="use the open motions that ship with the package"),
+    path_option("motions", "MOTIONS", "HDF5 files or folders", nargs="*"),
+    flag("--open", "use the open motions that ship with the package"),
     option(
         "--resolution",
+        "with --open: 13,348 or 1,202 vertices",
         choices=("full", "coarse"),
         default="full",
-        help="with --open: 13,348 or 1,202 vertices (default: full)",
     ),
-    option("--subjects", nargs="+", metavar="NAME", help="with --open or HDF5: only these people"),
-    option(
-        "--sequences", nargs="+", metavar="NAME", help="with --open or HDF5: only these motions"
-    ),
+    option("--subjects", "with --open or HDF5: only these people", nargs="+", metavar="NAME"),
+    option("--sequences", "with --open or HDF5: only these motions", nargs="+", metavar="NAME"),
     output("NPZ"),
-    option(
-        "-n",
-        "--n-components",
-        type=int,
-        default=100,
-        metavar="K",
-        help="components (default: 100)",
-    ),
+    option("-n --n-components", "components", default=100, metavar="K"),
     option(
         "--step",
-        type=int,
+        "number of frames between the two surfaces of a deformation",
         default=10,
         metavar="FRAMES",
-        help="number of frames between the two surfaces of a deformation (default: 10)",
     ),
     UNIT,
     JSON,
@@ -393,13 +383,13 @@ def _basis_motions(options: argparse.Namespace) -> list[Any]:
     "is read as data and never run, and a call that is not known is refused by name.",
     "  riemhuman convert-model basicmodel_neutral_lbs_10_207_0_v1.0.0.pkl -o SMPL.npz\n"
     "  riemhuman convert-model smplh/female/model.npz -o SMPLH_female.npz --n-betas 16\n",
-    path_option("source", metavar="MODEL", help=".pkl or .npz file"),
+    path_option("source", "MODEL", ".pkl or .npz file"),
     output("NPZ"),
     option(
         "--n-betas",
+        "number of shape coefficients to keep (default: 10 of 300 or more, else all)",
         type=int,
         metavar="B",
-        help="number of shape coefficients to keep (default: 10 of 300 or more, else all)",
     ),
 )
 def _convert_model(options: argparse.Namespace) -> Answer:

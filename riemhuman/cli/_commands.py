@@ -63,9 +63,19 @@ def command(
     return declare
 
 
-def option(*flags: str, **settings: Any) -> Argument:
-    """Return the declaration of an argument, as `argparse.ArgumentParser.add_argument` takes it."""
-    return lambda parser: parser.add_argument(*flags, **settings)
+def option(flags: str, text: str, **settings: Any) -> Argument:
+    """Return the declaration of an argument with its help, to which a default is added."""
+    default = settings.get("default")
+    if isinstance(default, (int, float, str)) and not {"action", "type"} & {*settings}:
+        shown = f"{default:g}" if isinstance(default, (int, float)) else default
+        text = f"{text} (default: {shown})"
+        settings.setdefault("type", type(default))
+    return lambda parser: parser.add_argument(*flags.split(), help=text, **settings)
+
+
+def flag(flags: str, text: str) -> Argument:
+    """Return the declaration of an option without a value."""
+    return option(flags, text, action="store_true")
 
 
 def several(*arguments: Argument, exclusive: bool = False) -> Argument:
@@ -86,65 +96,55 @@ def path(text: str) -> Path:
     return file_path(text)
 
 
-def path_option(*flags: str, **settings: Any) -> Argument:
+def path_option(flags: str, metavar: str, text: str, **settings: Any) -> Argument:
     """Return the declaration of an argument that names a file or a folder."""
-    return option(*flags, type=path, **settings)
+    return option(flags, text, type=path, metavar=metavar, **settings)
 
 
 def mesh(dest: str, metavar: str, text: str = "mesh file") -> Argument:
     """Return the declaration of one mesh."""
-    return path_option(dest, metavar=metavar, help=text)
+    return path_option(dest, metavar, text)
 
 
 def template(default: str, use: str = "whose triangle areas weight the metric") -> Argument:
     """Return the declarations of the template and of the unit of meshes."""
     text = f"template mesh, {use} (default: {default})"
-    return several(path_option("--template", metavar="MESH", help=text), ANY_SCALE, UNIT)
+    return several(path_option("--template", "MESH", text), ANY_SCALE, UNIT)
 
 
 def output(metavar: str, text: str = "file to write", *, required: bool = True) -> Argument:
     """Return the declarations of the output and of the permission to replace it."""
-    return several(
-        path_option("-o", "--output", required=required, metavar=metavar, help=text), FORCE
-    )
+    return several(path_option("-o --output", metavar, text, required=required), FORCE)
 
 
-FILES = path_option("meshes", metavar="FILES", nargs="+", help="mesh files, or folders")
-FOLDER = path_option("folder", metavar="FOLDER", help="folder of meshes")
-FORCE = option("-f", "--force", action="store_true", help="replace an existing output")
-JSON = option("--json", action="store_true", help="print JSON, with all digits")
-ALIGN = option(
-    "--align",
-    action="store_true",
-    help="first remove rigid motions, by Procrustes alignment with the template",
-)
-ANY_SCALE = option(
-    "--any-scale",
-    action="store_true",
-    help="accept meshes of any size; by default, meshes in another unit are refused",
+FILES = path_option("meshes", "FILES", "mesh files, or folders", nargs="+")
+FOLDER = path_option("folder", "FOLDER", "folder of meshes")
+FORCE = flag("-f --force", "replace an existing output")
+JSON = flag("--json", "print JSON, with all digits")
+ALIGN = flag("--align", "first remove rigid motions, by Procrustes alignment with the template")
+ANY_SCALE = flag(
+    "--any-scale", "accept meshes of any size; by default, meshes in another unit are refused"
 )
 UNIT = several(
     option(
         "--unit",
+        "unit of the files, to convert them to metres (default: no conversion)",
         choices=UNITS,
-        help="unit of the files, to convert them to metres (default: no conversion)",
     ),
-    option("--up", choices=AXES, help="axis that points up in the files (default: y)"),
+    option("--up", "axis that points up in the files (default: y)", choices=AXES),
 )
 PICTURE = path_option(
-    "--picture",
-    metavar="FILE",
-    help="picture to write: .png, or .html for an interactive page",
+    "--picture", "FILE", "picture to write: .png, or .html for an interactive page"
 )
 # The output stays text: a / at its end means a folder.
 FOLDER_OR_FILE = several(
-    option("-o", "--output", required=True, metavar="PATH", help="folder or file to write"), FORCE
+    option("-o --output", "folder or file to write", required=True, metavar="PATH"), FORCE
 )
-MODEL = path_option("--model", metavar="FILE", help="body model (default: the open one)")
+MODEL = path_option("--model", "FILE", "body model (default: the open one)")
 _DEBUG = option(
-    "--debug", action="store_true", default=argparse.SUPPRESS, help="show the traceback of an error"
+    "--debug", "show the traceback of an error", action="store_true", default=argparse.SUPPRESS
 )
-_QUIET = option("-q", "--quiet", action="store_true", help="print results only, no progress")
+_QUIET = flag("-q --quiet", "print results only, no progress")
 # Options that commands read but need not declare.
 _DEFAULTS = {"template": None, "any_scale": False, "align": False, "json": False, "force": False}
 

@@ -14,7 +14,7 @@ from riemhuman.cli._commands import (
     UNIT,
     Answer,
     command,
-    option,
+    flag,
     output,
     path_option,
 )
@@ -44,10 +44,10 @@ _POINT_ENDINGS = (".xyz", ".npy")
     "  riemhuman view anna.ply ben.ply -o both.html\n"
     "  riemhuman view walk/ --motion -o walk.html\n"
     "  riemhuman view path.npz -o path.html --open\n",
-    path_option("meshes", metavar="FILES", nargs="+", help="meshes, folders, or an .npz"),
+    path_option("meshes", "FILES", "meshes, folders, or an .npz", nargs="+"),
     output("HTML"),
-    option("--motion", action="store_true", help="the meshes are the frames of one motion"),
-    option("--open", action="store_true", help="open the page in the browser"),
+    flag("--motion", "the meshes are the frames of one motion"),
+    flag("--open", "open the page in the browser"),
     ANY_SCALE,
     UNIT,
 )
@@ -90,7 +90,7 @@ def _view(options: argparse.Namespace) -> Answer:
     "  riemhuman info scan.ply            # closed? degenerate triangles? which unit?\n"
     "  riemhuman info scans/              # do they share one triangulation?\n"
     "  riemhuman info basis.npz --json\n",
-    path_option("file", metavar="FILE", help="file or folder"),
+    path_option("file", "FILE", "file or folder"),
     JSON,
 )
 def _info(options: argparse.Namespace) -> Answer:

@@ -15,6 +15,7 @@ from riemhuman.cli._commands import (
     UNIT,
     Answer,
     command,
+    flag,
     mesh,
     option,
     path_option,
@@ -33,16 +34,14 @@ _MOST_COLUMNS = 5
 
 _DEFINITIONS = several(
     path_option(
-        "--model",
-        metavar="NPZ",
-        help="body model the meshes are registered to (default: the open body model)",
+        "--model", "NPZ", "body model the meshes are registered to (default: the open body model)"
     ),
     path_option(
         "--definitions",
-        metavar="JSON",
-        help="measurements and landmarks of the model (default: those of the open body model)",
+        "JSON",
+        "measurements and landmarks of the model (default: those of the open body model)",
     ),
-    option("--only", metavar="NAME", action="append", help="measurement to take; repeatable"),
+    option("--only", "measurement to take; repeatable", metavar="NAME", action="append"),
     UNIT,
 )
 
@@ -59,14 +58,12 @@ _DEFINITIONS = several(
     "  riemhuman measure anna.ply --picture lines.png\n"
     "  riemhuman measure scans/ --model smpl.npz --definitions smpl.json -o table.csv\n",
     FILES,
-    path_option("-o", "--output", metavar="CSV", help="table to write, one row per body"),
+    path_option("-o --output", "CSV", "table to write, one row per body"),
     path_option(
-        "--picture",
-        metavar="PICTURE",
-        help="draw every measurement line on the first body (.png, .svg or .pdf)",
+        "--picture", "PICTURE", "draw every measurement line on the first body (.png, .svg or .pdf)"
     ),
     _DEFINITIONS,
-    option("--as-is", action="store_true", help="measure bodies as they stand"),
+    flag("--as-is", "measure bodies as they stand"),
     JSON,
     FORCE,
 )
@@ -132,7 +129,7 @@ def _measured_table(files: Sequence[Path], measured: MeasuredBodies, *written: P
     "  riemhuman compare visit1.ply visit2.ply -o changes.csv\n",
     mesh("before", "BEFORE", "the first visit"),
     mesh("after", "AFTER", "the second visit"),
-    path_option("-o", "--output", metavar="CSV", help="table to write"),
+    path_option("-o --output", "CSV", "table to write"),
     _DEFINITIONS,
     JSON,
     FORCE,

@@ -97,15 +97,13 @@ def metric_name(metric: Any) -> str:
 
 BASIS = several(
     path_option(
-        "--basis",
-        metavar="NPZ",
-        help="basis of deformations, see riemhuman basis (default: mesh harmonics)",
+        "--basis", "NPZ", "basis of deformations, see riemhuman basis (default: mesh harmonics)"
     ),
     option(
         "--n-components",
+        f"number of mesh harmonics, without --basis (default: {_N_HARMONICS})",
         type=int,
         metavar="K",
-        help=f"number of mesh harmonics, without --basis (default: {_N_HARMONICS})",
     ),
     exclusive=True,
 )

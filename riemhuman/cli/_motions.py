@@ -14,6 +14,7 @@ from riemhuman.cli._commands import (
     UNIT,
     Answer,
     command,
+    flag,
     option,
     output,
     path_option,
@@ -24,33 +25,27 @@ from riemhuman.cli._terminal import csv_text, lines, matrix_rows
 from riemhuman.errors import ArgumentError
 
 _TEMPLATE = several(
-    path_option("--template", metavar="MESH", help="template mesh (default: the first frame)"),
-    UNIT,
+    path_option("--template", "MESH", "template mesh (default: the first frame)"), UNIT
 )
 _PAIR = several(
-    path_option("a_motion", metavar="A", help="folder or .npz file"),
-    path_option("b_motion", metavar="B", help="folder or .npz file"),
+    path_option("a_motion", "A", "folder or .npz file"),
+    path_option("b_motion", "B", "folder or .npz file"),
     _TEMPLATE,
 )
 _SEVERAL = several(
     path_option(
-        "motions",
-        metavar="MOTIONS",
-        nargs="+",
-        help="folders of meshes, folders of such folders, or .npz files",
+        "motions", "MOTIONS", "folders of meshes, folders of such folders, or .npz files", nargs="+"
     ),
     _TEMPLATE,
 )
 _BY = option(
     "--by",
+    "dynamic time warping of poses, of their changes from the mean of each motion, or of "
+    "velocities; or the rate-invariant metric",
     choices=("warping", "changes", "velocities", "rate-invariant"),
     default="warping",
-    help="dynamic time warping of poses, of their changes from the mean of each motion, or of "
-    "velocities; or the rate-invariant metric (default: warping)",
 )
-_N_TIMES = option(
-    "--n-times", type=int, default=40, metavar="N", help="times of the result (default: 40)"
-)
+_N_TIMES = option("--n-times", "times of the result", default=40, metavar="N")
 
 
 class _StoredMotion:
@@ -152,9 +147,9 @@ def _dist(options: argparse.Namespace) -> Answer:
     output("FILE"),
     option(
         "--components",
+        "compare K principal components, which is faster (default: exact distances)",
         type=int,
         metavar="K",
-        help="compare K principal components, which is faster (default: exact distances)",
     ),
     _BY,
     JSON,
@@ -245,12 +240,10 @@ def _mean(options: argparse.Namespace) -> Answer:
     "first: distance, first and last frame. The motion is read once, frame by frame.",
     "  riemhuman motions find lifted_knee/ hour/\n"
     "  riemhuman motions find lifted_knee/ hour/ -k 20 --json\n",
-    path_option("a_motion", metavar="QUERY", help="motion to find"),
-    path_option("b_motion", metavar="MOTION", help="motion to search"),
+    path_option("a_motion", "QUERY", "motion to find"),
+    path_option("b_motion", "MOTION", "motion to search"),
     _TEMPLATE,
-    option(
-        "-k", type=int, default=5, metavar="K", help="largest number of parts to print (default: 5)"
-    ),
+    option("-k", "largest number of parts to print", default=5, metavar="K"),
     JSON,
 )
 def _find(options: argparse.Namespace) -> Answer:
@@ -268,8 +261,8 @@ def _find(options: argparse.Namespace) -> Answer:
     "Re-times the 140 open motions at random, to between 24 and 60 frames, and prints how\n"
     "well each representation finds the same motion of other people.",
     "  riemhuman motions table\n  riemhuman motions table --angles --seed 3 --json\n",
-    option("--seed", type=int, default=0, metavar="S", help="seed of the speeds (default: 0)"),
-    option("--angles", action="store_true", help="also compare joint angles, which takes minutes"),
+    option("--seed", "seed of the speeds", default=0, metavar="S"),
+    flag("--angles", "also compare joint angles, which takes minutes"),
     JSON,
 )
 def _table(options: argparse.Namespace) -> Answer:

@@ -70,9 +70,7 @@ _SIDES = {"minus": -_DEVIATIONS, "plus": _DEVIATIONS}
     mesh("a_file", "A", "mesh to start from"),
     mesh("b_file", "B", "mesh to end at"),
     FOLDER_OR_FILE,
-    option(
-        "--n-nodes", type=int, default=11, metavar="N", help="surfaces of the path (default: 11)"
-    ),
+    option("--n-nodes", "surfaces of the path", default=11, metavar="N"),
     BASIS,
     template("A"),
     ALIGN,
@@ -237,15 +235,9 @@ def _mean(options: argparse.Namespace) -> Answer:
     "  riemhuman components standing/*.ply -o how_they_stand/ --pose --align --json\n",
     FILES,
     output("FOLDER", "folder to write"),
-    option(
-        "-n", "--n-components", type=int, default=3, metavar="K", help="components (default: 3)"
-    ),
-    option(
-        "--samples", type=int, default=0, metavar="N", help="number of random bodies (default: 0)"
-    ),
-    option(
-        "--seed", type=int, default=0, metavar="S", help="seed of the random bodies (default: 0)"
-    ),
+    option("-n --n-components", "components", default=3, metavar="K"),
+    option("--samples", "number of random bodies", default=0, metavar="N"),
+    option("--seed", "seed of the random bodies", default=0, metavar="S"),
     template("the first mesh"),
     ALIGN,
     metric_options(_COMPONENTS_METRIC),

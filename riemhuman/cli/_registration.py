@@ -12,6 +12,7 @@ from riemhuman.cli._commands import (
     UNITS,
     Answer,
     command,
+    flag,
     option,
     output,
     path_option,
@@ -35,26 +36,22 @@ from riemhuman.errors import ArgumentError, FileError
     "  riemhuman register scans/ -o bodies/ --sequence --up z --unit millimetres\n"
     "  riemhuman register scan.obj -o body.ply --model SMPL_NEUTRAL.npz\n"
     "  riemhuman register scan.ply -o body.ply --landmarks joints.csv\n",
-    path_option("scans", metavar="SCAN", help="a scan or a folder"),
+    path_option("scans", "SCAN", "a scan or a folder"),
     output("BODY", "mesh to write, or folder of meshes"),
     MODEL,
-    option("--coarse", action="store_true", help="use the open model with 1,202 vertices (faster)"),
-    option("--unit", choices=UNITS, help="unit of the scans (default: by their size)"),
-    option(
-        "--up", choices=AXES, help="axis that points up in the scans (default: found by the fit)"
-    ),
+    flag("--coarse", "use the open model with 1,202 vertices (faster)"),
+    option("--unit", "unit of the scans (default: by their size)", choices=UNITS),
+    option("--up", "axis that points up in the scans (default: found by the fit)", choices=AXES),
     path_option(
         "--landmarks",
-        metavar="CSV",
-        help="places of joints in the scan, in its unit, where the fit alone goes wrong: lines "
-        "such as left_wrist,0.62,1.31,0.05",
+        "CSV",
+        "places of joints in the scan, in its unit, where the fit alone goes wrong: lines such as"
+        " left_wrist,0.62,1.31,0.05",
     ),
-    option(
-        "--sequence",
-        action="store_true",
-        help="the scans show one person in motion; each fit starts from the previous one",
+    flag(
+        "--sequence", "the scans show one person in motion; each fit starts from the previous one"
     ),
-    option("--untrusted", action="store_true", help="also write a body that is not trusted"),
+    flag("--untrusted", "also write a body that is not trusted"),
 )
 def _register(options: argparse.Namespace) -> Answer:
     if options.model is not None and options.coarse:

@@ -14,6 +14,7 @@ from riemhuman.cli._commands import (
     Answer,
     Argument,
     command,
+    flag,
     option,
     output,
     path_option,
@@ -35,50 +36,44 @@ _BODY_SET = several(
     several(
         option(
             "--open",
+            "open bodies of the body model alone (plain, the default), or with individual poses, "
+            "self-contact and soft tissue (natural)",
             choices=("plain", "natural"),
-            help="open bodies of the body model alone (plain, the default), or with individual "
-            "poses, self-contact and soft tissue (natural)",
         ),
         option(
             "--faust",
+            "use the registrations of MPI FAUST (tr_reg_000.ply ... tr_reg_099.ply) instead",
             metavar="FOLDER",
-            help="use the registrations of MPI FAUST (tr_reg_000.ply ... tr_reg_099.ply) instead",
         ),
         option(
             "--bodies",
+            "use the registered meshes of a folder instead; see --labels",
             metavar="FOLDER",
-            help="use the registered meshes of a folder instead; see --labels",
         ),
         option(
             "--reader",
+            "use the bodies that another package's reader loads, see riemhuman.extensions",
             nargs=2,
             metavar=("NAME", "PATH"),
-            help="use the bodies that another package's reader loads, see riemhuman.extensions",
         ),
         exclusive=True,
     ),
     option(
         "--people",
+        "open bodies of ten other people, drawn at random with this seed",
         metavar="SEED",
         type=int,
-        help="open bodies of ten other people, drawn at random with this seed",
     ),
     option(
         "--labels",
+        "with --bodies: a table with the columns file, subject and pose (default: labels.csv in "
+        "the folder)",
         metavar="CSV",
-        help="with --bodies: a table with the columns file, subject and pose "
-        "(default: labels.csv in the folder)",
     ),
     path_option(
-        "--template",
-        metavar="MESH",
-        help="with --faust or --bodies: template mesh (default: the first mesh)",
+        "--template", "MESH", "with --faust or --bodies: template mesh (default: the first mesh)"
     ),
-    option(
-        "--allow-missing",
-        action="store_true",
-        help="with --faust or --bodies: leave out bodies without a file or a label",
-    ),
+    flag("--allow-missing", "with --faust or --bodies: leave out bodies without a file or a label"),
     UNIT,
 )
 
@@ -143,15 +138,14 @@ def _read_body_set(options: argparse.Namespace, resolution: str) -> Bodies:
     _BODY_SET,
     option(
         "--resolution",
+        "resolution of the open bodies: 13,348 or 1,202 vertices",
         choices=("full", "coarse"),
         default="full",
-        help="resolution of the open bodies: 13,348 or 1,202 vertices (default: full)",
     ),
-    option(
+    flag(
         "--all",
-        action="store_true",
-        help="all representations, with mean average precision and times; takes "
-        "minutes at full resolution",
+        "all representations, with mean average precision and times; takes minutes at full "
+        "resolution",
     ),
     JSON,
 )
@@ -206,18 +200,11 @@ def _metric_tables(bodies: Bodies, head: str, options: argparse.Namespace) -> An
 
 def _matrix_options(*, required: bool) -> Argument:
     return several(
-        path_option("matrix", metavar="NPZ", help="distance matrix, see riemhuman matrix"),
+        path_option("matrix", "NPZ", "distance matrix, see riemhuman matrix"),
         path_option(
-            "--labels",
-            metavar="CSV",
-            required=required,
-            help="table with the columns file, subject and pose",
+            "--labels", "CSV", "table with the columns file, subject and pose", required=required
         ),
-        option(
-            "--allow-missing",
-            action="store_true",
-            help="leave out meshes without labels, and labels without a mesh",
-        ),
+        flag("--allow-missing", "leave out meshes without labels, and labels without a mesh"),
     )
 
 
@@ -279,18 +266,8 @@ def _scores(options: argparse.Namespace) -> Answer:
     "  riemhuman plot D.npz --labels labels.csv --by pose --method t-sne -o poses.pdf\n",
     _matrix_options(required=False),
     output("FILE", "picture to write: .png, .svg or .pdf"),
-    option(
-        "--by",
-        choices=tuple(_QUESTIONS),
-        default="subject",
-        help="label that the colours show (default: subject)",
-    ),
-    option(
-        "--method",
-        choices=("mds", "t-sne"),
-        default="mds",
-        help="method that places the points (default: mds)",
-    ),
+    option("--by", "label that the colours show", choices=tuple(_QUESTIONS), default="subject"),
+    option("--method", "method that places the points", choices=("mds", "t-sne"), default="mds"),
 )
 def _plot(options: argparse.Namespace) -> Answer:
     import numpy as np
@@ -348,20 +325,19 @@ def _plot(options: argparse.Namespace) -> Answer:
     "  riemhuman report --faust ~/MPI-FAUST --dfaust registrations_m.hdf5 -o faust-report\n"
     "  riemhuman report --bodies scans/ --labels scans/labels.csv -o scans-report\n",
     _BODY_SET,
-    option("--dfaust", metavar="FILE", help="motions of Dynamic FAUST for the basis of geodesics"),
+    option("--dfaust", "motions of Dynamic FAUST for the basis of geodesics", metavar="FILE"),
     path_option(
-        "-o",
-        "--output",
-        metavar="FOLDER",
+        "-o --output",
+        "FOLDER",
+        "folder to write (default: riemhuman-report)",
         default=Path("riemhuman-report"),
-        help="folder to write (default: riemhuman-report)",
     ),
     path_option(
         "--scans",
-        metavar="FOLDER",
-        help="also show the scans that riemhuman register has registered into this folder",
+        "FOLDER",
+        "also show the scans that riemhuman register has registered into this folder",
     ),
-    option("--quick", action="store_true", help="a smaller report, in half a minute"),
+    flag("--quick", "a smaller report, in half a minute"),
 )
 def _report(options: argparse.Namespace) -> Answer:
     _check_body_set(options)

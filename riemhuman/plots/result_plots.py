@@ -190,11 +190,7 @@ def plot_confusion(
 
 
 def plot_sweep(
-    scores: ArrayLike,
-    lams: Sequence[float],
-    weights: Sequence[str],
-    *,
-    ax: Axes | None = None,
+    scores: ArrayLike, lams: Sequence[float], weights: Sequence[str], *, ax: Axes | None = None
 ) -> Axes:
     """Plot a score over λ and the weights of the metric.
 

@@ -186,11 +186,7 @@ def _curves(materials: Materials, task: Task) -> str:
         for recall, precision in zip(*precision_recall(matrix, task.labels), strict=True):
             row = {"recall": float(recall), "precision": float(precision)}
             rows.append({"representation": name} | row)
-    columns = (
-        _NAME,
-        Column("recall", "recall", ".2f"),
-        Column("precision", "precision", ".3f"),
-    )
+    columns = (_NAME, Column("recall", "recall", ".2f"), Column("precision", "precision", ".3f"))
     caption = "Precision at every level of recall."
     link = materials.output.file(Table(f"precision-recall-{task.name}", caption, columns, rows))
     return materials.output.figure(

@@ -39,12 +39,7 @@ Described = tuple[np.ndarray, float]
 
 _TITLES = {"shape": "Who is it?", "pose": "How do they stand?"}
 _OURS = {"shape": SHAPE_METRIC, "pose": POSE_METRIC}
-_COLUMNS = {
-    "NN": "nn",
-    "FT": "first_tier",
-    "ST": "second_tier",
-    "mAP": "mean_average_precision",
-}
+_COLUMNS = {"NN": "nn", "FT": "first_tier", "ST": "second_tier", "mAP": "mean_average_precision"}
 _LABELS = {"shape": "subject", "pose": "pose"}
 
 # The tables of the paper, on the registrations of FAUST: nearest neighbour, first and second tier.

@@ -6,17 +6,9 @@ import os
 import pytest
 
 from riemhuman.errors import ArgumentTypeError, FileError
-from riemhuman.report._storage import (
-    _MARKER as MARKER,
-)
-from riemhuman.report._storage import (
-    _SUBFOLDERS as SUBFOLDERS,
-)
-from riemhuman.report._storage import (
-    check_folder,
-    open_folder,
-    write_provenance,
-)
+from riemhuman.report._storage import _MARKER as MARKER
+from riemhuman.report._storage import _SUBFOLDERS as SUBFOLDERS
+from riemhuman.report._storage import check_folder, open_folder, write_provenance
 
 
 def enter(path):
