@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from copy import copy
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import autograd.numpy as np
 from numpy import ndarray
@@ -12,9 +12,6 @@ from numpy import ndarray
 from riemhuman.checks import Rng, generator, real_array, real_number, values_of, whole_number
 from riemhuman.errors import ArgumentError, ArgumentTypeError
 from riemhuman.representation import constructor_text
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
 
 
 class Manifold(ABC):
@@ -57,7 +54,7 @@ class Manifold(ABC):
     [True, False]
     """
 
-    metric: RiemannianMetric
+    metric: Any  # of RiemannianMetric, which imports this module
 
     is_surface_space: bool = False
     """Whether points are surfaces over a `template`, with metric and normal fields."""
@@ -87,13 +84,11 @@ class Manifold(ABC):
         """Whether the manifold has a metric."""
         return "metric" in vars(self)
 
-    def default_metric(self) -> type[RiemannianMetric] | None:
+    def default_metric(self) -> type[Any] | None:
         """Return the class of the metric the manifold comes with, if there is one."""
         return None
 
-    def equip_with_metric(
-        self, Metric: type[RiemannianMetric] | None = None, **metric_kwargs: Any
-    ) -> Self:
+    def equip_with_metric(self, Metric: type[Any] | None = None, **metric_kwargs: Any) -> Self:
         """Equip the manifold with a metric, `Metric(self, **metric_kwargs)`.
 
         Parameters

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import wraps
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 
 import autograd.numpy as np
 from autograd import elementwise_grad, value_and_grad
@@ -19,6 +19,7 @@ from riemhuman.errors import (
     NotDefinedError,
     OutsideManifoldError,
 )
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.pairwise import (
     MEMORY,
     PRECISIONS,
@@ -30,17 +31,14 @@ from riemhuman.geometry.pairwise import (
     features_in_threads,
     table_of_distances,
 )
+from riemhuman.geometry.strategies import (
+    ExpSolver,
+    GeodesicSolver,
+    LogSolver,
+    TransportSolver,
+)
 from riemhuman.kernels.scalars import square_root
 from riemhuman.representation import constructor_text
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.manifold import Manifold
-    from riemhuman.geometry.strategies import (
-        ExpSolver,
-        GeodesicSolver,
-        LogSolver,
-        TransportSolver,
-    )
 
 
 class Solvers(TypedDict, total=False):

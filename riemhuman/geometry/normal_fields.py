@@ -95,6 +95,8 @@ class NormalFieldMetric(RiemannianMetric):
     ----------
     space : NormalFields
         The manifold.
+    geodesic_solver, exp_solver, log_solver, transport_solver : optional
+        Not needed: all have closed forms.
 
     Examples
     --------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy import ndarray
@@ -16,8 +16,7 @@ from riemhuman.kernels.threads import for_each, mapped, thread_count
 from riemhuman.kernels.tiles import slices
 from riemhuman.progress import ProgressBar
 
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
+__all__ = ["MEMORY", "PRECISIONS", "Bulk", "Features", "Points", "squared_dist_rectangle"]
 
 Points = Sequence[Any] | ndarray
 Features = tuple[ndarray, ...]
@@ -125,9 +124,7 @@ class OfImages(Bulk):
         return self._bulk.squared_distances(a, b, n_threads)
 
 
-def features_in_threads(
-    metric: RiemannianMetric, points: ndarray, precision: str, n_jobs: int
-) -> Features:
+def features_in_threads(metric: Any, points: ndarray, precision: str, n_jobs: int) -> Features:
     """Return the features of points, computed in threads."""
     n_threads = thread_count(n_jobs)
     parts = list(slices(len(points), max(1, math.ceil(len(points) / n_threads))))
@@ -142,7 +139,7 @@ def features_in_threads(
 
 
 def squared_dist_rectangle(
-    metric: RiemannianMetric,
+    metric: Any,
     features_a: Features,
     features_b: Features,
     points_a: Points,
@@ -201,7 +198,7 @@ def squared_dist_rectangle(
 
 
 def table_of_distances(
-    metric: RiemannianMetric,
+    metric: Any,
     points_a: Points,
     points_b: Points | None,
     n_jobs: int | None,
@@ -260,7 +257,7 @@ def table_of_distances(
     return result
 
 
-def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
+def _sliceable(metric: Any, points: Any, name: str) -> Any:
     """Return points whose parts `RiemannianMetric.features` can check one by one."""
     if not hasattr(points, "__len__") or not hasattr(points, "__getitem__"):
         points = metric.check_points(points, name)
@@ -271,7 +268,7 @@ def _sliceable(metric: RiemannianMetric, points: Any, name: str) -> Any:
 
 
 def _features(
-    metric: RiemannianMetric,
+    metric: Any,
     points: Any,
     name: str,
     precision: str,

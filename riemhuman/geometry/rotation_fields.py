@@ -31,7 +31,6 @@ from riemhuman.terms.rotations import RotationTerm
 from riemhuman.terms.sum import TermOfFields
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.surfaces.template import Template
 
 # √(4 time) is then 10 cm on an adult body, whose skin has 1.8 m²: the thickness of a limb.
@@ -114,6 +113,8 @@ class RotationFieldMetric(RiemannianMetric):
     ----------
     space : RotationFields
         The manifold.
+    geodesic_solver, exp_solver, log_solver, transport_solver : optional
+        Not needed: all have closed forms.
 
     Examples
     --------
@@ -262,7 +263,7 @@ class RotationMetric(PullbackMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: Manifold,
         time: float | None = None,
         **solvers: Unpack[Solvers],
     ) -> None:

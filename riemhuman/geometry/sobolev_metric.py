@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy import ndarray
 
 from riemhuman.checks import metric_weight
 from riemhuman.errors import ArgumentError, ArgumentTypeError
+from riemhuman.geometry.manifold import Manifold
 from riemhuman.geometry.metric import Solvers
 from riemhuman.geometry.surface_metric import MetricOfTerms, SurfaceMetric
 from riemhuman.kernels.drift import still_path
@@ -18,9 +19,6 @@ from riemhuman.terms.normal_projection import NormalPartTerm
 from riemhuman.terms.quadratic import QuadraticTerm, SumOfQuadraticTerms
 from riemhuman.terms.second_order import SecondOrderTerm
 from riemhuman.terms.zeroth_order import ZerothOrderTerm
-
-if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
 
 
 class MidpointMetric(MetricOfTerms):
@@ -115,7 +113,7 @@ class SobolevMetric(MidpointMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: Manifold,
         a0: float = 0.0,
         a1: float = 1.0,
         b1: float = 1.0,

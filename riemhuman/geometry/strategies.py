@@ -5,18 +5,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from numpy import ndarray
 
-if TYPE_CHECKING:
-    from riemhuman.geometry.metric import RiemannianMetric
+__all__ = [
+    "ExpSolver",
+    "GeodesicSolver",
+    "LogSolver",
+    "MeanSolver",
+    "PathEnergy",
+    "TransportSolver",
+]
 
 
 class GeodesicSolver(Protocol):
     """A strategy for paths of least energy between two points."""
 
-    def solve(self, metric: RiemannianMetric, start: ndarray, end: ndarray) -> Any:
+    def solve(self, metric: Any, start: ndarray, end: ndarray) -> Any:
         """Return an object with `path`, shape (n_nodes, *shape), both ends included, and `energy`.
 
         It may have all else that `riemhuman.solvers.PathResult` has.
@@ -30,7 +36,7 @@ class ExpSolver(Protocol):
     covectors)`` and its results a `path`, see `riemhuman.solvers.DiscreteExponential`.
     """
 
-    def solve(self, metric: RiemannianMetric, tangent_vec: ndarray, base_point: ndarray) -> Any:
+    def solve(self, metric: Any, tangent_vec: ndarray, base_point: ndarray) -> Any:
         """Return an object with `end`, the point reached.
 
         It may also have `complete`, False where the geodesic could not be followed to its end, and
@@ -41,7 +47,7 @@ class ExpSolver(Protocol):
 class LogSolver(Protocol):
     """A strategy for the initial velocity of a geodesic between two points."""
 
-    def solve(self, metric: RiemannianMetric, point: ndarray, base_point: ndarray) -> Any:
+    def solve(self, metric: Any, point: ndarray, base_point: ndarray) -> Any:
         """Return an object with `tangent_vec`, the initial velocity at `base_point`."""
 
 
@@ -50,7 +56,7 @@ class TransportSolver(Protocol):
 
     def solve(
         self,
-        metric: RiemannianMetric,
+        metric: Any,
         tangent_vec: ndarray,
         base_point: ndarray,
         direction: ndarray | None = None,
@@ -68,25 +74,24 @@ class MeanSolver(Protocol):
 
     def solve(
         self,
-        metric: RiemannianMetric,
+        metric: Any,
         points: ndarray,
         weights: ndarray | None = None,
         initial_point: ndarray | None = None,
     ) -> Any:
         """Return an object with `point`, the mean, and `variance`.
 
-        It may have all else that `riemhuman.solvers.MeanResult` has. `initial_point` is passed by
-        `riemhuman.GeometricMedian` alone.
+        It may have all else that `riemhuman.solvers.MeanResult` has.
         """
 
 
 class PathEnergy(Protocol):
     """An energy of discrete paths, with its gradient."""
 
-    def value(self, metric: RiemannianMetric, path: ndarray) -> float:
+    def value(self, metric: Any, path: ndarray) -> float:
         """Return the energy of a path, shape (n_nodes, *shape)."""
 
-    def value_and_gradient(self, metric: RiemannianMetric, path: ndarray) -> tuple[float, ndarray]:
+    def value_and_gradient(self, metric: Any, path: ndarray) -> tuple[float, ndarray]:
         """Return the energy of a path, and its gradient with respect to all points.
 
         The energy may be infinite where the path leaves the manifold.

@@ -38,7 +38,6 @@ from riemhuman.terms.term import Fields, Term
 from riemhuman.terms.term_checks import checked_terms
 
 if TYPE_CHECKING:
-    from riemhuman.geometry.aligned_surfaces import AlignedSurfaces
     from riemhuman.surfaces.template import Template
 
 
@@ -70,7 +69,7 @@ class MetricOfTerms(RiemannianMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: Manifold,
         terms: Sequence[Any],
         **solvers: Unpack[Solvers],
     ) -> None:
@@ -423,7 +422,7 @@ class ElasticMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: Manifold,
         a: float = 1.0,
         lam: float = 1e-4,
         c: float = 0.0,
@@ -540,7 +539,7 @@ class GeneralElasticMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: Manifold,
         a: float = 1.0,
         b: float = 1.0,
         c: float = 1.0,
@@ -594,7 +593,7 @@ class SRNFMetric(SurfaceMetric):
 
     def __init__(
         self,
-        space: AlignedSurfaces,
+        space: Manifold,
         **solvers: Unpack[Solvers],
     ) -> None:
         super().__init__(space, [RootNormalTerm()], **solvers)

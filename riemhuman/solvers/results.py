@@ -253,7 +253,7 @@ ResultType = TypeVar("ResultType", bound=Result)
 class Interrupted(KeyboardInterrupt):
     """A solver was stopped from the keyboard.
 
-    Attributes
+    Parameters
     ----------
     result : Result
         The best that it had found so far.
