@@ -1,8 +1,7 @@
 """Retrieval: rankings by distance, their scores, nearest neighbours and resumable jobs."""
 
+from riemhuman.retrieval.jobs import pairwise_job, path_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.retrieval.pairwise_jobs import pairwise_job
-from riemhuman.retrieval.path_jobs import path_job
 from riemhuman.retrieval.rankings import confusion, precision_recall
 from riemhuman.retrieval.scores import RetrievalScores, local_scaling, scores
 from riemhuman.retrieval.tables import TableRow, format_table, retrieval_table

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 from cases import sphere_template, surfaces
 
-import riemhuman.retrieval.cluster
-import riemhuman.retrieval.pairwise_jobs
+import riemhuman.retrieval._cluster
+import riemhuman.retrieval.jobs
 from riemhuman.errors import ArgumentError, ClusterError, FileError, MissingDependencyError
 from riemhuman.geometry import AlignedSurfaces, ElasticMetric, RiemannianMetric, VectorSpace
 from riemhuman.retrieval import pairwise_job
-from riemhuman.retrieval.job_tiles import Tile, TileReader
+from riemhuman.retrieval.jobs import Tile, TileReader
 
 # Workers cannot import the tests: what these send goes by value.
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -68,8 +68,8 @@ def test_a_worker_is_killed_on_the_way(client, local, tmp_path, monkeypatch):
                 os.kill(next(iter(pids.values())), signal.SIGKILL)
             yield number, distances
 
-    in_turn = riemhuman.retrieval.pairwise_jobs.computed_tiles
-    monkeypatch.setattr(riemhuman.retrieval.pairwise_jobs, "computed_tiles", killing)
+    in_turn = riemhuman.retrieval.jobs.compute_parts
+    monkeypatch.setattr(riemhuman.retrieval.jobs, "compute_parts", killing)
     pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
     assert n_tiles[0] > 10
     assert (tmp_path / "D.npy").read_bytes() == local
@@ -95,7 +95,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
                 scheduler.kill()
             yield number, distances
 
-    in_turn = riemhuman.retrieval.pairwise_jobs.computed_tiles
+    in_turn = riemhuman.retrieval.jobs.compute_parts
     script = tmp_path / "scheduler.py"
     script.write_text(SCHEDULER)
     environment = os.environ | {"PYTHONPATH": str(Path(__file__).parents[2])}
@@ -111,7 +111,7 @@ def test_the_scheduler_is_killed_on_the_way(local, tmp_path, monkeypatch):
         client = distributed.Client(scheduler.stdout.readline().strip())
         try:
             with monkeypatch.context() as patches:
-                patches.setattr(riemhuman.retrieval.pairwise_jobs, "computed_tiles", killing)
+                patches.setattr(riemhuman.retrieval.jobs, "compute_parts", killing)
                 with pytest.raises(ClusterError, match="cluster is lost .* the same call goes on"):
                     pairwise_job(METRIC, POINTS, folder, memory=MEMORY, client=client)
         finally:
@@ -147,12 +147,12 @@ def test_closed_on_the_way(moment, closed, tmp_path, monkeypatch):
                 close()
             return first_finished(*arguments)
 
-        calls, in_turn = [], riemhuman.retrieval.pairwise_jobs.computed_tiles
-        first_finished = riemhuman.retrieval.cluster._first_finished
+        calls, in_turn = [], riemhuman.retrieval.jobs.compute_parts
+        first_finished = riemhuman.retrieval._cluster._first_finished
         if moment == "tiles":
-            monkeypatch.setattr(riemhuman.retrieval.pairwise_jobs, "computed_tiles", closing)
+            monkeypatch.setattr(riemhuman.retrieval.jobs, "compute_parts", closing)
         else:
-            monkeypatch.setattr(riemhuman.retrieval.cluster, "_first_finished", closing_first)
+            monkeypatch.setattr(riemhuman.retrieval._cluster, "_first_finished", closing_first)
         with pytest.raises(ClusterError, match="the same call goes on with it"):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY, client=client)
         monkeypatch.undo()
@@ -170,9 +170,9 @@ def test_begun_here_and_finished_there(client, local, tmp_path, monkeypatch):
             raise Stop
         return distances(self, metric, tile)
 
-    distances = TileReader.distances
+    distances = TileReader.compute
     with monkeypatch.context() as patches:
-        patches.setattr(TileReader, "distances", interrupted)
+        patches.setattr(TileReader, "compute", interrupted)
         with pytest.raises(Stop):
             pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
     done = np.load(tmp_path / "done.npy")
@@ -199,7 +199,7 @@ class Deserted:
 
 
 def test_a_cluster_without_workers_is_given_up(monkeypatch):
-    monkeypatch.setattr(riemhuman.retrieval.cluster, "_SECONDS", 0.05)
+    monkeypatch.setattr(riemhuman.retrieval._cluster, "_SECONDS", 0.05)
 
     class Never:
         @staticmethod
@@ -207,7 +207,7 @@ def test_a_cluster_without_workers_is_given_up(monkeypatch):
             raise TimeoutError
 
     with pytest.raises(ClusterError, match="no worker for"):
-        riemhuman.retrieval.cluster._first_finished(Deserted(), Never, ["future"])
+        riemhuman.retrieval._cluster._first_finished(Deserted(), Never, ["future"])
 
 
 def hide():
@@ -244,5 +244,5 @@ def test_a_worker_without_the_library(client, tmp_path):
 def test_a_folder_the_workers_do_not_share(tmp_path):
     reader = TileReader(str(tmp_path / "elsewhere"), 2, None)
     with pytest.raises(FileError, match="a file system that all workers share") as failure:
-        reader.distances(METRIC, Tile(slice(0, 3), slice(3, 6)))
+        reader.compute(METRIC, Tile(slice(0, 3), slice(3, 6)))
     assert str(pickle.loads(pickle.dumps(failure.value))) == str(failure.value)

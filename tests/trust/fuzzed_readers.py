@@ -30,7 +30,6 @@ from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
 from riemhuman.report._storage import ResultStore
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.retrieval.pairwise_jobs import pairwise_job
 
 Files = dict[str, bytes]
 

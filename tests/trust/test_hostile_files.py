@@ -45,8 +45,8 @@ from riemhuman.errors import (
 from riemhuman.io.arrays import load_array, load_arrays
 from riemhuman.io.meshes import load_mesh
 from riemhuman.io.pickles import load_pickled_arrays
+from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
-from riemhuman.retrieval.pairwise_jobs import pairwise_job
 from riemhuman.surfaces.deformation_basis import DeformationBasis
 
 SHORT = 700

@@ -1,6 +1,5 @@
-"""Jobs on disk: the same bits as in memory, whatever happens on the way."""
+"""Jobs on disk: the same numbers as in memory, whatever happens on the way."""
 
-import errno
 import json
 import os
 import random
@@ -8,16 +7,18 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections import namedtuple
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
+import distributed
 import numpy as np
 import pytest
 from cases import cases_that, name_of, open_template, sphere_template, surfaces
 from lengths import FULL, sample
 
+import riemhuman.retrieval.jobs
 from riemhuman.errors import (
     ArgumentError,
     ArgumentTypeError,
@@ -30,14 +31,13 @@ from riemhuman.geometry import (
     AlignedSurfaces,
     ElasticMetric,
     PullbackMetric,
-    RiemannianMetric,
     SRNFMetric,
     VectorSpace,
 )
-from riemhuman.io.job_folder import JobFolder
-from riemhuman.retrieval import pairwise_job
-from riemhuman.retrieval.job_tiles import TileReader, tiles_of
-from riemhuman.retrieval.pairwise_jobs import _unfinished as unfinished_tiles
+from riemhuman.io.job_folder import JobFolder, mark
+from riemhuman.retrieval import pairwise_job, path_job
+from riemhuman.retrieval.jobs import TileReader, tiles_of
+from riemhuman.solvers import PathStraightening, PoissonPath, path_distances
 
 N_POINTS = 23
 # So little that there are many tiles and many blocks of features.
@@ -119,6 +119,8 @@ def test_points_made_on_the_fly(tmp_path):
     np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
     # Once for a look at the first; then each once.
     assert sum(len(POINTS[part]) for part in points.asked) == N_POINTS + 1
+    assert len(pairwise_job(METRIC, points, tmp_path, memory=MEMORY)) == N_POINTS
+    assert sum(len(POINTS[part]) for part in points.asked) <= 2 * (N_POINTS + 1) + 9
     assert max(len(POINTS[part]) for part in points.asked) < N_POINTS
 
 
@@ -139,13 +141,6 @@ def test_a_complete_job_is_opened_only(tmp_path, monkeypatch):
     monkeypatch.setattr(JobFolder, "write", None)
     np.testing.assert_array_equal(pairwise_job(METRIC, POINTS, tmp_path, memory=10**9), first)
     assert (tmp_path / "D.npy").stat().st_mtime_ns == before
-
-
-def test_progress_is_shown(tmp_path, capsys):
-    pairwise_job(METRIC, POINTS, tmp_path / "quiet")
-    assert capsys.readouterr().err == ""
-    pairwise_job(METRIC, POINTS, tmp_path / "told", progress=True)
-    assert "253/253" in capsys.readouterr().err
 
 
 def interrupt_after(n_steps, monkeypatch, error):
@@ -191,7 +186,7 @@ def test_interrupted_at_every_step(tmp_path, monkeypatch):
     assert n_steps > 20
 
 
-@pytest.mark.parametrize("n_steps", [40, 124])
+@pytest.mark.parametrize("n_steps", [40, 101])
 def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
     with monkeypatch.context() as patches:
         interrupt_after(n_steps, patches, KeyboardInterrupt)
@@ -205,8 +200,8 @@ def test_what_is_done_is_not_done_again(n_steps, tmp_path, monkeypatch):
     n_sides = -(-N_POINTS // layout["tile"])
     n_tiles = n_sides * (n_sides + 1) // 2
     n_missing = -(-N_POINTS // layout["block"]) - n_blocks
-    # Five writes a block (two features, points, checksums, the digest), two a tile; four others.
-    assert 10**6 - steps[0] == 5 * n_missing + 2 * (n_tiles - n_done) + 4
+    # Four writes a block (two features, points, the digest), two a tile; four others.
+    assert 10**6 - steps[0] == 4 * n_missing + 2 * (n_tiles - n_done) + 4
     assert n_blocks > 0
     assert (n_done > 0) == (n_steps > 100)
 
@@ -333,41 +328,53 @@ def test_another_job_is_refused(n_steps, tmp_path, monkeypatch):
     pairwise_job(METRIC, POINTS, tmp_path)
 
 
-def test_a_key_stands_for_the_metric(tmp_path):
-    class Opaque(RiemannianMetric):
-        def __init__(self, space):
-            self.lock = threading.Lock()
-            super().__init__(space)
-
-        def squared_dist(self, point_a, point_b):
-            return METRIC.squared_dist(point_a, point_b)
-
-    metric = Opaque(METRIC.space)
-    with pytest.raises(ArgumentTypeError, match="lock.*give the job a key"):
-        pairwise_job(metric, POINTS, tmp_path / "job")
-    assert not (tmp_path / "job").exists()
-    for wrong in ("", 3):
-        with pytest.raises(ArgumentTypeError, match="key must be a string"):
-            pairwise_job(metric, POINTS, tmp_path / "job", key=wrong)
-    found = pairwise_job(metric, POINTS[:4], tmp_path / "job", key="one")
-    np.testing.assert_allclose(found, METRIC.dist_pairwise(POINTS[:4]), rtol=1e-5)
-    pairwise_job(metric, POINTS[:4], tmp_path / "job", key="one")
-    with pytest.raises(ArgumentError, match=r"metric\.key is 'one' there, 'two' here"):
-        pairwise_job(metric, POINTS[:4], tmp_path / "job", key="two")
-    with pytest.raises(ArgumentError, match=r"metric\.class is None there"):
-        pairwise_job(METRIC, POINTS[:4], tmp_path / "job")
+SOURCE = "FACTOR = {}\ndef height(x):\n    return FACTOR * x[..., 2]\n"
 
 
-def test_an_edited_metric_does_not_get_the_old_matrix(tmp_path):
-    source = "import numpy as np\ndef height(x):\n    return {}(x[..., 2])\n"
-    for folder, function in (("a", "np.sin"), ("b", "np.cos")):
-        namespace = {"__name__": "heights"}
-        exec(source.format(function), namespace)
-        metric = PullbackMetric(METRIC.space, VectorSpace((42,)).metric, namespace["height"])
-        expected = metric.dist_pairwise(POINTS)
-        np.testing.assert_array_equal(pairwise_job(metric, POINTS, tmp_path / folder), expected)
-    with pytest.raises(ArgumentError, match=r"metric\.map\.code\.names"):
-        pairwise_job(metric, POINTS, tmp_path / "a")
+def heights(factor):
+    """Return a metric whose constant is in its code alone."""
+    namespace = {"__name__": "heights"}
+    exec(SOURCE.format(factor), namespace)
+    return PullbackMetric(METRIC.space, VectorSpace((42,)).metric, namespace["height"])
+
+
+@pytest.mark.parametrize("n_steps", [8, 70, 88, None])
+@pytest.mark.parametrize("precision", ["single", "double"])
+def test_a_metric_whose_constant_changed_is_refused(n_steps, precision, tmp_path, monkeypatch):
+    """The manifest does not hold it; features or distances that are computed again tell."""
+    settings = {"precision": precision, "memory": MEMORY}
+    if n_steps is None:
+        pairwise_job(heights(1), POINTS, tmp_path, **settings)
+    else:
+        with monkeypatch.context() as patches:
+            interrupt_after(n_steps, patches, KeyboardInterrupt)
+            with suppress(KeyboardInterrupt):
+                pairwise_job(heights(1), POINTS, tmp_path, **settings)
+    before = contents(tmp_path)
+    for changed in (heights(3), heights(1.001)):
+        with pytest.raises(
+            ArgumentError, match=r"job.*\bpoints\[\d+\].* differs by .* has changed"
+        ):
+            pairwise_job(changed, POINTS, tmp_path, **settings)
+        assert contents(tmp_path) == before
+    expected = heights(1).dist_pairwise(POINTS, precision=precision)
+    np.testing.assert_array_equal(pairwise_job(heights(1), POINTS, tmp_path, **settings), expected)
+
+
+def test_distances_of_other_code_are_refused_though_features_are_the_same(tmp_path, monkeypatch):
+    begun(tmp_path, monkeypatch, 100)
+    marks = np.load(tmp_path / "done.npy", mmap_mode="r+")
+    assert marks.any()
+    distances = np.load(tmp_path / "D.unfinished.npy", mmap_mode="r+")
+    distances *= 1.001
+    distances.flush()
+    layout = json.loads((tmp_path / "manifest.json").read_text())["layout"]
+    for number, tile in enumerate(tiles_of(N_POINTS, layout["tile"])):
+        if marks[number]:
+            marks[number] = mark(distances[tile.rows, tile.columns])
+    marks.flush()
+    with pytest.raises(ArgumentError, match="the distance of points.*differs by"):
+        pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
 
 
 @pytest.mark.parametrize("exponent", [20, 30])
@@ -379,26 +386,6 @@ def test_coordinates_beyond_single_precision(exponent, tmp_path):
     expected = metric.dist_pairwise(points, precision="double")
     np.testing.assert_allclose(found, expected, rtol=1e-5)
     assert np.isfinite(found).all()
-
-
-# Files of others.
-
-OURS = ("job.lock", "manifest.json", "manifest.json.part", "digests.npy", "features_0.npy") + (
-    *("points.npy", "checksums.npy", "done.npy", "D.unfinished.npy", "D.npy"),
-    *("D.unfinished.npy.part", "features_0.npy.part"),
-)
-
-
-def planted(path, target, kind):
-    """Put something in the way of a job, in the place of what is there."""
-    content = path.read_bytes() if path.is_file() else b"years of work"
-    path.unlink(missing_ok=True)
-    target.write_bytes(content)
-    if kind == "hard link":
-        os.link(target, path)
-    else:
-        path.symlink_to(target)
-    return content
 
 
 def test_a_folder_with_something_else_is_refused(tmp_path):
@@ -420,7 +407,6 @@ def test_a_manifest_of_something_else_is_refused(text, tmp_path):
 
 
 def test_half_written_files_are_written_anew(tmp_path, monkeypatch):
-    (tmp_path / "manifest.json.part").write_text('{\n "form')
     begun(tmp_path, monkeypatch, n_steps=1)
     assert not (tmp_path / "done.npy").exists()
     for name in ("D.unfinished.npy.part", "features_0.npy.part"):
@@ -435,7 +421,7 @@ def test_damaged_tables_are_refused(name, tmp_path, monkeypatch):
     begun(tmp_path, monkeypatch)
     whole = (tmp_path / name).read_bytes()
     (tmp_path / name).write_bytes(whole[:-5])
-    with pytest.raises(FileFormatError, match=f"{name} is not a table"):
+    with pytest.raises(FileFormatError, match=f"{name} is not an .npy file"):
         pairwise_job(METRIC, POINTS, tmp_path)
     np.save(tmp_path / name, np.zeros(3))
     with pytest.raises(FileFormatError, match=rf"{name} is damaged: .* found float64 of shape"):
@@ -453,93 +439,23 @@ def flip_bit(file, position):
         stream.write(bytes([byte ^ 4]))
 
 
-# Steps of the job: five for each of 23 blocks of features, two for each of six tiles.
-@pytest.mark.parametrize(
-    ("n_steps", "name", "said"),
-    [
-        (126, "D.unfinished.npy", r"tile \d+, distances \[\d+:\d+, \d+:\d+\], is not what"),
-        (126, "features_0.npy", r"its data for points\[\d+:\d+\] are not what was written"),
-        (126, "features_1.npy", r"its data for points\[\d+:\d+\] are not what was written"),
-        (126, "points.npy", r"its data for points\[\d+:\d+\] are not what was written"),
-        (126, "checksums.npy", r"its data for points\[\d+:\d+\] are not what was written"),
-        (126, "done.npy", r"D\.unfinished\.npy is damaged: tile \d+"),
-    ],
-)
-def test_a_flipped_bit_is_noticed_and_mended(n_steps, name, said, tmp_path, monkeypatch):
-    begun(tmp_path, monkeypatch, n_steps)
-    assert 0 < np.count_nonzero(np.load(tmp_path / "done.npy")) < 6
-    rng = np.random.default_rng(3)
-    table = np.load(tmp_path / name, mmap_mode="r")
-    # Among the entries that have been written; of marks, in their checksums.
-    written = np.flatnonzero(np.ascontiguousarray(table).view(np.uint8).ravel())
-    position = table.nbytes - int(rng.choice(written))
-    flip_bit(tmp_path / name, 8 * len(table) if name == "done.npy" else position)
-    with pytest.warns(DamagedFileWarning, match=f"{said}.*; (it is|they are) computed again"):
-        distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
-    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
-
-
-def test_every_distance_is_watched(tmp_path, monkeypatch):
-    begun(tmp_path, monkeypatch, 5 * N_POINTS + 10)
-    room, file = JobFolder(tmp_path), tmp_path / "D.unfinished.npy"
-    layout = json.loads((tmp_path / "manifest.json").read_text())["layout"]
-    tiles = list(tiles_of(N_POINTS, layout["tile"]))
-    todo = unfinished_tiles(room, tiles)
-    assert 0 < len(todo) < len(tiles) - 2
-    for entry in range(0, N_POINTS * layout["tile"], 5):
-        row, column = divmod(entry, N_POINTS)
-        # In a row of finished tiles, and mirrored.
-        for place in (entry, column * N_POINTS + row):
-            position = 8 * (N_POINTS**2 - place) - entry % 8
-            flip_bit(file, position)
-            with pytest.warns(DamagedFileWarning, match="tile"):
-                assert len(unfinished_tiles(room, tiles)) == len(todo) + 1
-            flip_bit(file, position)
-    assert unfinished_tiles(room, tiles) == todo
-
-
-def test_a_bit_flipped_while_the_job_runs(tmp_path, monkeypatch):
+def test_a_flipped_bit_is_noticed_and_mended(tmp_path, monkeypatch):
     def flipping(reader, metric, tile):
         if tile.rows.start > 0 and not flipped:
             flipped.append(tile)
             flip_bit(tmp_path / "D.unfinished.npy", 8 * N_POINTS**2 - 9)
-        return distances_of(reader, metric, tile)
+        return compute(reader, metric, tile)
 
     flipped = []
-    distances_of = TileReader.distances
-    monkeypatch.setattr(TileReader, "distances", flipping)
-    with pytest.warns(DamagedFileWarning, match="tile 0, distances"):
+    compute = TileReader.compute
+    begun(tmp_path, monkeypatch, 100)
+    assert 0 < np.count_nonzero(np.load(tmp_path / "done.npy")) < 6
+    flip_bit(tmp_path / "D.unfinished.npy", 8 * N_POINTS**2 - 17)
+    monkeypatch.setattr(TileReader, "compute", flipping)
+    with pytest.warns(DamagedFileWarning, match="part 0, distances"):
         distances = pairwise_job(METRIC, POINTS, tmp_path, memory=MEMORY)
     assert flipped
     np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
-
-
-@pytest.mark.parametrize("name", ["features_0.npy", "points.npy"])
-@pytest.mark.parametrize("interrupted", [False, True])
-def test_damaged_features_are_not_made_into_distances(interrupted, name, tmp_path, monkeypatch):
-    def flipping(reader, metric, tile):
-        if interrupted and tile.rows.start > 0:
-            raise KeyboardInterrupt
-        if not flipped:
-            flipped.append(tile)
-            flip_bit(tmp_path / name, 9)
-        return distances_of(reader, metric, tile)
-
-    flipped = []
-    distances_of = TileReader.distances
-    points = POINTS.copy()
-    points[-1] = points[0] * (1 + 1e-9)  # so that the last point itself is looked at
-    error = KeyboardInterrupt if interrupted else FileFormatError
-    with monkeypatch.context() as patches:
-        patches.setattr(TileReader, "distances", flipping)
-        with pytest.raises(
-            error, match=None if interrupted else rf"{name} is damaged: .*\[22:23\]"
-        ):
-            pairwise_job(METRIC, points, tmp_path, memory=MEMORY)
-    assert np.load(tmp_path / "done.npy").any()
-    with pytest.warns(DamagedFileWarning, match=rf"{name} is damaged: .*\[22:23\]"):
-        distances = pairwise_job(METRIC, points, tmp_path, memory=MEMORY)
-    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(points))
 
 
 def test_a_disk_that_keeps_nothing_is_given_up(tmp_path, monkeypatch):
@@ -556,59 +472,6 @@ def test_a_disk_that_keeps_nothing_is_given_up(tmp_path, monkeypatch):
     ):
         pairwise_job(METRIC, POINTS, tmp_path, memory=10**8)
     assert not (tmp_path / "D.npy").exists()
-
-
-def test_a_file_where_the_folder_should_be(tmp_path):
-    file = tmp_path / "results"
-    file.write_text("kept")
-    for folder in (file, file / "below"):
-        with pytest.raises(FileError, match="cannot be used as the folder of a job"):
-            pairwise_job(METRIC, POINTS, folder)
-    assert file.read_text() == "kept"
-
-
-def refuse(error_number):
-    def raise_error(*arguments, **options):
-        raise OSError(error_number, os.strerror(error_number))
-
-    return raise_error
-
-
-def test_a_disk_too_small_is_noticed_first(tmp_path, monkeypatch):
-    usage = namedtuple("usage", "total used free")
-    with monkeypatch.context() as patches:
-        patches.setattr(shutil, "disk_usage", lambda path: usage(10**6, 990_000, 10_000))
-        with pytest.raises(FileError, match=r"no room for the job: .* GB are needed, 1e-05 GB"):
-            pairwise_job(METRIC, POINTS, tmp_path)
-    assert not list(tmp_path.glob("*.npy*"))
-    pairwise_job(METRIC, POINTS, tmp_path)
-
-
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EDQUOT])
-@pytest.mark.parametrize("call", ["posix_fallocate", "fsync", "replace"])
-def test_a_failing_disk(call, number, tmp_path, monkeypatch):
-    with monkeypatch.context() as patches:
-        patches.setattr(os, call, refuse(number))
-        with pytest.raises(FileError, match=f"cannot be written: {os.strerror(number)}"):
-            pairwise_job(METRIC, POINTS, tmp_path)
-    assert not list(tmp_path.glob("*.npy*"))
-    pairwise_job(METRIC, POINTS, tmp_path)
-
-
-def test_a_disk_that_fails_later(tmp_path, monkeypatch):
-    with monkeypatch.context() as patches:
-        patches.setattr(np.memmap, "flush", refuse(errno.EIO))
-        with pytest.raises(FileError, match="cannot be written: Input/output error"):
-            pairwise_job(METRIC, POINTS, tmp_path)
-    np.testing.assert_array_equal(
-        pairwise_job(METRIC, POINTS, tmp_path), METRIC.dist_pairwise(POINTS)
-    )
-
-
-def test_tables_are_laid_out_without_the_system_call(tmp_path, monkeypatch):
-    monkeypatch.delattr(os, "posix_fallocate")
-    distances = pairwise_job(METRIC, POINTS, tmp_path)
-    np.testing.assert_array_equal(distances, METRIC.dist_pairwise(POINTS))
 
 
 @pytest.mark.parametrize(
@@ -673,3 +536,121 @@ def test_another_template_of_the_same_size(tmp_path):
     renumbered = type(template)(template.vertices, template.faces[::-1])
     with pytest.raises(ArgumentError, match=r"template\.faces\.sha256"):
         pairwise_job(metric_on(renumbered), points, tmp_path)
+
+
+# Paths.
+
+PATH_METRIC = ElasticMetric(AlignedSurfaces(sphere_template(), equip=False), 1.0, 0.1, 0.1)
+PATH_POINTS = surfaces(sphere_template(), 5, rng=1)
+SOLVER = PathStraightening(n_nodes=4)
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch):
+    monkeypatch.setattr(riemhuman.retrieval.jobs, "_PAIRS", 3)
+
+
+@pytest.fixture(scope="module")
+def expected():
+    return path_distances(SOLVER, PATH_METRIC, PATH_POINTS)
+
+
+def assert_same(found, expected):
+    for name in ("lengths", "bounds", "gaps"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+    assert found.outcome == expected.outcome
+
+
+def test_same_as_in_memory_with_the_paths(expected, tmp_path):
+    assert_same(
+        path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path, keep_paths=True, n_jobs=2), expected
+    )
+    paths = np.load(tmp_path / "paths.npy")
+    assert paths.shape == (10, 4, *PATH_POINTS.shape[1:])
+    np.testing.assert_array_equal(
+        paths[5], SOLVER.solve(PATH_METRIC, PATH_POINTS[1], PATH_POINTS[3]).path
+    )
+
+
+def test_goes_on_where_it_was_stopped(expected, tmp_path, monkeypatch):
+    finder = riemhuman.retrieval.jobs.PathFinder
+    find, asked = finder.compute, []
+
+    def stopped(self, metric, block):
+        if len(asked) == 2:
+            raise KeyboardInterrupt
+        asked.append(block)
+        return find(self, metric, block)
+
+    monkeypatch.setattr(finder, "compute", stopped)
+    with pytest.raises(KeyboardInterrupt):
+        path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path)
+    monkeypatch.setattr(finder, "compute", lambda *call: (asked.append(call[-1]), find(*call))[1])
+    assert_same(path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path), expected)
+    # The first and the last finished pair are solved again, to be compared.
+    assert [block.start for block in asked] == [0, 3, 0, 3, 6, 9]
+
+
+def test_damage_is_found_and_solved_again(expected, tmp_path):
+    path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path)
+    rows = np.load(tmp_path / "rows.npy", mmap_mode="r+")
+    rows[4, 0] *= 2.0
+    rows.flush()
+    with pytest.warns(DamagedFileWarning, match="pairs 3 to 5"):
+        found = path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path)
+    assert_same(found, expected)
+
+
+def test_a_pair_that_is_refused_loses_no_other_block(tmp_path):
+    points = PATH_POINTS.copy()
+    first, second, _ = PATH_METRIC.space.template.faces[0]
+    points[4, first] = points[4, second]
+    with pytest.raises(ArgumentError, match=r"^points\[0\] and points\[4\]: .*but for 3 of 4"):
+        path_job(PoissonPath(4), PATH_METRIC, points, tmp_path, n_jobs=2)
+    lengths = np.load(tmp_path / "rows.npy")[:, 0]
+    expected = path_distances(PoissonPath(4), PATH_METRIC, points[:4]).lengths
+    np.testing.assert_array_equal(lengths[:3], expected[0, 1:])
+    # Pairs of the last point are in all blocks but the first.
+    np.testing.assert_array_equal(lengths[3:], 0.0)
+
+
+def test_another_job_of_paths_is_refused(tmp_path):
+    path_job(PoissonPath(4), PATH_METRIC, PATH_POINTS, tmp_path)
+    for solver, metric, points, what in (
+        (PoissonPath(5), PATH_METRIC, PATH_POINTS, "solver"),
+        (PoissonPath(4), ElasticMetric(PATH_METRIC.space, 1.0, 0.2, 0.1), PATH_POINTS, "metric"),
+        (PoissonPath(4), PATH_METRIC, PATH_POINTS + 1e-9, "points"),
+    ):
+        with pytest.raises(ArgumentError, match=what):
+            path_job(solver, metric, points, tmp_path)
+    with pytest.raises(ArgumentError, match="two"):
+        path_job(PoissonPath(4), PATH_METRIC, PATH_POINTS[:1], tmp_path / "other")
+
+
+class Bent(PoissonPath):
+    """A solver whose constant is in its code alone."""
+
+    bend = 0.0
+
+    def solve(self, metric, start, end):
+        result = super().solve(metric, start, end)
+        path = result.path.copy()
+        path[1] += self.bend * np.sin(np.arange(path[1].size)).reshape(path[1].shape)
+        return replace(result, path=path)
+
+
+def test_a_solver_whose_constant_changed_is_refused(tmp_path, monkeypatch):
+    path_job(Bent(4), PATH_METRIC, PATH_POINTS, tmp_path)
+    monkeypatch.setattr(Bent, "bend", 0.01)
+    with pytest.raises(ArgumentError, match="the length of path 0 differs by .* has changed"):
+        path_job(Bent(4), PATH_METRIC, PATH_POINTS, tmp_path)
+
+
+def test_paths_on_a_cluster(expected, tmp_path):
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, dashboard_address=":0"
+        ) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        assert_same(path_job(SOLVER, PATH_METRIC, PATH_POINTS, tmp_path, client=client), expected)

@@ -1,4 +1,4 @@
-"""Computation of the tiles of a job, in this process or on a Dask cluster."""
+"""Computation of the parts of a job, in this process or on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import pkgutil
 from collections.abc import Collection, Iterator, Sequence
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
-from typing import Any, Protocol
+from typing import Any
 
 from numpy import ndarray
 
@@ -23,59 +23,19 @@ _RETRIES = 3
 _PATIENCE, _SECONDS = 4, 15
 
 
-class BlockReader(Protocol):
-    """Computes one part of a job."""
-
-    def distances(self, metric: RiemannianMetric, tile: Any) -> ndarray:
-        """Return the numbers of one part.
-
-        Parameters
-        ----------
-        metric : RiemannianMetric
-            The metric.
-        tile : object
-            The part, such as a `Tile`.
-        """
-
-
-def computed_tiles(
+def compute_parts(
     metric: RiemannianMetric,
-    reader: BlockReader,
+    worker: Any,
     tiles: Sequence[tuple[int, Any]],
     client: Any | None = None,
 ) -> Iterator[tuple[int, ndarray]]:
-    """Compute tiles in this process, or on a cluster, where those of a lost worker are repeated.
+    """Compute numbered parts of a job by `worker.compute(metric, part)`, here or on a cluster.
 
-    Parameters
-    ----------
-    metric : RiemannianMetric
-        The metric.
-    reader : BlockReader
-        Computes a tile, such as a `TileReader`.
-    tiles : sequence of (int, object)
-        Numbered tiles, or other parts that the reader computes.
-    client : distributed.Client, optional
-        Client of the cluster.
-
-    Yields
-    ------
-    number : int
-        Number of a tile.
-    distances : array, shape (n_rows, n_columns)
-        Its distances; a cluster returns tiles in the order in which they are finished.
-
-    Raises
-    ------
-    ArgumentTypeError
-        If the client is not a `distributed.Client`.
-    MissingDependencyError
-        If distributed is not installed, or a worker lacks the library.
-    ClusterError
-        If the cluster has had no worker for a minute, its scheduler is lost, or a tile has ended
-        one worker after another.
+    Yields the number of a part and its values; a cluster returns parts in the order in which they
+    are finished, and repeats those of a lost worker.
     """
     if client is None:
-        yield from ((number, reader.distances(metric, tile)) for number, tile in tiles)
+        yield from ((number, worker.compute(metric, tile)) for number, tile in tiles)
         return
     distributed = import_optional("distributed", "cluster")
     if not isinstance(client, distributed.Client):
@@ -86,14 +46,14 @@ def computed_tiles(
         raise _lost("the client of the cluster is closed")
     with _losses(distributed, client):
         _check_workers(client)
-        yield from _in_turn(distributed, client, metric, reader, tiles)
+        yield from _in_turn(distributed, client, metric, worker, tiles)
 
 
 def _in_turn(
     distributed: Any,
     client: Any,
     metric: RiemannianMetric,
-    reader: BlockReader,
+    worker: Any,
     tiles: Sequence[tuple[int, Any]],
 ) -> Iterator[tuple[int, ndarray]]:
     # Sent once; the scheduler sends it again to a worker that replaces a lost one.
@@ -104,7 +64,7 @@ def _in_turn(
     def start_next() -> None:
         for number, tile in waiting:
             future = client.submit(
-                reader.distances, sent, tile, pure=False, retries=_RETRIES, priority=-number
+                worker.compute, sent, tile, pure=False, retries=_RETRIES, priority=-number
             )
             running[future] = number
             return
