@@ -29,6 +29,7 @@ from riemhuman.io.arrays import load_arrays
 from riemhuman.io.job_folder import JobFolder
 from riemhuman.io.meshes import load_mesh, save_mesh
 from riemhuman.report._storage import ResultStore
+from riemhuman.retrieval import pairwise_job
 from riemhuman.retrieval.neighbors import NearestNeighbors
 
 Files = dict[str, bytes]
